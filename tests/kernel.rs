@@ -159,7 +159,7 @@ fn a_kernel_is_printed_to_be_read() {
             "// local size: 8 x 8 work-items; a small scene: 12 triangles",
             "// for any device",
             "WIDTH=1",
-            "kernels that frames need: cast_frame\n",
+            "kernels that frames can need: cast_frame\n",
             "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",

@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt. raycl uses the cache only if the folder belongs to you, nobody else may write into it, and raycl can write into it; otherwise, `raycl cache` says why raycl does not use the folder.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt. raycl stores entries only if the folder belongs to you, nobody else may write into it, and raycl can write into it; otherwise, `raycl cache` says why raycl stores nothing.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -95,9 +95,7 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
     let (count, bytes) = (counted(shown.entries, "entry"), readable(shown.bytes));
     super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))?;
     match shown.unusable {
-        Some(why) => {
-            super::print(format!("Nothing is stored between runs, since raycl cannot use this folder: {why}"))
-        }
+        Some(why) => super::print(format!("raycl stores nothing in this folder: {why}")),
         None => Ok(()),
     }
 }

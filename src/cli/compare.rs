@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
         print_table(&comparison)?;
     }
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, &args.after)),
+        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, &after.path)),
         _ => Ok(()),
     }
 }

@@ -71,12 +71,19 @@ pub fn run(args: Args) -> Result<()> {
     let output = args.output.as_ref();
     let target = output.map(|path| Target::new(path, Choice { force: false, elsewhere: "-o FILE" }));
     target.iter().try_for_each(Target::check)?;
+    let earlier = output.filter(|path| path.exists());
     let (sweep, end) = measure(&args, path)?;
     if sweep.cases.is_empty() {
         return end;
     }
-    // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
-    target.iter().try_for_each(|target| target.write_json(&sweep))?;
+    match earlier.filter(|_| end.is_err()) {
+        Some(path) => crate::printer::tell(format!(
+            "note: '{}' keeps its earlier sweep, since an error ended this one",
+            path.display()
+        )),
+        // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
+        None => target.iter().try_for_each(|target| target.write_json(&sweep))?,
+    }
     if !target.is_some_and(|target| target.is_standard_output()) {
         super::print(text(&sweep)?)?;
     }

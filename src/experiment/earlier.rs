@@ -53,7 +53,11 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
         let anchors = lines::<AnchorSample>(&folder.join(ANCHORS))?;
         before.anchors.extend(renumbered(anchors, &numbers, |line| &mut line.launch));
         let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
-        before.rounds.extend(renumbered(rounds, &numbers, |line| &mut line.launch));
+        before.rounds.extend(renumbered(rounds, &numbers, |line: &mut RoundLoad| {
+            // Latencies of different machines are not compared, and the earlier attempt may have run on another one.
+            line.core_to_core_ns = None;
+            &mut line.launch
+        }));
     }
     Ok(before)
 }

@@ -87,7 +87,8 @@ impl OpenGroup {
     /// one of the run's. On another device, the launches of earlier sessions would not count.
     pub fn return_to_device(&mut self, run: &Run<'_>, sink: &impl ResultSink) {
         let (_, launches) = self.past(run, sink);
-        let there = launches.last().and_then(|launch| sink.measured_on(*launch));
+        let named = unnamed_device(run);
+        let there = launches.last().and_then(|launch| sink.measured_on(*launch).or(named));
         self.home = there.and_then(|there| run.devices.iter().position(|device| device.slug() == there));
     }
 
@@ -162,10 +163,9 @@ impl OpenGroup {
     }
 
     /// Returns whether a launch of an earlier session was measured on the device on which this session measures the
-    /// group. If points are distributed over devices, the launch of a session in which they were not was measured on
-    /// the first device, which all records name.
+    /// group.
     fn is_of_own_device(&self, launch: u32, run: &Run<'_>, sink: &impl ResultSink) -> bool {
-        let named = run.devices.first().filter(|_| run.spread).map(|device| device.slug());
+        let named = unnamed_device(run);
         let mut own = self.points.iter().filter_map(|pending| device_of(run, pending));
         sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| device.slug() == there))
     }
@@ -312,6 +312,12 @@ impl OpenGroup {
         }
         records.into_iter().try_for_each(|record| sink.keep(record))
     }
+}
+
+/// Returns the device that measured a launch whose samples name none, if points are distributed over devices. They were
+/// not distributed in the session of such a launch, so the first device, which all records name, measured it.
+fn unnamed_device(run: &Run<'_>) -> Option<String> {
+    run.devices.first().filter(|_| run.spread).map(|device| device.slug())
 }
 
 /// Returns the device that a point is measured on; `None` for a caster on the host.

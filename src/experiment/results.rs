@@ -125,8 +125,6 @@ impl Results {
         let before = earlier::read(earlier)?;
         before.samples.iter().try_for_each(|sample| results.samples.append(sample))?;
         before.anchors.iter().try_for_each(|anchor| results.anchors.append(anchor))?;
-        // The latencies of these rounds are not used to recognise near processors, since the earlier attempt may have
-        // run on another machine.
         before.rounds.iter().try_for_each(|load| results.rounds.append(load))?;
         results.past = Past::of(before.records, before.samples);
         Ok(results)

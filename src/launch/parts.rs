@@ -18,8 +18,9 @@ use ocl::{Buffer, Kernel};
 /// Number of triangles that a work-group prepares or rasterises.
 const TRIANGLES_TOGETHER: usize = 64;
 
-/// Number of blocks of pixels, across and down, in which a work-group shows the sky.
-const SKY_GROUP: [usize; 2] = [8, 8];
+/// Number of blocks of pixels, across and down, in which a work-group shows the sky. Some devices allow only one
+/// work-item per group in all dimensions but the first.
+const SKY_GROUP: [usize; 2] = [64, 1];
 
 /// Sets one work-item per triangle and ray origin. The work-group size is set explicitly, since OpenCL would choose
 /// a divisor of the number of triangles, perhaps 1.

@@ -29,7 +29,7 @@ impl Title<'_> {
             self.compiler(program),
             format!("options: {options}"),
             format!("defines: {defines}"),
-            format!("kernels that frames need: {}", kernels.join(", ")),
+            format!("kernels that frames can need: {}", kernels.join(", ")),
         ];
         lines.iter().map(|line| comment(line)).collect()
     }

@@ -190,7 +190,7 @@ fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_ano
         [0, 1].map(|device| group.may_go_to(device))
     };
     assert_eq!(may_go(&[(0, on_one), (2, on_two)]), [false, true]);
-    assert_eq!([may_go(&[]), may_go(&[(2, "gone")])], [[true, true]; 2]);
+    assert_eq!([may_go(&[]), may_go(&[(2, "gone")])], [[true, false], [true, true]]);
 }
 
 /// Returns the launches of each record's samples. Three launches were measured earlier, and two are requested. The

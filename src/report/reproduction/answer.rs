@@ -81,8 +81,13 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
         own.map(Contest::of).filter(|contest| names(&contest.ranking.all()).len() > 1).collect();
     contests.sort_by_key(|contest| std::cmp::Reverse(contest.triangles()));
     let looks = Looks::of(&run.groups);
+    let mut taken: Vec<String> = Vec::new();
     let plot = |contest: &Contest<'_>| {
-        let name = file_name(&format!("answer-{}{suffix}", contest.group.scene));
+        let mut name = file_name(&format!("answer-{}{suffix}", contest.group.scene));
+        while taken.contains(&name) {
+            name.push('_');
+        }
+        taken.push(name.clone());
         view::lines(contest.group, &looks, Kind::Log, &name, false)
     };
     Answer {

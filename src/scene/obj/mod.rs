@@ -212,7 +212,7 @@ fn placement_of_used(
 ) -> Option<Placement> {
     // The vertices are only looked at one by one, and read once more, if the bounds of the triangles leave a doubt.
     let (low, high) = mesh.bounds()?;
-    let is_usual = placement.scale == 1.0 && Placement::of_rounded(low, high).is_some();
+    let is_usual = placement == Placement::IDENTITY && Placement::of_rounded(low, high).is_some();
     let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());
     if reading.placement.is_some() || is_usual || is_whole() {
         return None;

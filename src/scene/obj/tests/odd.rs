@@ -151,7 +151,10 @@ fn a_vertex_that_no_face_uses_does_not_decide_where_the_mesh_is_and_how_large() 
     let (unit, tiny) = (CORNERS, "v 0 0 0\nv 2e-9 0 0\nv 0 2e-9 0\n");
     let wide = "v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\n";
     let (near, far) = ("v 0 0 0\nv 1 0 0", "v 1e11 0 0");
-    for (corners, unused) in [(map, "v 0 0 0"), (unit, far), (wide, far), (tiny, near), (tiny, far)] {
+    let moved = "v 990 0 0\nv 1010 0 0\nv 990 1 0\n";
+    let cases =
+        [(map, "v 0 0 0"), (moved, "v 1100 0 0"), (unit, far), (wide, far), (tiny, near), (tiny, far)];
+    for (corners, unused) in cases {
         let plain = read(&format!("{corners}f 1 2 3\n")).unwrap();
         let beside = read(&format!("{corners}{unused}\nf 1 2 3\n")).unwrap();
         assert_eq!(beside.placement, plain.placement, "{corners}{unused}");
