@@ -124,7 +124,7 @@ fn the_cache_is_shown_cleared_and_named() {
     assert!(!said(&["cache"]).contains("Nothing is stored"));
     std::fs::remove_dir_all(place.path(".caches/raycl")).expect("the cache's folder");
     place.write(".caches/raycl", "a file");
-    has(&said(&["cache"]), &["Nothing is stored between runs", "it is not a folder"]);
+    has(&said(&["cache"]), &["raycl stores nothing in this folder", "it is not a folder"]);
     let shown: Value = serde_json::from_str(&said(&["cache", "--json"])).expect("JSON");
     assert_eq!(shown["unusable"], "it is not a folder");
 }
