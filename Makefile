@@ -1,6 +1,8 @@
 # Targets to build, test and measure raycl. `make` without a target lists them.
 
-RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
+# Builds name this folder, since cargo's settings may name another one. It is quoted, since its name may have blanks.
+TARGET_DIR = "$${CARGO_TARGET_DIR:-target}"
+RAYCL = $(TARGET_DIR)/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
@@ -13,7 +15,7 @@ setup: ## install missing packages: a C linker, the OpenCL loader, PoCL (Debian-
 	@.ci/setup
 
 build: setup ## build target/release/raycl
-	cargo build --release --locked
+	cargo build --release --locked --target-dir $(TARGET_DIR)
 
 demo: build ## build, cast the paper's scenes with a few strategies, print where the pictures and the table are
 	$(RAYCL) run configs/quick.toml --out $(QUICK) --resume
@@ -47,12 +49,12 @@ test-slurm: build ## run shards on a real Slurm of four nodes on this machine, a
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: setup-tests ## run the part of test-slurm that CI runs (a minute): one raycl is killed, and one task is lost
+test-slurm-short: setup-tests ## run the part of test-slurm that .ci/run runs: one raycl is killed, and one task is lost (installs Slurm; root; a minute)
 	@tests/slurm/setup
-	cargo test --locked --no-run
-	RUNS=1 tests/slurm/run $${CARGO_TARGET_DIR:-target}/debug/raycl kill nokill
+	cargo test --locked --no-run --target-dir $(TARGET_DIR)
+	RUNS=1 tests/slurm/run $(TARGET_DIR)/debug/raycl kill nokill
 
-fuzz: ## fuzz every reader of files for MINUTES each (default: 10); needs cargo-fuzz
+fuzz: ## fuzz every reader of files for MINUTES each (default: 10); needs cargo-fuzz and a C++ compiler
 	@.ci/fuzz
 
 lint: setup ## check format, lints and documentation, as CI does
@@ -72,8 +74,7 @@ test-python: ## run the Python code of docs/python.md (installs pandas, Polars a
 	@tests/python/run target/python
 
 book: ## build target/book/index.html from docs/ (installs mdbook with cargo if it is missing)
-	@command -v mdbook >/dev/null || cargo install --locked mdbook
-	mdbook build
+	@PATH="$$PATH:$${CARGO_HOME:-$$HOME/.cargo}/bin"; command -v mdbook >/dev/null || cargo install --locked mdbook; mdbook build
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond --resume

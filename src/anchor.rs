@@ -17,8 +17,6 @@ use std::time::Instant;
 const FILE: &str = "anchor/spheres.cl";
 /// Number of spheres that each ray is tested against.
 const SPHERES: usize = 1024;
-/// Work-items per work-group.
-const GROUP: usize = 64;
 /// Rays per compute unit. Casting all rays takes a few milliseconds on a CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
 /// Number of rays whose distances are compared with those computed on the host.
@@ -34,7 +32,8 @@ const MISS: f32 = 1e30;
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);
-    for part in [text()?, options(), rays.to_string(), device.identity(), device.state()] {
+    let options = options(device.limits.usual_group());
+    for part in [text()?, options, rays.to_string(), device.identity(), device.state()] {
         hasher.update(part.as_bytes());
         hasher.update(&[0]);
     }
@@ -59,7 +58,7 @@ impl Anchor {
     fn of_text(queue: &Queue, compute_units: u32, text: &str) -> Result<Self> {
         let program = Program::builder()
             .src(text)
-            .cmplr_opt(options())
+            .cmplr_opt(options(queue.group))
             .devices(queue.device)
             .build(&queue.context)
             .map_err(failed)?;
@@ -81,7 +80,7 @@ impl Anchor {
             .name("cast_at_spheres")
             .queue(queue.commands.clone())
             .global_work_size(rays)
-            .local_work_size(GROUP)
+            .local_work_size(queue.group)
             .arg(&uploaded)
             .arg(&distances)
             .build()
@@ -122,8 +121,10 @@ fn text() -> Result<String> {
     Sources::Embedded.read(FILE)
 }
 
-fn options() -> String {
-    format!("-D SPHERES={SPHERES} -D GROUP={GROUP} -cl-std=CL1.2")
+/// Returns the compiler's options; `group` is the number of work-items in a work-group, a power of two that divides the
+/// number of rays.
+fn options(group: usize) -> String {
+    format!("-D SPHERES={SPHERES} -D GROUP={group} -cl-std=CL1.2")
 }
 
 fn rays(compute_units: u32) -> usize {
@@ -182,7 +183,7 @@ fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::device::{DeviceKind, discover, tests::example};
+    use crate::device::{DeviceKind, DeviceLimits, discover, tests::example};
 
     fn queue() -> (Queue, u32) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
@@ -198,6 +199,15 @@ mod tests {
         let spheres = spheres();
         let hits = (0..CHECKED).filter(|ray| nearest(*ray, &spheres) < MISS).count();
         assert!((CHECKED / 2..CHECKED).contains(&hits), "{hits} of {CHECKED}");
+    }
+
+    #[test]
+    fn the_anchor_runs_on_a_device_with_small_work_groups_under_another_name() {
+        let (queue, units) = queue();
+        assert!(Anchor::build(&queue.in_groups_of(8), units).is_ok());
+        let device = example("PoCL", "a CPU", DeviceKind::Cpu, 4);
+        let limits = DeviceLimits { work_group_size: 8, ..device.limits };
+        assert_ne!(name(&device).unwrap(), name(&DeviceInfo { limits, ..device }).unwrap());
     }
 
     #[test]

@@ -194,6 +194,17 @@ impl Error {
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
+    /// Returns the message in a form for places that show no lines of files, such as a window's title: if the mistake
+    /// is in a file, the message begins with the file's name and the line's number.
+    pub fn in_a_line(&self) -> String {
+        let message = self.to_string();
+        let Self::Input(error) = self else { return message };
+        let (Some(file), Some(span)) = (&error.source_code, error.span) else { return message };
+        let place = format!("{}:{}: ", file.name(), line_of(file.inner(), span.offset()));
+        // The messages about some files, such as OBJ files, begin with the place already.
+        if message.starts_with(&place) { message } else { place + &message }
+    }
+
     /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error keeps
     /// the old error's remedy, unless the old error has the default remedy.
     #[must_use]
@@ -345,6 +356,21 @@ mod tests {
         let Error::Input(placed) = own else { panic!("not an input error") };
         assert_eq!(placed.span.map(|span| (span.offset(), span.len())), Some((6, 1)));
         assert_eq!(Error::run("a").placed(place).exit_code(), 1, "only input errors have places");
+    }
+
+    #[test]
+    fn a_mistake_in_a_file_is_told_in_one_line_with_its_file_and_line() {
+        let long = format!("# {}\n", "x".repeat(1000));
+        for (text, line) in [("a = 1\nbad = 1\n".to_owned(), 2), (format!("{long}{long}bad = 1\n"), 3)] {
+            let start = text.find("bad").unwrap();
+            let error = Error::in_file("a.toml", text, start..start + 3, "unknown key `bad`", "here");
+            assert_eq!(error.in_a_line(), format!("a.toml:{line}: unknown key `bad`"));
+        }
+        let told = "a.obj:2: no number";
+        assert_eq!(Error::in_file("a.obj", "v 0 0 0\nv x\n", 8..11, told, "here").in_a_line(), told);
+        for error in [Error::input("a"), Error::run("a")] {
+            assert_eq!(error.in_a_line(), "a");
+        }
     }
 
     #[test]

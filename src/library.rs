@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::{Radiance, check_alpha, save};
 use crate::launch::{Refused, Session};
 use crate::output::{Choice, Target};
+use crate::own_program::is_worker;
 use crate::printer;
 use crate::program::Sources;
 use crate::record::Record;
@@ -36,10 +37,11 @@ pub struct Picture {
 }
 
 impl Raycaster {
-    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
-    /// `gpu`; the first match is used. If `device` is `None`, the device that the environment variable `RAYCL_DEVICE`
-    /// names is used. If this variable is not set, a GPU is used if there is one, else an accelerator, else a CPU; of
-    /// several such devices, the one with the most compute units is used.
+    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, the label that
+    /// `raycl devices` shows for one of several devices with the same name, or `cpu` or `gpu`; the first match is
+    /// used. If `device` is `None`, the device that the environment variable `RAYCL_DEVICE` names is used. If this
+    /// variable is not set, a GPU is used if there is one, else an accelerator, else a CPU; of several such devices,
+    /// the one with the most compute units is used.
     ///
     /// # Errors
     ///
@@ -89,7 +91,7 @@ impl Picture {
     /// Fails if the extension names no supported format, if the file cannot be written, or if a file exists that is not
     /// replaced. Also fails if the scene's background is transparent and the format has no alpha channel.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let target = Target::new(path, Choice { force: false, elsewhere: "save(OTHER_PATH)" });
+        let target = Target::new(path, Choice::without_force("save(OTHER_PATH)"));
         if !self.radiance.coverage.is_empty() {
             check_alpha(&target)?;
         }
@@ -109,7 +111,9 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 
 /// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an interrupted
 /// run. Worker processes measure the points. Each worker process is the calling program, started again; therefore the
-/// program's `main` must begin with [`serve_if_worker`].
+/// program's `main` must begin with [`serve_if_worker`]. raycl sets the environment variable `RAYCL_WORKER` for its
+/// workers. Where this variable is set, `run_experiment` fails: otherwise, a program without `serve_if_worker` would
+/// start itself again and again.
 ///
 /// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
 /// ends the process. A signal between two calls interrupts the second one.
@@ -117,8 +121,15 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// # Errors
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that are not
-/// results, or if the run is interrupted. A point that fails is not an error: its record states the reason.
+/// results, if the run is interrupted, or if the calling process is a worker. A point that fails is not an error: its
+/// record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
+    if is_worker() {
+        return Err(Error::input(
+            "run_experiment started this process as a worker, which cannot run an experiment itself",
+        )
+        .with_help("call raycl::serve_if_worker first in `main`: it does the work of a worker and ends it"));
+    }
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);
     let measured = run::measure_resumably(&arguments, &mut ());
@@ -130,11 +141,12 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
 }
 
 /// If raycl started this process as a worker, does the worker's task (it measures points, lists devices or compiles a
-/// program) and then ends the process. Otherwise sets the environment variables that `raycl run` sets for drivers: they
-/// limit and pin the threads of PoCL (an OpenCL driver for CPUs), and give it a folder that it can write. Call this
-/// function first in the `main` of a program that runs experiments, before the program starts a thread.
+/// program) and then ends the process. raycl starts a worker with the argument `worker` and the environment variable
+/// `RAYCL_WORKER`. In other processes, sets the environment variables that `raycl run` sets for drivers: they limit and
+/// pin the threads of PoCL (an OpenCL driver for CPUs), and give it a folder that it can write. Call this function
+/// first in the `main` of a program that runs experiments, before the program starts a thread.
 pub fn serve_if_worker() {
-    if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
+    if !is_worker() || std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         prepare_for_drivers(true);
         return;
     }

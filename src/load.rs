@@ -19,7 +19,7 @@ struct Ticks {
     stolen: f64,
     /// All time, idle or not, of all processors.
     all: f64,
-    /// Time spent by this process and its child processes, the workers.
+    /// Time spent by this process and its child processes, the workers, including those that have ended.
     own: f64,
 }
 
@@ -74,8 +74,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // `own` is a sum over this process and the workers that still run, so `own` falls when a worker ends, and the
-    // difference could be negative.
+    // `own` is read process by process, so the time of a worker that ends meanwhile may be missing in one reading.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,
@@ -130,7 +129,8 @@ fn machine_ticks(stat: &str) -> Option<Ticks> {
     Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
 }
 
-/// Returns the processor time of this process and of its child processes that still exist.
+/// Returns the processor time of this process and of its child processes. When this process has waited for the end of a
+/// child process, the system adds the child's time to that of this process.
 fn own_ticks() -> f64 {
     let mut all = process_ticks("self");
     for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {
@@ -144,12 +144,14 @@ fn process_ticks(process: &str) -> f64 {
     text(format!("/proc/{process}/stat")).and_then(|stat| user_and_system(&stat)).unwrap_or(0.0)
 }
 
-/// Returns the sum of fields 14 and 15 of a process's `stat` (user and system time). Field 2, the process's name, may
-/// contain any character, but it ends at the last closing bracket of the line.
+/// Returns the sum of fields 14 to 17 of a process's `stat`: the user and system time of the process, and of those of
+/// its child processes that have ended. Field 2, the process's name, may contain any character, but it ends at the last
+/// closing bracket of the line.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];
-    let mut fields = after_name.split_whitespace().skip(11);
-    Some(fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?)
+    let times: Vec<f64> =
+        after_name.split_whitespace().skip(11).take(4).filter_map(|ticks| ticks.parse().ok()).collect();
+    (times.len() == 4).then(|| times.iter().sum())
 }
 
 #[cfg(test)]
@@ -163,7 +165,8 @@ mod tests {
         assert_eq!((ticks.busy, ticks.stolen, ticks.all), (170.0, 10.0, 1000.0));
         assert_eq!(machine_ticks("cpu  1 2\n"), None);
         let process = "7 (a) b (c) S 1 7 7 0 -1 0 1 2 3 4 30 12 9 9 20 0 1 0";
-        assert_eq!(user_and_system(process), Some(42.0));
+        assert_eq!(user_and_system(process), Some(60.0));
+        assert_eq!(user_and_system("7 (a) S 1 7 7 0 -1 0 1 2 3 4 30 12 9"), None);
         assert_eq!(user_and_system("nothing"), None);
     }
 
@@ -176,6 +179,25 @@ mod tests {
             assert!((load.stolen - 0.1 * load.processors as f64).abs() < 1e-9, "{load:?}");
         }
         assert!(between(now, now, 1000.0).is_none(), "no time, no load");
+    }
+
+    /// The shell's child process ends at its limit, a second of processor time: a hundred ticks on usual systems.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_process_has_the_time_of_its_child_processes_that_have_ended() {
+        use std::io::BufRead as _;
+        use std::process::{Command, Stdio};
+        let script = "(ulimit -c 0; ulimit -t 1 && while :; do :; done); echo; read line";
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut shell = command.spawn().expect("a shell");
+        let mut line = String::new();
+        let said = shell.stdout.take().expect("its output");
+        std::io::BufReader::new(said).read_line(&mut line).expect("a line");
+        let ticks = process_ticks(&shell.id().to_string());
+        drop(shell.stdin.take());
+        shell.wait().expect("it ends");
+        assert!(line == "\n" && ticks > 50.0, "{line:?} {ticks}");
     }
 
     #[cfg(target_os = "linux")]

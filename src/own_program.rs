@@ -18,6 +18,22 @@ pub fn remember_libraries() {
     LIBRARIES_AT_FIRST.get_or_init(|| std::env::var_os(LIBRARIES));
 }
 
+/// The environment variable that is set for the workers that raycl starts.
+pub const WORKER: &str = "RAYCL_WORKER";
+
+/// Returns whether raycl started this process as a worker.
+pub fn is_worker() -> bool {
+    std::env::var_os(WORKER).is_some()
+}
+
+/// Returns a command that starts this program as a worker. The variable [`WORKER`] tells a worker of raycl from a
+/// program whose own first argument happens to be `worker`.
+pub fn own_worker() -> Result<Command> {
+    let mut command = own_program()?;
+    command.arg("worker").env(WORKER, "1");
+    Ok(command)
+}
+
 /// Returns a command that starts this program, even if its file was replaced or removed since it started (by a newer
 /// build, say). Lists of processes show the started program as `raycl`.
 pub fn own_program() -> Result<Command> {

@@ -173,6 +173,20 @@ pub fn in_canonical_folder(path: &Path) -> Option<PathBuf> {
     Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }
 
+/// Returns an error if this process may not create files in a folder, or may not read and write a file. Nothing is
+/// opened, because opening a device's file could start the device.
+#[cfg(unix)]
+pub fn may_write(path: &Path) -> Result<()> {
+    use rustix::fs::{Access, access};
+    let also = if path.is_dir() { Access::EXEC_OK } else { Access::READ_OK };
+    access(path, Access::WRITE_OK | also).map_err(Error::from)
+}
+
+#[cfg(not(unix))]
+pub fn may_write(_path: &Path) -> Result<()> {
+    Ok(())
+}
+
 /// Returns whether a file lies in a folder or its subfolders, after following links. If a scene names a file
 /// outside the scene's folder, messages must not show that file's text.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {

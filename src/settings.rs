@@ -142,6 +142,12 @@ pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
+/// Returns what names the default device: the environment variable or the settings file; `None` if neither does.
+pub fn device_origin() -> Option<&'static str> {
+    let of_file = || user().wire.device.is_some().then_some("your settings file");
+    variable(DEVICE).map(|_| DEVICE).or_else(of_file)
+}
+
 /// Adds the origin of the device's name (a variable or the settings file) to an error about the default device.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {

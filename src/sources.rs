@@ -50,20 +50,24 @@ impl Sources {
         }
     }
 
-    /// Returns a file with its includes inserted, for files whose includes do not depend on a strategy.
-    pub fn read_joined(&self, name: &str) -> Result<String> {
-        let mut text = String::new();
-        self.join(name, &mut Chain::default(), &mut text)?;
-        Ok(text)
+    /// Returns a file with its includes inserted, and the names of the files that this text consists of, each once. For
+    /// files whose includes do not depend on a strategy.
+    pub fn read_joined(&self, name: &str) -> Result<(String, Vec<String>)> {
+        let (mut text, mut files) = (String::new(), Vec::new());
+        self.join(name, &mut Chain::default(), &mut text, &mut files)?;
+        Ok((text, files))
     }
 
-    fn join(&self, name: &str, chain: &mut Chain, text: &mut String) -> Result<()> {
+    fn join(&self, name: &str, chain: &mut Chain, text: &mut String, files: &mut Vec<String>) -> Result<()> {
         chain.enter(name, text.len())?;
+        if !files.iter().any(|file| file == name) {
+            files.push(name.to_owned());
+        }
         text.push_str(&format!("#line 1 \"{name}\"\n"));
         for (number, line) in lines(&self.path_of(name), &self.read(name)?)?.into_iter().enumerate() {
             match line.includes {
                 Some(inner) => {
-                    self.join(inner, chain, text)?;
+                    self.join(inner, chain, text, files)?;
                     text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
                 None => text.extend([line.text, "\n"]),
@@ -104,6 +108,18 @@ impl Sources {
         }
     }
 
+    /// Returns a compiler's messages with the paths of kernel files instead of their names, and whether an error is
+    /// known to be in a file of the folder. The compiler names the files of a program, `files`, relative to `cl/` or to
+    /// the folder.
+    pub fn located(&self, log: &str, files: &[String]) -> (String, bool) {
+        let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
+        let log = with_paths(log, path);
+        let own = self.own_files().unwrap_or_default();
+        let of_own = |line: &str| own.iter().any(|file| line.contains(&format!("{}:", self.path_of(file))));
+        let in_own_file = log.lines().any(|line| line.contains("error") && of_own(line));
+        (log, in_own_file)
+    }
+
     /// Returns the sorted names of all files built into the binary.
     pub fn names() -> Vec<&'static str> {
         let mut names = Vec::new();
@@ -115,6 +131,15 @@ impl Sources {
 
 const LAYOUT: &str =
     "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
+
+/// The remedy for an error in a kernel file of the user.
+const OWN_FILE: &str =
+    "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
+
+/// Returns the error for a kernel file of the user that does not compile; `log` has the compiler's messages.
+pub fn does_not_compile(log: &str) -> Error {
+    Error::input(format!("a kernel file does not compile: {log}")).with_help(OWN_FILE)
+}
 
 /// The longest program that is passed to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
@@ -181,4 +206,44 @@ fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<(
 fn file_names(folder: &'static Dir<'_>, names: &mut Vec<&'static str>) {
     names.extend(folder.files().filter_map(|file| file.path().to_str()));
     folder.dirs().for_each(|inner| file_names(inner, names));
+}
+
+/// Replaces the name of a file at the start of a word, as in `name:7:1: error`, by its path.
+fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
+    let located = |word: &str| {
+        let (name, place) = word.split_once(':')?;
+        Some(format!("{}:{place}", path(name)?))
+    };
+    log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_about_kernel_files_get_the_files_paths() {
+        let path = |name: &str| (name == "cast/a.cl").then(|| "mine/cast/a.cl".to_owned());
+        let log =
+            "error: cast/a.cl:7:1: expected ';'\ncast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
+        let expected = "error: mine/cast/a.cl:7:1: expected ';'\nmine/cast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
+        assert_eq!(with_paths(log, path), expected);
+    }
+
+    #[test]
+    fn a_joined_text_has_the_names_of_its_files_each_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("outer.cl", "one\n#include \"inner.cl\"\n#include \"inner.cl\"\nfour\n");
+        write("inner.cl", "within\n");
+        let sources = Sources::Folder(folder.path().to_owned());
+        let (text, files) = sources.read_joined("outer.cl").unwrap();
+        let inner = "#line 1 \"inner.cl\"\nwithin\n#line";
+        assert_eq!(
+            text,
+            format!("#line 1 \"outer.cl\"\none\n{inner} 3 \"outer.cl\"\n{inner} 4 \"outer.cl\"\nfour\n")
+        );
+        assert_eq!(files, ["outer.cl", "inner.cl"]);
+    }
 }

@@ -56,6 +56,8 @@ mod run;
 mod samples;
 mod scenes;
 mod schemas;
+#[cfg(unix)]
+mod scripts;
 mod session;
 mod settings;
 #[cfg(unix)]

@@ -1,5 +1,6 @@
 //! docs/ as a book, and the links in the documents: each must lead to a file that exists and, if it names a heading,
-//! to a heading of that file. Pictures and stored records are in the repository and not in the package.
+//! to a heading of that file. Pictures and stored records are in the repository and not in the package. Besides,
+//! ARCHITECTURE.md must list every file and folder of src/.
 
 use crate::binary::repository;
 use std::collections::BTreeSet;
@@ -64,6 +65,22 @@ fn every_page_is_in_the_book_once() {
     assert_eq!(parts, ["pictures", "students", "engineers"]);
     let book: toml::Table = read_to_string(repository("book.toml")).expect("the book").parse().expect("TOML");
     assert_eq!(book["book"]["src"].as_str(), Some("docs"));
+}
+
+#[test]
+fn the_architecture_lists_every_file_and_folder_of_src() {
+    let text = read_to_string(repository("ARCHITECTURE.md")).expect("the page");
+    let list =
+        text.split_once("\nsrc/\n").and_then(|(_, rest)| rest.split_once("\ncl/\n")).expect("the list").0;
+    let words: BTreeSet<&str> =
+        list.split_whitespace().map(|word| word.trim_end_matches([':', ',', ';'])).collect();
+    for entry in read_dir(repository("src")).expect("src") {
+        let name = entry.expect("an entry").file_name().into_string().expect("UTF-8");
+        // A file and the folder of its submodules are one entry of the list.
+        let stem = name.trim_end_matches(".rs");
+        let forms = [format!("{stem}.rs"), format!("{stem}/")];
+        assert!(forms.iter().any(|form| words.contains(form.as_str())), "ARCHITECTURE.md lacks src/{name}");
+    }
 }
 
 #[test]

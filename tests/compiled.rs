@@ -114,6 +114,16 @@ fn a_strategy_without_a_name_is_refused_and_nothing_is_written() {
     assert!(!place.path("a.png").exists());
 }
 
+/// No local size is usual for both strategies, since 32 work-items share a tile in one of them.
+#[test]
+fn each_strategy_is_compiled_at_its_usual_local_size() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let device = device();
+    let arguments = ["compile", "scene.toml", "--device", &device, "--strategy", "naive"];
+    let text = place.output(&[&arguments[..], &["--strategy", "tile-group"]].concat());
+    has(&text, &["naive at local size 8 x 8", "tile-group at local size 32 x "]);
+}
+
 #[test]
 fn compile_keeps_source_log_binary_and_what_was_made() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);

@@ -5,14 +5,19 @@ use crate::binary::{NO_SETTINGS, Place, TRIANGLE, config, device, has};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs an example in a folder.
-fn run(place: &Place, example: &str, words: &[&str]) -> Output {
-    let program = Path::new(env!("CARGO_BIN_EXE_raycl")).with_file_name("examples").join(example);
+/// Returns the command that runs an example in a folder.
+fn example(place: &Place, name: &str, words: &[&str]) -> Command {
+    let program = Path::new(env!("CARGO_BIN_EXE_raycl")).with_file_name("examples").join(name);
     assert!(program.is_file(), "{}: `cargo build --examples` makes it", program.display());
     let mut command = Command::new(program);
     command.args(words).current_dir(place.path("")).env("XDG_CONFIG_HOME", NO_SETTINGS);
     command.env("RAYCL_LOCK_DIR", place.path(".locks")).env("RAYCL_CACHE_MIB", "0");
-    crate::binary::run(&mut command)
+    command
+}
+
+/// Runs an example in a folder.
+fn run(place: &Place, name: &str, words: &[&str]) -> Output {
+    crate::binary::run(&mut example(place, name, words))
 }
 
 fn said(output: Output) -> String {
@@ -46,6 +51,17 @@ fn a_transparent_picture_is_saved_only_with_its_alpha() {
 }
 
 #[test]
+fn a_file_of_somebody_else_stays_and_no_option_of_raycl_is_advised() {
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("a.png", "mine")]);
+    let output = run(&place, "cast", &["scene.toml", "a.png", &device()]);
+    assert!(!output.status.success());
+    assert_eq!(place.text("a.png"), "mine");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    has(&message, &["'a.png' exists", "save(OTHER_PATH)"]);
+    assert!(!message.contains("--force"), "{message}");
+}
+
+#[test]
 fn one_reads_hits() {
     let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))]);
     let told = said(run(&place, "hits", &["scene.toml"]));
@@ -60,6 +76,26 @@ fn one_runs_an_experiment() {
     let told = said(run(&place, "experiment", &["config.toml", "out", &device()]));
     has(&told, &["naive on ", "deferred on ", "2 of 2 points were measured"]);
     assert_eq!(place.json_lines("out/records.jsonl").len(), 2);
+}
+
+/// A program that does not call `serve_if_worker` runs the experiment in its workers too, which would start further
+/// workers without end. The test's program is such a worker, without the arguments of a worker.
+#[test]
+fn a_worker_runs_no_experiment_of_its_own() {
+    let place = crate::binary::one_point();
+    let mut command = example(&place, "experiment", &["config.toml", "out", &device()]);
+    let output = crate::binary::run(command.env("RAYCL_WORKER", "1"));
+    assert!(!output.status.success() && !place.path("out").exists());
+    has(&String::from_utf8_lossy(&output.stderr), &["as a worker", "raycl::serve_if_worker"]);
+}
+
+/// The first argument of a program may be `worker`. Here, it is the config's name.
+#[test]
+fn an_argument_of_the_users_own_makes_no_worker() {
+    let place = crate::binary::one_point();
+    std::fs::rename(place.path("config.toml"), place.path("worker")).expect("a config");
+    let told = said(run(&place, "experiment", &["worker", "out", &device()]));
+    has(&told, &["1 of 1 points were measured"]);
 }
 
 /// `raycl run` limits the threads of PoCL, unless the user has set their number. So does a program that uses the

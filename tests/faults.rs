@@ -374,6 +374,25 @@ fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
     ground.resume();
 }
 
+/// raycl does the work of `render` in a child process. The system may kill this process, for example because memory
+/// runs out.
+#[test]
+fn a_command_whose_child_process_is_killed_names_the_signal() {
+    let mut command = crate::binary::program();
+    command.args(["render", "-", "-o", "-"]).env("RAYCL_CACHE_MIB", "0");
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut render = command.spawn().expect("it starts");
+    // As long as standard input is open, the child process waits for its scene.
+    let input = render.stdin.take();
+    let process = render.id();
+    until("it has a child process", || !children(process).is_empty());
+    assert!(send(Signal::KILL, children(process)[0]), "it waits");
+    let output = finish(render);
+    drop(input);
+    assert_eq!(output.status.code(), Some(137), "{}", said(&output));
+    assert!(said(&output).contains("SIGKILL (signal 9)"), "{}", said(&output));
+}
+
 #[test]
 fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     let ground = Ground::new(60);

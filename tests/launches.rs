@@ -3,7 +3,7 @@
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::record::{Outcome, Record, Sample, read_lines};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const LAUNCHES: &str = r#"
@@ -81,7 +81,8 @@ fn a_launch_that_loses_its_worker_is_repeated_whole() {
 fn how_long_a_run_takes_is_told_by_earlier_times() {
     let folder = folder();
     let expected = |earlier: &[Record], done: &[String]| {
-        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, done)).expect("it is foreseen")
+        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, done, &HashMap::new()))
+            .expect("it is foreseen")
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");

@@ -102,3 +102,16 @@ fn layers_show_what_the_strategy_shows_of_backs() {
     assert!((depth("naive,culling=none") - 2.0).abs() < 1e-6);
     assert!(depth("naive,culling=back").is_infinite());
 }
+
+/// Layers take more of the host's memory than the picture, so raycl counts them before it casts.
+#[test]
+fn the_predicted_memory_of_the_host_includes_the_layers() {
+    let (place, device) = (place(), device());
+    let predicted = |options: &[&str]| {
+        let usual = ["render", "scene.toml", "--device", &device, "-o", "picture.png", "--json"];
+        let said = place.output(&[&usual, &SIZE[..], options].concat());
+        let report: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+        report["host_bytes"].as_u64().expect("a number of bytes")
+    };
+    assert!(predicted(&["--layers", "all.exr"]) > predicted(&[]));
+}

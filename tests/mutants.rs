@@ -211,17 +211,13 @@ fn a_broken_edge_leaks() {
 /// The rows with the command `probe` change code that is compiled only for devices with lane operations other than
 /// barriers.
 #[test]
-fn broken_lane_operations_are_not_taken() {
+fn broken_lane_operations_are_the_users_mistake() {
     let lanes = common::device().info.builtins().lanes;
     for mutant in of_command(Some("probe"), 3).iter().filter(|mutant| mutant.is_about(lanes)) {
         let place = Place::new();
         let folder = mutant.folder(&place);
-        let kernel = ["kernel", "tile-group", "--device", &device(), "--local-size", "32x1"];
-        let defines = |arguments: &[&str]| {
-            let text = place.output(&[&kernel, arguments].concat());
-            text.lines().find(|line| line.contains("LANE_OPERATIONS=")).expect("a define").to_owned()
-        };
-        assert_ne!(defines(&["--cl-dir", &folder]), defines(&[]), "{}", mutant.from);
+        let message = place.mistake(&["kernel", "tile-group", "--device", &device(), "--cl-dir", &folder], 2);
+        has(&message, &["get wrong values with ", "lanes.cl", "help: "]);
     }
 }
 

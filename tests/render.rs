@@ -163,6 +163,24 @@ fn a_local_size_that_does_not_divide_the_image_is_padded() {
     }
 }
 
+/// Kernels that work with any number of work-items per group, and default local sizes, respect the device's limit.
+/// PoCL's devices have this limit if the variable is set.
+#[test]
+fn a_device_that_allows_only_small_work_groups_casts_every_picture() {
+    let (place, device) = (place(), device());
+    for (scene, more) in [
+        ("scene.toml", &["--strategy", "raster"][..]),
+        ("scene.toml", &["--strategy", "wide-common-origin"][..]),
+        ("scene.toml", &["--strategy", "bvh", "--adaptive"][..]),
+        ("mesh.obj", &[][..]),
+    ] {
+        let usual = ["render", scene, "-o", "a.png", "--force", "--verify", "--device", &device];
+        let size = ["--width", "50", "--height", "31"];
+        let mut command = place.raycl(&[&usual, &size[..], more].concat());
+        command.env("POCL_MAX_WORK_GROUP_SIZE", "16").assert().success();
+    }
+}
+
 #[test]
 fn set_changes_the_scene() {
     let place = place();

@@ -3,6 +3,7 @@
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 use std::collections::HashSet;
+use std::process::{Child, Stdio};
 
 /// Five points: a baseline, and two strategies at two local sizes.
 const CONFIG: &str = r#"question = "Which is faster?"
@@ -226,6 +227,31 @@ fn a_dry_run_compiles_nothing_and_writes_nothing() {
     assert_eq!(place.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
 }
 
+/// No device is opened: the workers of `--asleep` only wait.
+#[test]
+fn a_dry_run_with_resume_says_which_points_are_done() {
+    let place = place();
+    let usual = ["run", "config.toml", "--out", "out", "--asleep", "0.1", "--set", "baselines=[]"];
+    let with = |strategies: &str, more: &[&str]| {
+        let set = format!("strategies={strategies}");
+        place.output(&[&usual[..], &["--set", &set], more].concat())
+    };
+    let both = r#"["naive", "deferred"]"#;
+    let resumed = |more: &[&str]| with(both, &[&["--resume", "--dry-run"][..], more].concat());
+    has(&resumed(&[]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
+    assert!(!place.path("out").exists());
+    with(r#"["naive"]"#, &["--quiet"]);
+    has(&resumed(&[]), &["4 points, 0 of which do not fit; 2 are done. Nothing", "2 points in 1 launch"]);
+    let json = resumed(&["--json"]);
+    let points = serde_json::Deserializer::from_str(&json).into_iter::<Value>();
+    for point in points.map(|point| point.expect("JSON")) {
+        let label = point["label"].as_str().expect("a label");
+        assert_eq!(point["done"], label.contains("naive"), "{point}");
+    }
+    // A run that does not continue measures all points.
+    has(&with(both, &["--dry-run"]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
+}
+
 #[test]
 fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
     let (place, device, config) = (Place::new(), device(), repository("configs/figure-8.toml"));
@@ -303,6 +329,27 @@ fn results_are_never_overwritten_and_find_a_free_folder() {
     for folder in ["results/config", "results/config-2"] {
         place.output(&[&["run", "config.toml", "--device", &device], &one_point[..]].concat());
         assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 1, "{folder}");
+    }
+}
+
+/// No device is opened: the workers of `--asleep` only wait.
+#[test]
+fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
+    let place = place();
+    let start = |_| {
+        let mut command = crate::binary::program();
+        command.args(["run", "config.toml", "--asleep", "0.1", "--set", "baselines=[]", "--quiet"]);
+        command.current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().expect("it starts")
+    };
+    let runs: Vec<Child> = (0..3).map(start).collect();
+    for run in runs {
+        let output = crate::binary::finish(run);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for folder in ["results/config", "results/config-2", "results/config-3"] {
+        assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 4, "{folder}");
     }
 }
 

@@ -31,6 +31,15 @@ fn the_device_is_the_options_then_the_environments_then_the_files() {
     );
     let of_variable = mistake(raycl(&place, &render).env("RAYCL_DEVICE", "of-the-variable"));
     has(&of_variable, &["RAYCL_DEVICE: no device matches 'of-the-variable'"]);
+    // `raycl devices` says the same about the default, although it still lists the devices.
+    let devices = |options: &[&str]| {
+        let words = [&["devices"][..], options].concat();
+        let output = raycl(&place, &words).env("RAYCL_DEVICE", "of-the-variable").assert().success();
+        String::from_utf8(output.get_output().stdout.clone()).expect("UTF-8")
+    };
+    has(&devices(&[]), &["does not cast: RAYCL_DEVICE: no device matches 'of-the-variable'"]);
+    let listing: serde_json::Value = serde_json::from_str(&devices(&["--json"])).expect("JSON");
+    assert!(listing["default"].is_null(), "{listing}");
     let device = device();
     let option = [&render[..], &["--device", &device]].concat();
     raycl(&place, &option).env("RAYCL_DEVICE", "of-the-variable").assert().success();

@@ -188,17 +188,23 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     until("the next group has begun", || lines(&ground.attempts()[0].join("samples.jsonl")) > 93);
     kill(first.id());
     first.wait().expect("it has ended");
+    let rounds = ground.attempts()[0].join("rounds.jsonl");
+    let damaged = [std::fs::read(&rounds).expect("rounds"), b"nonsense\n".to_vec()].concat();
+    std::fs::write(&rounds, damaged).expect("a damaged line");
     let before = files(&ground.attempts()[0]);
     has(
         &ground.place.output(&["merge", "out", "--status", "--between", "2"]),
         &["lost: the counter in its folder no longer increases"],
     );
     has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
-    succeeds(run(&mut ground.command("1/1", "20", &[])));
+    let second = run(&mut ground.command("1/1", "20", &[]));
+    let told = String::from_utf8_lossy(&second.stderr).into_owned();
+    has(&told, &["raycl ignores 1 damaged line of out/parts/shard-00001.", "/rounds.jsonl"]);
+    succeeds(second);
     assert!(before == files(&ground.attempts()[0]), "the first attempt's folder was written to");
     let records = |attempt: usize| lines(&ground.attempts()[attempt].join("records.jsonl"));
     assert_eq!(records(0) + records(1), POINTS, "no point was measured twice");
-    ground.merge();
+    has(&ground.merge(), &["note: raycl ignores 1 damaged line of parts/shard-00001."]);
     ground.is_whole();
 }
 
@@ -370,4 +376,42 @@ fn slurm_scripts_are_printed_and_none_submitted() {
     let said = ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
     has(&said, &["#SBATCH --exclusive"]);
     assert!(!ground.place.path("out").exists(), "nothing was written");
+}
+
+/// In this test, functions of bash take the place of the command `sbatch`. The first job gets the number 7.
+#[test]
+fn the_printed_script_submits_both_jobs_without_writing_a_file() {
+    let ground = Ground::new();
+    let arguments = ["run", "test.toml", "--out", "it's out", "--sbatch", "4", "--asleep", "1"];
+    let said = ground.place.output(&arguments);
+    let submit = |sbatch: &str| {
+        let mut command = Command::new("bash");
+        command.args(["-c", &format!("{sbatch}\n{said}")]).current_dir(ground.place.path(""));
+        let output = run(&mut command);
+        (output.status.success(), String::from_utf8(output.stderr).expect("UTF-8"))
+    };
+    let (is_done, submitted) = submit("sbatch() { { echo \"sbatch $*\"; cat; } >&2; echo '7;cluster'; }");
+    let jobs: Vec<&str> = submitted.split("sbatch ").collect();
+    let [_, shards, merge] = jobs[..] else { panic!("not two jobs: {submitted}") };
+    assert!(is_done, "{submitted}");
+    has(
+        shards,
+        &["--parsable\n#!/bin/bash\n#SBATCH --job-name=", "--out 'it'\\''s out'", "--shard auto/4\n"],
+    );
+    has(merge, &["--dependency=afterany:7\n#!/bin/bash\n", "raycl merge 'it'\\''s out'\n"]);
+    let (is_done, submitted) = submit("sbatch() { echo \"sbatch $*\" >&2; return 1; }");
+    assert!(!is_done && submitted.matches("sbatch ").count() == 1, "{submitted}");
+    assert_eq!(files(&ground.place.path("")).len(), 1, "the config is the only file");
+}
+
+#[test]
+fn a_script_is_based_on_earlier_times_only_if_every_point_has_one() {
+    let ground = Ground::new();
+    let usual = ["run", "test.toml", "--asleep", "1", "--quiet", "--out"];
+    let raycl = |more: &[&str]| ground.place.output(&[&usual[..], more].concat());
+    let script = || raycl(&["out", "--sbatch", "4"]);
+    raycl(&["some", "--set", "strategies=['naive']"]);
+    has(&script(), &["(a guess: not all points were measured before)", "#SBATCH --array=1-4"]);
+    raycl(&["all"]);
+    has(&script(), &["(based on earlier times)"]);
 }

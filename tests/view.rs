@@ -226,6 +226,15 @@ fn json_is_not_mixed_with_pictures_in_a_pipe() {
 }
 
 #[test]
+fn notes_about_the_scene_are_in_the_report() {
+    let mesh = "mtllib no.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let place = Place::with(&[("mesh.obj", mesh)]);
+    let output = one_frame(view_of("mesh.obj", &place, &["--plain", "--terminal=blocks", "--json"]));
+    let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
+    has(&report["notes"].to_string(), &["no.mtl"]);
+}
+
+#[test]
 fn a_scene_from_standard_input_is_shown() {
     let place = place();
     let scene = std::fs::File::open(place.path("scene.toml")).expect("a file");
@@ -349,6 +358,22 @@ fn a_terminal_shows_the_picture_and_takes_keys() {
 }
 
 #[test]
+fn a_line_of_wide_characters_does_not_scroll_the_picture() {
+    let name = "\u{8336}\u{58f6}".repeat(30);
+    let place = Place::with(&[("scene.toml", &TRIANGLE.replace("little", &name))]);
+    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
+    let expected = rendered_in(&place, [80, 46], &[]);
+    let program = env!("CARGO_BIN_EXE_raycl");
+    let command = format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}'");
+    let tmux = Tmux::start(&place, &command);
+    let is_told = || tmux.text().lines().nth(23).is_some_and(|line| line.contains("\u{8336}"));
+    until("the last line names the scene", is_told);
+    assert!(tmux.picture().is_some_and(|shown| differences(&shown, &expected) == 0), "{}", tmux.text());
+    tmux.run(&["send-keys", "q"]);
+    until("it has ended", || tmux.text().is_empty());
+}
+
+#[test]
 fn a_terminal_that_becomes_smaller_shows_the_upper_left_part_of_the_picture() {
     let place = place();
     let (device, scene) = (device(), place.path("scene.toml").display().to_string());
@@ -467,6 +492,7 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
         }
         until("the usual screen is shown", || state() == "0 0 1\n");
         // The terminal may show what raycl has written a moment later.
-        until("only a crash is told", || tmux.text().contains("SIGABRT") == (signal == Signal::ABORT));
+        let name = if signal == Signal::TERM { "SIGTERM" } else { "SIGABRT" };
+        until("raycl names the signal", || tmux.text().contains(name));
     }
 }

@@ -83,12 +83,14 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry, and returns whether this succeeded. If storing fails, for example because the disk is full, the
-    /// next run only takes longer.
+    /// Stores an entry, and returns whether this succeeded. Nothing is stored if another user owns the folder or may
+    /// write into it, since [`get`](Self::get) would ignore the entry. If storing fails, for example because the disk
+    /// is full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
-        if bytes.len() as u64 > self.limit_bytes || folder::make(folder).is_err() {
+        let fits = bytes.len() as u64 <= self.limit_bytes;
+        if !fits || folder::make(folder).is_err() || folder::trusted(folder).is_none() {
             return false;
         }
         let kept = write(folder, &file_name(kind, key), &bytes).is_ok();
@@ -286,7 +288,8 @@ mod tests {
         assert!(cache.put("program", "key", b"content") && cache.keeps());
         let folder = cache.folder().unwrap();
         std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o770)).unwrap();
-        assert!(!cache.keeps());
+        assert!(!cache.keeps() && !cache.put("program", "other", b"content"));
+        assert_eq!(cache.entries().len(), 1, "only the entry that was stored before");
         assert!(cache.why_unusable().unwrap().contains("users other than its owner"));
         let file = place.path().join("file");
         std::fs::write(&file, "").unwrap();

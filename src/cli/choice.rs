@@ -152,6 +152,17 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
     }
 }
 
+/// Returns the index, in `infos`, of the device on which commands cast if no option names a device: the first device
+/// that matches the user's settings or, without settings, the most capable device. Returns `None` if there are no
+/// settings and no device is usable.
+///
+/// # Errors
+///
+/// Fails if no usable device matches the user's settings.
+pub fn usual_place(infos: &[DeviceInfo]) -> Result<Option<usize>> {
+    one_place(infos, None, settings::device())
+}
+
 /// Returns the same device as [`one_device`]. If the cache has no up-to-date list of devices, `lane_test` decides
 /// whether the devices' lane operations (such as ballots among work-items that execute together) are tested now or
 /// later.

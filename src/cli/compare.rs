@@ -61,7 +61,7 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
 
 /// Compares two folders. A folder without results is a user error.
 pub fn run(args: Args) -> Result<()> {
-    let choice = Choice { force: args.force, elsewhere: "--out DIR" };
+    let choice = Choice::new(args.force, "--out DIR");
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
     out.iter().try_for_each(|out| out.check(report::COMPARISON))?;
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);

@@ -65,7 +65,7 @@ struct Report {
 
 /// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors.
 pub fn run(args: Args) -> Result<()> {
-    let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
+    let choice = Choice::new(args.force, "--output FILE.png");
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
     target.iter().try_for_each(check_png)?;
     let (mut found, mut expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);

@@ -32,11 +32,12 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
-    /// Local size: work-items per work-group, across and down
-    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
-    local_size: [u32; 2],
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
-    /// else the most capable device]
+    /// Local size: work-items per work-group, across and down [default: 8x8. For strategies in which 32 work-items
+    /// cast a tile of rays together: 32x4 if they can exchange values without barriers on the device, else 32x1]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    local_size: Option<[u32; 2]>,
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu) [default:
+    /// the device in your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder
@@ -106,7 +107,7 @@ const FILES: [&str; 7] =
 /// Returns the folder to write to. Unless `--force` is given, returns an error if a file that would be replaced was not
 /// written by raycl, or was changed later.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
-    let out = OutFolder::open(path, Choice { force: args.force, elsewhere: "--out DIR" })?;
+    let out = OutFolder::open(path, Choice::new(args.force, "--out DIR"))?;
     for strategy in &args.strategy {
         let names = FILES.map(|name| format!("{}/{name}", folder_name(strategy)));
         out.check(names.iter().map(String::as_str))?;
@@ -134,7 +135,12 @@ fn compile(
     strategy: &Strategy,
 ) -> Result<(Compilation, Files)> {
     let refused = |refused: Refused| refused.into_error(&device.info);
-    let prepared = session.prepare(strategy, IMAGE_SIZE, args.local_size).map_err(refused)?;
+    let usual = strategy.local_size(&device.info.limits, [8, 8]);
+    let prepared = match args.local_size {
+        Some(local_size) => session.prepare(strategy, IMAGE_SIZE, local_size),
+        None => session.prepare_fitting(strategy, IMAGE_SIZE, usual),
+    };
+    let prepared = prepared.map_err(refused)?;
     let caster = prepared.caster().map_err(refused)?;
     let (spec, program) = (&prepared.spec, &prepared.program);
     let (log, ptx) = (program.log(), program.ptx());
@@ -146,7 +152,7 @@ fn compile(
     let made = Compilation {
         device: device.info.label.clone(),
         strategy: strategy.to_string(),
-        local_size: args.local_size,
+        local_size: prepared.workload.local_size,
         program_hash: spec.hash(),
         build_ms: program.build_ms,
         binary_is_ptx,
@@ -162,14 +168,18 @@ fn compile(
     Ok((made, files))
 }
 
-/// Writes a strategy's folder.
+/// Writes a strategy's folder, and removes the files of an earlier program that the new one lacks: a program has one of
+/// the two kinds of binaries.
 fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));
     files.extend(page(strategy, made)?.map(|page| (MICROSCOPE, page.into_bytes())));
     let folder = folder_name(strategy);
-    let named = |(name, bytes)| (format!("{folder}/{name}"), bytes);
-    out.write(&files.into_iter().map(named).collect::<Vec<_>>())
+    let path = |name: &str| format!("{folder}/{name}");
+    let files: Vec<_> = files.into_iter().map(|(name, bytes)| (path(name), bytes)).collect();
+    out.write(&files)?;
+    let is_written = |name: &str| files.iter().any(|(written, _)| written == name);
+    out.remove_listed(|name| FILES.iter().any(|file| path(file) == name) && !is_written(name))
 }
 
 /// Returns the page that shows the source beside the instructions.
@@ -212,4 +222,37 @@ fn text_of(name: &str, made: &Compilation) -> String {
         "{name} at local size {x} x {y} on {}, built in {:.0} ms\n{table}{notes}",
         made.device, made.build_ms
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_has_the_binary_of_its_latest_program_only() {
+        let place = tempfile::tempdir().unwrap();
+        let made = Compilation {
+            device: "a device".to_owned(),
+            strategy: "a strategy".to_owned(),
+            local_size: [8, 8],
+            program_hash: String::new(),
+            build_ms: 1.0,
+            binary_is_ptx: false,
+            kernels: Vec::new(),
+            microscope: None,
+        };
+        let keep_with = |strategy: &str, binary: &'static str| {
+            let mut out = OutFolder::open(place.path(), Choice::new(false, "--out DIR")).unwrap();
+            keep(&mut out, strategy, &made, vec![(binary, b"a program".to_vec())]).unwrap();
+        };
+        keep_with("naive", "binary.ptx");
+        keep_with("deferred", "binary.ptx");
+        std::fs::write(place.path().join("naive/notes.txt"), "mine").unwrap();
+        keep_with("naive", "binary.bin");
+        let is_there = |name: &str| place.path().join(name).is_file();
+        assert!(is_there("naive/binary.bin") && !is_there("naive/binary.ptx"));
+        for kept in ["naive/made.json", "naive/notes.txt", "deferred/binary.ptx"] {
+            assert!(is_there(kept), "{kept}");
+        }
+    }
 }

@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
-use crate::device::{self, Device, DeviceInfo, Survey};
+use super::choice::usual_place;
+use crate::device::{self, DeviceInfo, Survey};
 use crate::error::Result;
+use crate::settings;
 use crate::sources::Sources;
 
 /// Arguments of `raycl devices`.
@@ -12,7 +14,7 @@ use crate::sources::Sources;
   raycl devices
   raycl devices --json | jq '.devices[].limits.local_bytes'
 
-To select a device in other commands, give part of its name, platform or vendor, or its kind (cpu, gpu): `raycl render SCENE --device pocl`.")]
+To select a device in other commands, give part of its name, platform or vendor, or its kind (cpu, gpu): `raycl render SCENE --device pocl`. If several devices have the same name, the table shows a label for each of them, as `--device LABEL`. A whole label selects only its own device.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -22,18 +24,19 @@ pub struct Args {
 /// Lists the devices. It is an error if there is no platform.
 pub fn run(args: Args) -> Result<()> {
     let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
-    let default = device::pick_default(&devices).map(|device| device.info.slug());
-    let infos: Vec<_> = devices.iter().map(|Device { info, .. }| info).collect();
+    let infos: Vec<DeviceInfo> = devices.into_iter().map(|device| device.info).collect();
+    let default = usual_place(&infos);
     if args.json {
-        return super::print_json(&listing(&infos, &empty_platforms, default));
+        return super::print_json(&listing(&infos, &empty_platforms, default.ok().flatten()));
     }
-    super::print(text(&infos, &empty_platforms, default.as_deref()))
+    super::print(text(&infos, &empty_platforms) + &by_default(&infos, default, settings::device_origin()))
 }
 
 #[derive(Serialize)]
 struct Listing<'a> {
     devices: Vec<Row<'a>>,
     empty_platforms: &'a [String],
+    /// The slug of the device on which commands cast if no option names a device; null if they refuse to cast.
     default: Option<String>,
 }
 
@@ -45,12 +48,12 @@ struct Row<'a> {
 }
 
 fn listing<'a>(
-    infos: &[&'a DeviceInfo],
+    infos: &'a [DeviceInfo],
     empty_platforms: &'a [String],
-    default: Option<String>,
+    default: Option<usize>,
 ) -> Listing<'a> {
-    let devices = infos.iter().map(|&info| Row { slug: info.slug(), info }).collect();
-    Listing { devices, empty_platforms, default }
+    let devices = infos.iter().map(|info| Row { slug: info.slug(), info }).collect();
+    Listing { devices, empty_platforms, default: default.map(|place| infos[place].slug()) }
 }
 
 const HEADER: [&str; 9] = [
@@ -65,7 +68,8 @@ const HEADER: [&str; 9] = [
     "native\nvector\nwidth",
 ];
 
-fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>) -> String {
+/// Returns the table of devices, and a line for each unusable device and each platform without devices.
+fn text(infos: &[DeviceInfo], empty_platforms: &[String]) -> String {
     let mut text = String::new();
     if !infos.is_empty() {
         let mut table = super::table(&HEADER, 2);
@@ -85,17 +89,30 @@ fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>
     if let Some(advice) = device::cache_advice().filter(|_| !empty_platforms.is_empty()) {
         text += &format!("\nNote: {advice}.");
     }
-    text + &match infos.iter().find(|info| Some(info.slug().as_str()) == default) {
-        Some(info) => format!("\nBy default, raycl casts on {}.", info.describe()),
-        None => "\nNo device on this machine can be used.".to_owned(),
+    text
+}
+
+/// Returns the line that says on which device commands cast if no option names a device. `origin` is what names the
+/// device in the user's settings.
+fn by_default(infos: &[DeviceInfo], default: Result<Option<usize>>, origin: Option<&str>) -> String {
+    match default {
+        Ok(Some(place)) => {
+            let named = origin.map(|origin| format!(" (named by {origin})")).unwrap_or_default();
+            format!("\nBy default, raycl casts on {}{named}.", infos[place].describe())
+        }
+        Err(error) if infos.iter().any(|info| info.unusable.is_none()) => {
+            format!("\nWithout --device, raycl does not cast: {}.", error.in_a_line())
+        }
+        _ => "\nNo device on this machine can be used.".to_owned(),
     }
 }
 
 fn cells(info: &DeviceInfo) -> Vec<String> {
     let limits = &info.limits;
     let mark = if info.unusable.is_some() { " (unusable)" } else { "" };
+    let label = info.own_label().map(|label| format!("\n--device {label}")).unwrap_or_default();
     vec![
-        format!("{}{mark}\n{}, {}", info.name, info.platform, info.driver),
+        format!("{}{mark}\n{}, {}{label}", info.name, info.platform, info.driver),
         info.kind.name().to_owned(),
         limits.compute_units.to_string(),
         info.threads.map_or(String::new(), |threads| threads.to_string()),
@@ -112,19 +129,40 @@ mod tests {
     use super::*;
     use crate::device::DeviceKind;
     use crate::device::tests::example;
+    use crate::error::Error;
 
     #[test]
     fn an_unusable_device_is_listed_with_its_reason() {
         let mut relic = example("Old Platform", "relic", DeviceKind::Other, 1);
         relic.unusable = Some("its driver has no compiler for OpenCL C".into());
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let slug = cpu.slug();
-        let text = text(&[&cpu, &relic], &["Hollow".into()], Some(&slug));
-        for part in ["relic (unusable)", "no compiler", "This platform has no device: Hollow", "casts on cpu"]
-        {
+        let text = text(&[cpu, relic], &["Hollow".into()]);
+        for part in ["relic (unusable)", "no compiler", "This platform has no device: Hollow"] {
             assert!(text.contains(part), "{text}");
         }
         assert!(text.contains("       2 "), "the number of compute units is not right-aligned: {text}");
+    }
+
+    #[test]
+    fn the_default_is_told_with_what_names_it_or_why_there_is_none() {
+        let mut infos = [example("PoCL", "cpu", DeviceKind::Cpu, 2)];
+        let casts = |origin| by_default(&infos, Ok(Some(0)), origin);
+        assert!(casts(None).starts_with("\nBy default, raycl casts on cpu (PoCL, "), "{}", casts(None));
+        assert!(casts(Some("RAYCL_DEVICE")).ends_with(" KiB __local (named by RAYCL_DEVICE)."));
+        let refused = || Err(Error::input("no device matches 'x'"));
+        assert!(by_default(&infos, refused(), None).ends_with("does not cast: no device matches 'x'."));
+        infos[0].unusable = Some("its driver is old".into());
+        for default in [Ok(None), refused()] {
+            assert_eq!(by_default(&infos, default, None), "\nNo device on this machine can be used.");
+        }
+    }
+
+    #[test]
+    fn equal_devices_have_labels_that_tell_them_apart() {
+        let mut twin = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        assert_eq!(cells(&twin)[0], "cpu\nPoCL, 3.1");
+        twin.label = "pocl-cpu-2".into();
+        assert_eq!(cells(&twin)[0], "cpu\nPoCL, 3.1\n--device pocl-cpu-2");
     }
 
     #[test]
@@ -136,7 +174,7 @@ mod tests {
     #[test]
     fn json_names_units_and_limits() {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let json = serde_json::to_value(listing(&[&cpu], &[], Some(cpu.slug()))).unwrap();
+        let json = serde_json::to_value(listing(&[cpu], &[], Some(0))).unwrap();
         assert_eq!(json["devices"][0]["limits"]["local_bytes"], 49152);
         assert_eq!(json["devices"][0]["kind"], "cpu");
         assert_eq!(json["default"], json["devices"][0]["slug"]);

@@ -135,6 +135,12 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
 /// process, so they are not the driver's fault.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
+/// The remedy after SIGKILL.
+const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
+/// The remedy after other signals from outside the process.
+const FROM_OUTSIDE: &str =
+    "another process sent this signal, or a limit was reached (`ulimit -a` shows the limits)";
+
 /// On systems other than Unix, a terminal stays as the child process leaves it.
 #[cfg(not(unix))]
 enum LentTerminal {}
@@ -154,7 +160,7 @@ impl LentTerminal {
 fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
     use std::os::unix::process::ExitStatusExt as _;
     let signal = status.signal()?;
-    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or_default()))
+    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or("a signal without a name")))
 }
 
 #[cfg(not(unix))]
@@ -165,10 +171,22 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
 /// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If the process ends here,
 /// no destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
+    // Neither the ended process nor a shell says anything: the shell sees only that this process exits.
+    if let Some(error) = ended_by_signal(status) {
+        printer::tell(format!("{:?}", miette::Report::new(error)));
+    }
     match exit_code(status) {
         0 => Ok(()),
         code => std::process::exit(code),
     }
+}
+
+/// Returns the message for the user if a signal ended the process. SIGINT needs none, since it comes from the user's
+/// Ctrl-C.
+fn ended_by_signal(status: ExitStatus) -> Option<Error> {
+    let (signal, name) = signal(status).filter(|(_, name)| *name != "SIGINT")?;
+    let error = Error::run(format!("raycl's child process was ended by {name} (signal {signal})"));
+    Some(error.with_help(if name == "SIGKILL" { OUT_OF_MEMORY } else { FROM_OUTSIDE }))
 }
 
 /// Returns the exit code of a process, or 128 plus the number of the signal that ended it, as shells do.
@@ -204,6 +222,18 @@ mod tests {
         let limited = otherwise(Some(1_500_000_000));
         assert!(limited.contains("only 1.5 GB") && limited.contains("ulimit -v unlimited"), "{limited}");
         assert!(otherwise(None).starts_with("try another device") && limited.ends_with(&otherwise(None)));
+    }
+
+    #[test]
+    fn every_signal_that_ends_the_child_process_is_told_except_that_of_ctrl_c() {
+        let told = |status| ended_by_signal(ExitStatus::from_raw(status));
+        let killed = told(9).expect("a message");
+        assert_eq!(killed.to_string(), "raycl's child process was ended by SIGKILL (signal 9)");
+        assert!(killed.remedy().contains("memory runs out"), "{}", killed.remedy());
+        let ended = told(15).expect("a message");
+        assert_eq!(ended.to_string(), "raycl's child process was ended by SIGTERM (signal 15)");
+        assert!(ended.remedy().contains("ulimit -a"), "{}", ended.remedy());
+        assert!(told(2).is_none() && told(2 << 8).is_none() && told(0).is_none());
     }
 
     #[test]

@@ -32,8 +32,8 @@ pub struct Args {
     /// cast a tile of rays together: 32x4 if they can exchange values without barriers on --device, else 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, or its kind
-    /// (cpu, gpu) [default: no particular device]
+    /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, its label
+    /// in `raycl devices`, or its kind (cpu, gpu) [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
@@ -68,7 +68,7 @@ pub fn run(args: Args) -> Result<()> {
     strategy.check()?;
     let device = args.device.as_deref().map(|pattern| one_device(Some(pattern), &sources)).transpose()?;
     let builtins = device.as_ref().map_or_else(Builtins::default, |device| device.info.builtins());
-    let workload = workload(&args, &strategy, builtins)?;
+    let workload = workload(&args, &strategy, device.as_ref())?;
     let spec = ProgramSpec::new(&sources, &strategy, &workload, builtins)?;
     let program = match &device {
         Some(device) => on_device(device, &strategy, &workload, &spec)?,
@@ -100,10 +100,12 @@ fn on_device(
 }
 
 /// Returns the sizes (of the scene and the work-group) on which the lengths of the program's arrays depend.
-fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
-    let usual = match strategy.shares_tiles() {
-        true => [GROUP_LANES, builtins.lanes.usual_groups()],
-        false => [8, 8],
+fn workload(args: &Args, strategy: &Strategy, device: Option<&Device>) -> Result<Workload> {
+    const USUAL: [u32; 2] = [8, 8];
+    let usual = match device {
+        Some(device) => strategy.local_size(&device.info.limits, USUAL),
+        None if strategy.shares_tiles() => [GROUP_LANES, 1],
+        None => USUAL,
     };
     let local_size = args.local_size.unwrap_or(usual);
     let Some(path) = &args.scene else { return Ok(Workload { local_size, ..Workload::CUBE }) };

@@ -35,7 +35,7 @@ pub fn run(args: Args) -> Result<()> {
     let pages = pages()?;
     let Some(out) = &args.out else { return print_one(&pages, args.command.as_deref()) };
     let files: Vec<Page> = pages.into_iter().map(|(name, text)| (format!("{name}.1"), text)).collect();
-    OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?.write(&files)?;
+    OutFolder::open(out, Choice::new(args.force, "--out DIR"))?.write(&files)?;
     super::print(format!("{} man pages written to {}", files.len(), out.display()))
 }
 

@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
     let (question, expectation) = folder.question();
     folder.summarise(&question, &expectation)?;
-    let mut out = OutFolder::open(&args.out, Choice { force: false, elsewhere: "another OUT" })?;
+    let mut out = OutFolder::open(&args.out, Choice::without_force("another OUT"))?;
     let written = report::write(std::slice::from_ref(&folder), &mut out)?;
     if args.json {
         folder.records.iter().try_for_each(super::print_json)?;

@@ -12,6 +12,7 @@ pub mod figures;
 mod guarded;
 pub mod kernel;
 pub mod man;
+mod measured;
 pub mod merge;
 pub mod noise;
 pub mod occupancy;

@@ -17,8 +17,8 @@ use std::path::Path;
 
 For each device, the command prints the smallest difference that one launch can show, and the smallest difference that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
-    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu,
-    /// gpu); or all [default: the devices in your settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
+    /// devices`; a kind (cpu, gpu); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository)
@@ -85,7 +85,7 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
 }
 
 fn text(noise: &Noise) -> String {
-    let part = |part: Option<f64>| part.map_or("not enough samples".to_owned(), percent);
+    let part = |part: Option<f64>| part.map_or("not known".to_owned(), percent);
     let causes = &noise.causes;
     let mut lines = vec![
         format!(
@@ -101,6 +101,7 @@ fn text(noise: &Noise) -> String {
         ),
         format!("  half-width of the 95% interval of a point's time         {}", part(noise.own_time)),
     ];
+    lines.extend(noise.not_compared.as_ref().map(|why| format!("  {why}")));
     let number = |value: f64| significant(value, 2);
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
         let words = [others, stolen].map(number);
@@ -153,6 +154,7 @@ mod tests {
             within_launch: Some(0.01),
             between_launches: Some(0.02),
             own_time: Some(0.03),
+            not_compared: Some("1 of 4 points was not compared".into()),
             causes: Causes {
                 processors: Some(8.0),
                 others: Some(0.25),
@@ -173,6 +175,7 @@ mod tests {
                 format!("smallest difference that one launch can show {}", percent(0.01)),
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
+                "1 of 4 points was not compared".to_owned(),
                 "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
                 "other programs delayed 4 samples, which no result includes".to_owned(),
                 "a cache line took 20 to 90 ns from one processor to another".to_owned(),
@@ -192,6 +195,7 @@ mod tests {
             within_launch: None,
             between_launches: None,
             own_time: None,
+            not_compared: None,
             causes,
         }
     }
@@ -208,7 +212,7 @@ mod tests {
         let noise = with_causes(Causes::default());
         let told = lines(&noise);
         assert_eq!(told.len(), 4, "{told:?}");
-        assert!(told[1..].iter().all(|line| line.ends_with("not enough samples")), "{told:?}");
+        assert!(told[1..].iter().all(|line| line.ends_with("not known")), "{told:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use serde_json::{Value, json};
 
-use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, multiprocessor, occupancy};
+use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, capabilities, multiprocessor, occupancy};
 use crate::error::{Error, Result};
 
 /// Arguments of `raycl occupancy`.
@@ -18,8 +18,7 @@ use crate::error::{Error, Result};
   raycl occupancy --results results/figure-8
   raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108 --local-sizes 8x8,16x16")]
 pub struct Args {
-    /// The device's compute capability, 2.0 to 9.0 [default: 8.6; with --results, that of each device]
-    #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper")]
+    #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper", help = help_of_capability())]
     compute_capability: Option<String>,
     /// Registers per work-item
     #[arg(long, value_name = "N", default_value_t = 32, conflicts_with = "paper")]
@@ -47,6 +46,14 @@ pub struct Args {
     /// Print one JSON object instead of a table; with --results, one object per point
     #[arg(long)]
     json: bool,
+}
+
+/// Returns the help of `--compute-capability`, which lists the supported ones.
+fn help_of_capability() -> String {
+    format!(
+        "The device's compute capability, one of {} [default: 8.6; with --results, that of each device]",
+        capabilities()
+    )
 }
 
 /// The paper's local sizes.
@@ -186,6 +193,17 @@ fn row_json(question: &Question, size: LocalSize) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Between the first and the last capability in the table, there are others that raycl does not support.
+    #[test]
+    fn the_help_lists_the_supported_capabilities() {
+        let command = <Args as clap::Args>::augment_args(clap::Command::new("occupancy"));
+        let help = command.term_width(0).render_long_help().to_string();
+        assert!(
+            help.contains("one of 2.0, 2.1, 3.0, 3.5, 3.7, 5.0,") && help.contains(" 8.9, 9.0 ["),
+            "{help}"
+        );
+    }
 
     #[test]
     fn local_sizes_are_read_and_refused() {

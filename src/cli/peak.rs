@@ -1,6 +1,7 @@
 //! `raycl peak`: measures a device's peak rates.
 
 use super::choice::one_device;
+use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::child::output_unless;
 use crate::device::{Device, discover, select};
@@ -30,8 +31,8 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 
 The numbers are medians of repeated measurements, with quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles are computed from the highest clock rate that the driver reports, not from the clock rate during the measurement.")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the device in your
-    /// settings, else the most capable device]
+    /// The devices: part of a name, platform or vendor; a label in `raycl devices`; a kind (cpu, gpu); or all [default:
+    /// the device in your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
@@ -53,30 +54,31 @@ pub struct Args {
 }
 
 /// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the file of
-/// `--out`, if one is given.
+/// `--out`, if one is given. If a device fails, the rates of the devices before it are printed and written.
 pub fn run(args: Args) -> Result<()> {
-    let choice = Choice { force: args.force, elsewhere: "--out FILE" };
+    let choice = Choice::new(args.force, "--out FILE");
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
     target.iter().try_for_each(Target::check)?;
     let sources = Sources::of(args.cl_dir.clone())?;
-    let all: Vec<Peak> = devices(args.device.as_deref(), &sources)?
-        .iter()
-        .map(|device| {
-            let _held = hold(&[&device.info], args.no_wait)?;
-            measure(device, &sources)
-        })
-        .collect::<Result<_>>()?;
-    if let Some(target) = &target {
-        target.write_json(&all)?;
+    let devices = devices(args.device.as_deref(), &sources)?;
+    let (all, end) = until_error(devices.iter().map(|device| {
+        let _held = hold(&[&device.info], args.no_wait)?;
+        measure(device, &sources)
+    }));
+    if all.is_empty() {
+        return end;
     }
+    target.iter().try_for_each(|target| store(&all, &end, target))?;
     if target.as_ref().is_some_and(Target::is_standard_output) {
-        return Ok(());
+        return end;
     }
     if args.json {
-        return super::print_json(&all);
+        super::print_json(&all)?;
+        return end;
     }
     all.iter().try_for_each(|peak| super::print(text(peak)))?;
-    dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))
+    dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))?;
+    end
 }
 
 fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
@@ -131,6 +133,8 @@ impl Wanted<'_> {
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
         let output = ended.map_err(|error| failed(&error))?;
+        // A process that fails prints the rates of some devices, or none.
+        let output = output.filter(|output| output.status.success());
         let peaks = output.and_then(|output| listed(&String::from_utf8_lossy(&output.stdout)));
         peaks.ok_or_else(|| failed(&"the reason is above"))
     }

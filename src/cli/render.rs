@@ -84,7 +84,8 @@ pub struct Args {
     /// [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, and report the median times
+    /// Cast the frame this many times, and report the median times. If this is more than once, raycl casts one more
+    /// frame first, which does not count if it takes less than a second
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
@@ -172,8 +173,8 @@ fn render(args: &Args) -> Result<()> {
     let fastest = args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
-    let mut session =
-        session.verifying(args.verify.is_some()).with_program(early).with_tree(tree).rounding_stacks();
+    let session = session.verifying(args.verify.is_some()).with_layers(args.layers.is_some());
+    let mut session = session.with_program(early).with_tree(tree).rounding_stacks();
     let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
@@ -292,7 +293,7 @@ fn target(args: &Args) -> Target {
         Some(stem) if stem != STANDARD_INPUT => stem,
         _ => "picture".as_ref(),
     };
-    let choice = Choice { force: args.force, elsewhere: "-o FILE" };
+    let choice = Choice::new(args.force, "-o FILE");
     // `with_extension` would replace the last part of a stem with dots, such as `part.v1`.
     let mut default = stem.to_owned();
     default.push(".png");
@@ -302,7 +303,7 @@ fn target(args: &Args) -> Target {
 /// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the picture. The
 /// .exr file of all layers may have this path, since it also contains the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
-    let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
+    let choice = Choice::new(args.force, "--layers FILE");
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 

@@ -35,7 +35,7 @@ pub struct Args {
 /// command reads records and pictures, and uses no device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
-    let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;
+    let mut out = OutFolder::open(out, Choice::new(args.force, "--out DIR"))?;
     out.check([report::PAGE])?;
     let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
     folders.iter().for_each(|folder| tell_damage(folder, args.quiet));

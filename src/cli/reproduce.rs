@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
-    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu,
-    /// gpu); or all [default: the devices in your settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
+    /// devices`; a kind (cpu, gpu); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// The folder in which to write a folder of results for each experiment, and the page that judges the student
@@ -57,7 +57,7 @@ pub struct Args {
 /// Measures the paper's configs and writes the page. Points that could not be measured are listed on the page
 /// and do not stop the command.
 pub fn run(args: Args) -> Result<()> {
-    let choice = Choice { force: args.force, elsewhere: "--out DIR" };
+    let choice = Choice::new(args.force, "--out DIR");
     let mut out = OutFolder::open(&args.out, choice)?;
     refuse_other_folders(&args.out, choice, out.is_known() || present(&args.out).next().is_some())?;
     out.check(report::REPRODUCTION)?;
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn every_scene_of_the_papers_configs_is_unpacked() {
         let out = tempfile::tempdir().expect("a folder");
-        let choice = Choice { force: false, elsewhere: "--out DIR" };
+        let choice = Choice::new(false, "--out DIR");
         OutFolder::open(out.path(), choice).and_then(|mut out| unpack(&mut out)).expect("it writes");
         for (name, _) in CONFIGS {
             crate::config::load(&out.path().join(format!("configs/{name}.toml")), &[])
@@ -248,7 +248,7 @@ mod tests {
     fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
         let folder = tempfile::tempdir().expect("a folder");
         let told = |error: Error| {
-            let choice = Choice { force: false, elsewhere: "--out DIR" };
+            let choice = Choice::new(false, "--out DIR");
             let mut out = OutFolder::open(folder.path(), choice).expect("a folder");
             let mut stages = Stages::of([4, 4], observer(true, false));
             let stopped = stopped(error, &args(), &mut out, &mut stages, 4);

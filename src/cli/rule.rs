@@ -2,6 +2,7 @@
 //! against measurements, and computes the rule's constants from measurements.
 
 use super::choice::one_device;
+use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::device::Device;
 use crate::error::{Error, Result};
@@ -27,7 +28,7 @@ pub struct Args {
     /// A TOML file of cases, such as docs/rule.toml: each case names a scene and a picture size to measure
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
     /// Measure only cases whose name contains WORD
@@ -68,22 +69,14 @@ pub fn run(args: Args) -> Result<()> {
         super::print(text(&sweep)?)?;
     }
     let Some(path) = &args.cases else { return Ok(()) };
-    let output = args.output.as_ref();
-    let target = output.map(|path| Target::new(path, Choice { force: false, elsewhere: "-o FILE" }));
+    let target = args.output.as_ref().map(|path| Target::new(path, Choice::without_force("-o FILE")));
     target.iter().try_for_each(Target::check)?;
-    let earlier = output.filter(|path| path.exists());
     let (sweep, end) = measure(&args, path)?;
     if sweep.cases.is_empty() {
         return end;
     }
-    match earlier.filter(|_| end.is_err()) {
-        Some(path) => crate::printer::tell(format!(
-            "note: '{}' keeps its earlier sweep, since an error ended this one",
-            path.display()
-        )),
-        // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
-        None => target.iter().try_for_each(|target| target.write_json(&sweep))?,
-    }
+    // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
+    target.iter().try_for_each(|target| store(&sweep, &end, target))?;
     if !target.is_some_and(|target| target.is_standard_output()) {
         super::print(text(&sweep)?)?;
     }
@@ -133,13 +126,6 @@ fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
         cases,
     };
     Ok((sweep, end))
-}
-
-/// Returns the values before the first error, and this error.
-fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, Result<()>) {
-    let mut values = Vec::new();
-    let end = results.try_for_each(|result| result.map(|value| values.push(value)));
-    (values, end)
 }
 
 /// Returns whether a case is for this kind of device and has the word in its name.
@@ -226,15 +212,6 @@ mod tests {
         };
         let asked = [("cpu", ""), ("cpu", "bunny"), ("cpu", "dragon"), ("gpu", "bunny")];
         assert_eq!(asked.map(|(kind, word)| is_wanted(&case, kind, word)), [true, true, false, false]);
-    }
-
-    #[test]
-    fn what_was_measured_before_an_error_is_kept() {
-        let (values, end) = until_error([Ok(1), Ok(2), Err(Error::run("it broke")), Ok(3)].into_iter());
-        assert_eq!(values, [1, 2]);
-        assert_eq!(end.unwrap_err().to_string(), "it broke");
-        let (values, end) = until_error([Ok(1), Ok(2)].into_iter());
-        assert!(values == [1, 2] && end.is_ok());
     }
 
     #[test]

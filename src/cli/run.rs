@@ -23,7 +23,7 @@ use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{
-    Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
+    Fault, Observer, Past, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::peak::Peak;
@@ -32,9 +32,9 @@ use crate::record::{Folder, Record, summary_terminal};
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
 use crate::words::counted_of_were;
-use earlier::foreseen;
+use earlier::{finished, foreseen};
 use environment::environment;
-use folders::default_folder;
+use folders::{default_folder, new_folder};
 use forecast::forecast;
 use interruption::interrupt_flag;
 use resume::{choices, say_how_to_resume};
@@ -62,20 +62,21 @@ pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
     /// The folder of results [default: results/NAME, where NAME is the config's name, or results/NAME-2, ... if that
-    /// folder exists]
+    /// folder exists; with --resume, the latest of these folders. Your settings may name another folder than results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     force: bool,
-    /// The devices to use instead of the config's devices: part of a name, platform or vendor; a kind (cpu, gpu); or
-    /// all
+    /// The devices to use instead of the config's devices: part of a name, platform or vendor; a label in `raycl
+    /// devices`; a kind (cpu, gpu); or all
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, measure failed points again
+    /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
+    /// points held it at that moment
     #[arg(long, requires = "resume")]
     retry_failed: bool,
     /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later
@@ -92,7 +93,7 @@ pub struct Args {
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
-    /// Measure nothing; print every point and the memory that it needs
+    /// Measure nothing; print every point and the memory that it needs. With --resume, also print which points are done
     #[arg(long)]
     dry_run: bool,
     /// Change a value of the config
@@ -262,8 +263,12 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
-    refuse_shards(&out)?;
-    refuse_other_folders(&out, choice(args), false)?;
+    let is_new = args.out.is_none() && !args.resume;
+    // If the default folder exists meanwhile, another run has just made it, and this run makes another folder below.
+    if !is_new {
+        refuse_shards(&out)?;
+        refuse_other_folders(&out, choice(args), false)?;
+    }
     // The handlers are installed before any driver starts, since PoCL's compiler installs handlers too. These pass a
     // signal on to the handlers that were installed earlier, so raycl's handlers receive it. In the other order,
     // raycl's handlers (crate signal-hook) would pass the signal on to those of PoCL's compiler.
@@ -276,14 +281,15 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     // A new run reads its scenes before it makes its folder: a mistake in a scene must not leave a folder that refuses
     // the corrected command.
-    let expected = if args.resume { None } else { Some(foreseen(&run, &out, &[])?) };
+    let expected = if args.resume { None } else { Some(foreseen(&run, &out, &Past::default())?) };
+    let out = if is_new { new_folder(&experiment.name) } else { out };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
     spread.iter().try_for_each(|spread| spread.write(&out))?;
     let has_peak = keep_peak(args, &run, peak, &mut results, observer, &interrupted);
     let measured = has_peak.and_then(|()| {
         if !args.quiet {
-            let expected = expected.map_or_else(|| foreseen(&run, &out, &results.past().records), Ok)?;
+            let expected = expected.map_or_else(|| foreseen(&run, &out, results.past()), Ok)?;
             observer.says(&expected.to_string());
         }
         measuring::execute(args, run, &out, &mut results, observer, &interrupted)
@@ -341,7 +347,7 @@ fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak]) -> Option
 }
 
 fn choice(args: &Args) -> Choice {
-    Choice { force: args.force, elsewhere: "--out DIR" }
+    Choice::new(args.force, "--out DIR")
 }
 
 /// Returns the number of points and of steps in a run; a step is one launch (worker process) of one point.
@@ -376,15 +382,16 @@ fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
 fn foresee(args: &Args) -> Result<()> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
-    let devices = find_devices(args.cl_dir.first().map(PathBuf::as_path))?;
+    let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
-    let expected = foreseen(&run, &out, &[])?;
-    let points = dry_run(&run)?;
+    let past = if args.resume { Past::in_folder(&out)? } else { Past::default() };
+    let expected = foreseen(&run, &out, &past)?;
+    let points = dry_run(&run, &finished(&run, &past.records))?;
     if args.quiet && !args.json {
         return Ok(());
     }

@@ -27,8 +27,8 @@ pub struct Subject {
     /// Pixels down
     #[arg(long, default_value_t = 800, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
-    /// else the most capable device]
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu) [default:
+    /// the device in your settings, else the most capable device]
     #[arg(long)]
     pub device: Option<String>,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the strategy that
@@ -95,20 +95,17 @@ impl Subject {
         Ok((strategy, self.local_size.unwrap_or(usual)))
     }
 
-    /// Builds the program and uploads the scene. If no local size is requested and work-items share tiles, the number
-    /// of tiles in a work-group is halved until the work-group fits on the device.
+    /// Builds the program and uploads the scene. If no local size is requested, the work-group may become smaller, so
+    /// that it fits on the device.
     pub fn prepare(
         &self,
         session: &mut Session,
         strategy: &Strategy,
-        [across, mut down]: [u32; 2],
+        local_size: [u32; 2],
     ) -> std::result::Result<Prepared, Refused> {
-        let may_shrink = strategy.shares_tiles() && self.local_size.is_none();
-        loop {
-            match session.prepare(strategy, self.size(), [across, down]) {
-                Err(Refused::Device(_)) if may_shrink && down > 1 => down /= 2,
-                other => return other,
-            }
+        match self.local_size {
+            Some(_) => session.prepare(strategy, self.size(), local_size),
+            None => session.prepare_fitting(strategy, self.size(), local_size),
         }
     }
 

@@ -60,8 +60,9 @@ impl Args {
 fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
-        "Keys:\n{}\n\nThe left mouse button orbits, the right mouse button pans, and the wheel zooms. raycl reads \
-         the files of the scene and of --cl-dir again when they change, unless the scene comes from standard input.\n\n\
+        "Keys:\n{}\n\nThe left mouse button orbits, the right or the middle mouse button pans, and the wheel zooms. \
+         raycl reads the files of the scene and of --cl-dir again when they change, unless the scene comes from \
+         standard input.\n\n\
          Examples:\n  \
          raycl view scenes/teapot.toml\n  raycl view bunny.obj --plain --width 1280 --height 720\n  \
          zcat part.stl.gz | raycl view - --up z\n  raycl view scenes/table.toml --spin --seconds 10 --json",
@@ -97,6 +98,8 @@ struct Report {
     frame_ms: f64,
     /// Primary and shadow rays of all frames, divided by the device time of these frames.
     rays_per_s: f64,
+    /// Notes about the scene as it was last read, such as a file that could not be read.
+    notes: Vec<String>,
 }
 
 /// Shows a scene until the user closes the view, or until `--frames` or `--seconds` ends it.
@@ -146,20 +149,22 @@ fn report(live: &Live, total: Total) -> Report {
         frames_per_s,
         frame_ms,
         rays_per_s,
+        notes: live.loaded().notes.clone(),
     }
 }
 
 fn text(report: &Report) -> String {
     let ([width, height], [x, y]) = (report.image_size, report.local_size);
-    [
+    let mut lines = vec![
         format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
         format!("device    {}", report.device),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
         format!("kernel    {:10.2} ms{}", report.frame_ms, kernel_remark(report)),
         format!("speed     {}{}", frames_per_s(report), crate::words::rate(report.rays_per_s, "rays")),
-    ]
-    .join("\n")
+    ];
+    lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
+    lines.join("\n")
 }
 
 /// Returns a remark that the kernel's time is a median, if there are several frames.
@@ -178,7 +183,7 @@ fn frames_per_s(report: &Report) -> String {
 mod tests {
     use super::*;
 
-    fn told(frames: u32) -> String {
+    fn told(frames: u32, notes: &[&str]) -> String {
         text(&Report {
             scene: "little".to_owned(),
             triangles: 1,
@@ -191,14 +196,21 @@ mod tests {
             frames_per_s: 2.0,
             frame_ms: 1.5,
             rays_per_s: 4e6,
+            notes: notes.iter().map(|&note| note.to_owned()).collect(),
         })
     }
 
     #[test]
     fn one_frame_has_neither_a_median_nor_frames_per_second() {
-        let (one, three) = (told(1), told(3));
+        let (one, three) = (told(1, &[]), told(3, &[]));
         assert!(one.contains(" 1.50 ms\n") && one.ends_with("speed     4.00 Mrays/s"), "{one}");
         assert!(three.contains(" 1.50 ms, the median of 3 frames\n"), "{three}");
         assert!(three.ends_with("speed     2.0 frames/s, 4.00 Mrays/s"), "{three}");
+    }
+
+    #[test]
+    fn notes_about_the_scene_are_at_the_end() {
+        let told = told(3, &["a remark", "another"]);
+        assert!(told.ends_with("rays/s\nnote      a remark\nnote      another"), "{told}");
     }
 }

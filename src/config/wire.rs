@@ -34,8 +34,9 @@ pub struct Experiment {
     /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
     #[serde(default)]
     pub compare_scenes: bool,
-    /// Words that select devices: a part of a device's, platform's or vendor's name, a kind (cpu, gpu, accelerator), or
-    /// all [default: the device that RAYCL_DEVICE or the user's settings file names, else all].
+    /// Words that select devices: a part of a device's, platform's or vendor's name, the label of one of several
+    /// devices with the same name (`raycl devices` shows it), a kind (cpu, gpu, accelerator), or all [default: the
+    /// device that RAYCL_DEVICE or the user's settings file names, else all].
     #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     /// Widths and heights in pixels: 512 for a square, or [800, 500].

@@ -5,6 +5,16 @@ use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
+/// Why a device is unusable if its driver lacks something. Only another driver changes this.
+const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
+const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
+
+/// Returns whether a device that is unusable for this reason may be usable soon, with the same driver: it is not
+/// available now, or a query failed.
+pub(super) fn may_be_usable_soon(reason: &str) -> bool {
+    ![NO_COMPILER, NO_TIMES].contains(&reason)
+}
+
 /// A device that is being queried, with the first query that failed.
 pub(super) struct Asked {
     device: ocl::Device,
@@ -41,8 +51,8 @@ impl Asked {
         }
         let reasons = [
             (available, "its driver says that it is not available"),
-            (compiler, "its driver has no compiler for OpenCL C"),
-            (profiling, "its queues cannot time kernels (no profiling)"),
+            (compiler, NO_COMPILER),
+            (profiling, NO_TIMES),
         ];
         reasons.into_iter().find(|(fine, _)| !fine).map(|(_, reason)| reason.to_owned())
     }

@@ -30,24 +30,26 @@ pub struct Survey {
 ///
 /// Returns an error if there is no platform or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
-    usable_or_not(survey(sources)?)
+    Ok(with_devices(survey(sources)?)?.devices)
 }
 
-/// Lists every device like [`discover`], without testing how work-items exchange values (lane operations).
-pub(super) fn discover_untested() -> Result<Vec<Device>> {
-    usable_or_not(survey_untested()?)
+/// Lists every device like [`discover`], and every platform without devices, without testing how work-items exchange
+/// values (lane operations).
+pub(super) fn discover_untested() -> Result<Survey> {
+    with_devices(survey_untested()?)
 }
 
-fn usable_or_not(Survey { devices, empty_platforms }: Survey) -> Result<Vec<Device>> {
-    if devices.is_empty() {
-        let platforms = empty_platforms.join(", ");
+/// Returns an error if there is no device, usable or not.
+fn with_devices(survey: Survey) -> Result<Survey> {
+    if survey.devices.is_empty() {
+        let platforms = survey.empty_platforms.join(", ");
         let help = cache_advice().unwrap_or_else(|| HOW_TO_GET_ONE.to_owned());
         return Err(Error::run(format!(
             "no OpenCL device was found (platforms without a device: {platforms})"
         ))
         .with_help(help));
     }
-    Ok(devices)
+    Ok(survey)
 }
 
 /// Lists every device, and every platform without devices. Returns an error if there is no platform.

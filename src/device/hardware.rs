@@ -30,6 +30,12 @@ const PCI_BUS_INFO_KHR: u32 = 0x410F;
 const UUID_KHR: u32 = 0x106A;
 
 impl Hardware {
+    /// Returns what distinguishes the device from all others of its model: its UUID or, if that is unknown, its PCI
+    /// address; `None` if neither is known.
+    pub fn id(&self) -> Option<&str> {
+        self.uuid.as_deref().or(self.pci_bus.as_deref())
+    }
+
     /// Queries a device that has these extensions. `ask` returns the bytes of an answer, or `None` if the
     /// query fails.
     pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
@@ -112,6 +118,8 @@ mod tests {
         assert_eq!(found.pci_bus.as_deref(), Some("0000:1b:01.0"));
         assert_eq!((found.max_clock_mhz, found.timer_resolution_ns), (Some(1980), Some(1000)));
         assert_eq!(found.uuid.as_deref(), Some("000102030405060708090a0b0c0d0e0f"));
+        assert_eq!(found.id(), found.uuid.as_deref());
+        assert_eq!(Hardware { uuid: None, ..found.clone() }.id(), Some("0000:1b:01.0"));
         let khr: Vec<u8> = [1_u32, 0xc2, 3, 0].iter().flat_map(|n| n.to_ne_bytes()).collect();
         let found = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(khr.clone()));
         assert_eq!(found.pci_bus.as_deref(), Some("0001:c2:03.0"));

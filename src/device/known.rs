@@ -2,12 +2,14 @@
 //! starts only the driver of this device, and does not repeat the test of the device's lane operations (how its
 //! work-items exchange values).
 
+use super::asked::may_be_usable_soon;
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;
 use super::lanes::probe;
-use super::{Device, DeviceInfo, LaneTest, variables};
+use super::{Device, DeviceInfo, LaneTest, Survey, variables};
 use crate::cache::Cache;
 use crate::error::Result;
+use crate::reader::may_write;
 use crate::sources::Sources;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -18,6 +20,12 @@ const KIND: &str = "devices";
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
+/// A note on an accelerator that this process may not use.
+const FORBIDDEN: &str = " (may not be used)";
+/// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
+/// these accelerators. The drivers of other platforms, such as rusticl, list only devices that the user names, or their
+/// platforms are not there without a device.
+const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 
@@ -51,23 +59,41 @@ pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
 }
 
 fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> Result<Vec<Device>> {
-    let mut devices = discover_untested()?;
+    let mut survey = discover_untested()?;
     if lane_test == LaneTest::Now {
-        devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+        survey.devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
     }
-    store(cache, key, &devices);
-    Ok(devices)
+    let hardware: Vec<String> = HARDWARE.iter().flat_map(|folder| accelerators(Path::new(folder))).collect();
+    store(cache, key, &survey, &hardware);
+    Ok(survey.devices)
 }
 
-/// Stores a list of devices. Does not store a list with assumed lane operations, since later runs would take the
-/// assumptions for facts.
-fn store(cache: &Cache, key: &str, devices: &[Device]) {
+/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
+/// with assumed lane operations, since later runs would take the assumptions for facts. Does not store a list that may
+/// soon be another one either, since its key may not change then.
+fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
+    let Survey { devices, empty_platforms } = survey;
     let infos: Vec<&DeviceInfo> = devices.iter().map(|device| &device.info).collect();
     if devices.iter().all(|device| device.lanes_are_tested)
+        && is_lasting(&infos, empty_platforms, hardware)
         && let Ok(bytes) = serde_json::to_vec(&infos)
     {
         cache.put(KIND, key, &bytes);
     }
+}
+
+/// Returns whether a list probably stays the same until the system starts again. It does not if a device may be usable
+/// soon, or if a driver lists no device although the system shows some: perhaps a GPU is being reset, or the driver's
+/// module is being loaded again.
+fn is_lasting(infos: &[&DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
+    let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
+    let shows =
+        |start: &str| hardware.iter().any(|name| name.starts_with(start) && !name.ends_with(FORBIDDEN));
+    let lacks = |platform: &String| {
+        let platform = platform.to_lowercase();
+        LISTED_BY.iter().any(|&(name, start)| platform.contains(name) && shows(start))
+    };
+    !recovers && !empty_platforms.iter().any(lacks)
 }
 
 /// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
@@ -79,7 +105,8 @@ fn key(sources: &Sources) -> Result<String> {
     let vendors = vendor_paths(|name| std::env::var_os(name));
     // Other systems than Linux have no such file, and their lists stay valid longer.
     let boot = std::fs::read_to_string(BOOT).unwrap_or_default();
-    Ok(key_of(&probe(sources)?, (cores, boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
+    let (probe, _) = probe(sources)?;
+    Ok(key_of(&probe, (cores, boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
 }
 
 fn key_of(
@@ -130,25 +157,12 @@ fn accelerators(folder: &Path) -> Vec<String> {
         ["nvidia", "kfd", "card", "render", "accel"].iter().any(|word| name.starts_with(word))
     };
     let noted = |name: String| {
-        let note = if may_use(&folder.join(&name)) { "" } else { " (may not be used)" };
+        let note = if may_write(&folder.join(&name)).is_ok() { "" } else { FORBIDDEN };
         name + note
     };
     let mut names: Vec<String> = names.filter(known).map(noted).collect();
     names.sort();
     names
-}
-
-/// Returns whether this process may read and write a device's file. The file is not opened, since opening it could
-/// start the device.
-#[cfg(unix)]
-fn may_use(file: &Path) -> bool {
-    use rustix::fs::{Access, access};
-    access(file, Access::READ_OK | Access::WRITE_OK).is_ok()
-}
-
-#[cfg(not(unix))]
-fn may_use(_file: &Path) -> bool {
-    true
 }
 
 #[cfg(test)]
@@ -252,11 +266,39 @@ mod tests {
     fn a_list_with_assumptions_is_not_stored() {
         let place = tempfile::tempdir().unwrap();
         let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
-        let mut devices = discover_untested().unwrap();
-        store(&cache, "a", &devices);
-        devices[0].lanes_are_tested = false;
-        store(&cache, "b", &devices);
+        let mut survey = discover_untested().unwrap();
+        // Another device of this machine may be unusable, or its lane operations may be assumed.
+        survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
+        store(&cache, "a", &survey, &[]);
+        survey.devices[0].lanes_are_tested = false;
+        store(&cache, "b", &survey, &[]);
         assert_eq!([cache.get(KIND, "a"), cache.get(KIND, "b")].map(|list| list.is_some()), [true, false]);
+    }
+
+    #[test]
+    fn a_list_that_lacks_a_device_for_a_while_is_not_stored() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let usable = discover_untested().unwrap().devices.into_iter();
+        let usable: Vec<Device> =
+            usable.filter(|device| device.lanes_are_tested && device.info.unusable.is_none()).collect();
+        let stored = |unusable: Option<&str>, empty: &[&str], hardware: &[&str]| {
+            let mut devices = usable.clone();
+            devices[0].info.unusable = unusable.map(str::to_owned);
+            let [empty_platforms, hardware] =
+                [empty, hardware].map(|names| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
+            let key = format!("{unusable:?} {empty:?} {hardware:?}");
+            store(&cache, &key, &Survey { devices, empty_platforms }, &hardware);
+            cache.get(KIND, &key).is_some()
+        };
+        assert!(stored(None, &[], &["nvidia0"]));
+        assert!(!stored(Some("its driver says that it is not available"), &[], &[]));
+        assert!(stored(Some("its driver has no compiler for OpenCL C"), &[], &[]));
+        assert!(!stored(None, &["NVIDIA CUDA"], &["nvidia0"]));
+        assert!(!stored(None, &["AMD Accelerated Parallel Processing"], &["kfd", "renderD128"]));
+        assert!(stored(None, &["NVIDIA CUDA"], &[]) && stored(None, &["NVIDIA CUDA"], &["renderD128"]));
+        assert!(stored(None, &["NVIDIA CUDA"], &["nvidia0 (may not be used)"]));
+        assert!(stored(None, &["rusticl"], &["renderD128"]));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Finds out, by a test on the device, how the 32 work-items that share a tile can exchange values.
 
+use super::errors::{compiler_log, may_pass};
 use super::{DeviceInfo, quieting};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::manifest::{GROUP_LANES, PROBE_LANES, parameter_macro};
-use crate::sources::Sources;
+use crate::sources::{Sources, does_not_compile};
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,19 @@ const NO_ANSWER: u32 = u32::MAX;
 /// The file of the kernel that tests the operations.
 const PROBE: &str = "probe/lanes.cl";
 
+/// The result of trying an implementation out on a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Trial {
+    /// All answers are right.
+    Right,
+    /// Some answers are wrong.
+    Wrong,
+    /// The driver refuses the kernel, with this message.
+    Refused(String),
+    /// The device cannot be used now, for example because its memory is full, so the implementation may work.
+    Unknown,
+}
+
 impl LaneOperations {
     /// Returns the fastest number of tiles per work-group: several, if the work-items of one tile need not wait for
     /// those of another tile, and otherwise one.
@@ -71,21 +85,21 @@ impl LaneOperations {
         hinted(info).first().copied().unwrap_or_default()
     }
 
-    /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this device.
+    /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this device;
+    /// `None` if the device cannot be used now.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an implementation does not pass the test only because of a kernel file of the user.
     pub(super) fn find(
         info: &DeviceInfo,
         platform: ocl::Platform,
         device: ocl::Device,
         sources: &Sources,
-    ) -> Result<Self> {
-        let hinted = hinted(info);
-        if hinted.is_empty() {
-            return Ok(Self::default());
-        }
-        let source = probe(sources)?;
-        let right =
-            |operations: &Self| try_out(*operations, &source, info, platform, device).unwrap_or(false);
-        Ok(hinted.iter().copied().find(right).unwrap_or_default())
+    ) -> Result<Option<Self>> {
+        fastest(hinted(info), sources, |operations, source| {
+            try_out(operations, source, info, platform, device)
+        })
     }
 
     /// Returns the compiler option for the version of OpenCL C that the implementation needs.
@@ -98,10 +112,61 @@ impl LaneOperations {
     }
 }
 
-/// Returns the source of the kernel that tests the operations.
-pub(super) fn probe(sources: &Sources) -> Result<String> {
+/// Returns the source of the kernel that tests the operations, and the names of its files.
+pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
     let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
-    Ok(list + &sources.read_joined(PROBE)?)
+    let (text, files) = sources.read_joined(PROBE)?;
+    Ok((list + &text, files))
+}
+
+/// Returns the first of these implementations that works, and barriers if none does; `None` if an implementation could
+/// not be tried out. `try_out` takes the source of the test's kernel.
+///
+/// A mistake in a kernel file of the user must not make another implementation the fastest one: the kernels would then
+/// be compiled without the user's change. If an implementation works only with raycl's own files, this is an error.
+fn fastest(
+    hinted: &[LaneOperations],
+    sources: &Sources,
+    try_out: impl Fn(LaneOperations, &str) -> Trial,
+) -> Result<Option<LaneOperations>> {
+    for operations in hinted.iter().copied() {
+        let (source, files) = probe(sources)?;
+        let trial = try_out(operations, &source);
+        match &trial {
+            Trial::Right => return Ok(Some(operations)),
+            Trial::Unknown => return Ok(None),
+            Trial::Wrong | Trial::Refused(_) => {}
+        }
+        let own = sources.own_files()?;
+        let own: Vec<_> = files.iter().filter(|file| own.contains(file)).collect();
+        if own.is_empty() {
+            continue;
+        }
+        match (try_out(operations, &probe(&Sources::Embedded)?.0), trial) {
+            (Trial::Right, Trial::Refused(log)) => {
+                return Err(does_not_compile(&sources.located(&log, &files).0));
+            }
+            (Trial::Right, _) => {
+                let paths: Vec<_> = own.into_iter().map(|file| sources.path_of(file)).collect();
+                return Err(wrong_values(operations, &paths));
+            }
+            (Trial::Unknown, _) => return Ok(None),
+            (Trial::Wrong | Trial::Refused(_), _) => {}
+        }
+    }
+    Ok(Some(LaneOperations::default()))
+}
+
+/// Returns the error for the user's kernel files, with these paths, if an implementation gives wrong answers with them.
+fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
+    let message = format!(
+        "work-items that exchange values by {} get wrong values with {}; with raycl's own files, they get the right \
+         ones",
+        operations.about(),
+        paths.join(" and ")
+    );
+    Error::input(message)
+        .with_help("correct the file; comments in raycl's cl/common/lanes.cl explain the operations")
 }
 
 /// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept inline PTX.
@@ -119,15 +184,20 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Returns whether a kernel with this implementation builds, runs and produces the right answers.
+/// Tries out whether a kernel with this implementation builds, runs and produces the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,
     info: &DeviceInfo,
     platform: ocl::Platform,
     device: ocl::Device,
-) -> ocl::Result<bool> {
-    Ok(ask(operations, source, info, platform, device)? == expected())
+) -> Trial {
+    match ask(operations, source, info, platform, device) {
+        Ok(answers) if answers == expected() => Trial::Right,
+        Ok(_) => Trial::Wrong,
+        Err(error) if error.api_status().is_some_and(may_pass) => Trial::Unknown,
+        Err(error) => Trial::Refused(compiler_log(&error.to_string())),
+    }
 }
 
 /// Returns the answers of a kernel with this implementation.
@@ -231,11 +301,53 @@ mod tests {
                  #define sub_group_reduce_add(value) (value)
                  #define sub_group_reduce_min(value) (value)\n"
             );
-            let source = functions + &probe(&Sources::Embedded).unwrap();
+            let source = functions + &probe(&Sources::Embedded).unwrap().0;
             ask(LaneOperations::SubGroups, &source, &info, platform, device).unwrap()
         };
         assert!(ask_with(LANES).chunks(ANSWERS).all(|answers| answers[ANSWERS - 1] < 32));
         assert!([64, 16].iter().all(|lanes| ask_with(*lanes).iter().all(|answer| *answer == NO_ANSWER)));
+    }
+
+    #[test]
+    fn only_a_wrong_or_refused_kernel_means_that_an_implementation_does_not_work() {
+        const HINTED: [LaneOperations; 2] = [LaneOperations::Ptx, LaneOperations::PtxShuffles];
+        let found = |trials: [Trial; 2]| {
+            let trial =
+                |operations: LaneOperations, _: &str| trials[usize::from(operations == HINTED[1])].clone();
+            fastest(&HINTED, &Sources::Embedded, trial).unwrap()
+        };
+        let refused = || Trial::Refused("no".to_owned());
+        assert_eq!(found([Trial::Right, Trial::Right]), Some(LaneOperations::Ptx));
+        assert_eq!(found([refused(), Trial::Right]), Some(LaneOperations::PtxShuffles));
+        assert_eq!(found([Trial::Wrong, refused()]), Some(LaneOperations::Barriers));
+        assert_eq!(found([Trial::Unknown, Trial::Right]), None);
+        assert_eq!(found([refused(), Trial::Unknown]), None);
+        assert_eq!(
+            fastest(&[], &Sources::Embedded, |_, _| Trial::Wrong).unwrap(),
+            Some(LaneOperations::Barriers)
+        );
+    }
+
+    #[test]
+    fn a_mistake_in_the_users_file_is_told_if_raycls_own_file_works() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("common/lanes.cl");
+        std::fs::create_dir(folder.path().join("common")).unwrap();
+        std::fs::write(&file, "mine\n").unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let find = |own: Trial, raycls: Trial| {
+            let trial = |_, source: &str| if source.contains("mine") { own.clone() } else { raycls.clone() };
+            fastest(&[LaneOperations::Ptx], &sources, trial)
+        };
+        let refused = || Trial::Refused("common/lanes.cl:1:1: error: no".to_owned());
+        for (own, told) in [(refused(), "does not compile: "), (Trial::Wrong, "get wrong values with ")] {
+            let error = find(own.clone(), Trial::Right).unwrap_err();
+            let message = error.to_string();
+            assert_eq!(error.exit_code(), 2, "{message}");
+            assert!(message.contains(told) && message.contains(&file.display().to_string()), "{message}");
+            assert_eq!(find(own.clone(), Trial::Wrong).unwrap(), Some(LaneOperations::Barriers));
+            assert_eq!(find(own, Trial::Unknown).unwrap(), None);
+        }
     }
 
     #[test]

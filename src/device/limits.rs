@@ -31,6 +31,43 @@ pub struct DeviceLimits {
     pub lane_operations: LaneOperations,
 }
 
+/// Number of work-items in a work-group of a kernel that works with any number.
+const USUAL_GROUP: usize = 64;
+
+impl DeviceLimits {
+    /// Returns the number of work-items in work-groups of one row, for kernels that work with any number: 64, or the
+    /// largest power of two that the device allows.
+    pub fn usual_group(&self) -> usize {
+        self.group(USUAL_GROUP)
+    }
+
+    /// Returns the largest power of two that is not larger than `most` and that the device allows as the number of
+    /// work-items in a work-group of one row.
+    pub fn group(&self, most: usize) -> usize {
+        power_of_two(most.min(self.work_group_size).min(self.work_item_sizes[0]))
+    }
+
+    /// Returns a local size that the device allows: `local_size`, or as much of it as fits. While a work-group has too
+    /// many work-items, its longer side is halved.
+    pub fn fitting(&self, [across, down]: [u32; 2]) -> [u32; 2] {
+        let within = |side: u32, axis: usize| {
+            u32::try_from(self.work_item_sizes[axis]).map_or(side, |most| side.min(most)).max(1)
+        };
+        let [mut across, mut down] = [within(across, 0), within(down, 1)];
+        let most = self.work_group_size.max(1) as u64;
+        while u64::from(across) * u64::from(down) > most {
+            let longer = if across > down { &mut across } else { &mut down };
+            *longer /= 2;
+        }
+        [across, down]
+    }
+}
+
+/// Returns the largest power of two that is not larger than a number; 1 for 0.
+pub fn power_of_two(number: usize) -> usize {
+    1 << number.max(1).ilog2()
+}
+
 /// Returns the number of rays per vector that suits a device. On a CPU, the number is the reported number of floats per
 /// native vector, rounded down to 1, 2, 4, 8 or 16. On other devices it is 1, because their lanes are work-items.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
@@ -56,6 +93,30 @@ pub(crate) mod tests {
         is_cpu: false,
         lane_operations: LaneOperations::Barriers,
     };
+
+    #[test]
+    fn work_groups_are_as_large_as_the_device_allows() {
+        let of =
+            |work_group_size, work_item_sizes| DeviceLimits { work_group_size, work_item_sizes, ..EXAMPLE };
+        let usual = |items, across| of(items, [across, 1, 1]).usual_group();
+        assert_eq!([usual(1024, 1024), usual(32, 1024), usual(1024, 16)], [64, 32, 16]);
+        assert_eq!([usual(63, 63), usual(1, 1), usual(0, 0)], [32, 1, 1]);
+        assert_eq!(EXAMPLE.group(256), 256);
+        assert_eq!([0, 1, 7, 8, 9].map(power_of_two), [1, 1, 4, 8, 8]);
+    }
+
+    #[test]
+    fn a_local_size_is_halved_until_the_device_allows_it() {
+        let fitting = |work_group_size, size| DeviceLimits { work_group_size, ..EXAMPLE }.fitting(size);
+        assert_eq!(
+            [128, 127, 64, 16, 1].map(|most| fitting(most, [16, 8])),
+            [[16, 8], [8, 8], [8, 8], [4, 4], [1, 1]]
+        );
+        assert_eq!([fitting(8, [8, 8]), fitting(8, [1, 1]), fitting(0, [2, 3])], [[4, 2], [1, 1], [1, 1]]);
+        // Some devices allow only one row.
+        let one_row = DeviceLimits { work_item_sizes: [32, 1, 1], ..EXAMPLE };
+        assert_eq!([one_row.fitting([64, 8]), one_row.fitting([8, 8])], [[32, 1], [8, 1]]);
+    }
 
     #[test]
     fn widths_are_ray_widths() {

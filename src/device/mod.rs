@@ -4,6 +4,7 @@ mod alike;
 mod asked;
 mod discover;
 pub mod drivers;
+mod errors;
 mod hardware;
 mod kernel_cache;
 mod known;
@@ -18,15 +19,17 @@ pub mod variables;
 
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
+pub(crate) use errors::{compiler_log, lacks_resources};
 pub use hardware::Hardware;
 pub use kernel_cache::{cache_advice, cache_variables};
 pub use known::{list, pick_one};
 pub use lanes::{LaneOperations, LaneTest};
 pub use limits::DeviceLimits;
+pub(crate) use limits::power_of_two;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub(crate) use quieting::{Hush, quieting};
-pub use select::{default_place, pick_default, places, select, select_infos};
+pub use select::{default_place, places, select, select_infos};
 pub use threads::{pinning_variables, thread_variables};
 
 use crate::error::Result;
@@ -168,6 +171,11 @@ impl DeviceInfo {
         }
     }
 
+    /// Returns the label if other devices have the same name; `None` if the label is the device's own name.
+    pub fn own_label(&self) -> Option<&str> {
+        (self.label != self.name).then_some(self.label.as_str())
+    }
+
     /// Returns a text that identifies the device and its driver. The text is used to find the device again. It is also
     /// part of the keys under which measured points are stored.
     pub fn identity(&self) -> String {
@@ -180,6 +188,13 @@ impl DeviceInfo {
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")
+    }
+
+    /// Returns the number that makes the device's programs differ from those of other devices with the same name
+    /// (twins): for a CPU, the number of earlier twins, else 0, since GPUs with the same name can share a compiled
+    /// program.
+    pub fn program_twin(&self) -> usize {
+        if self.limits.is_cpu { self.twins_before } else { 0 }
     }
 
     /// Returns a text of everything that affects what the device's driver compiles from a source.
@@ -263,12 +278,19 @@ pub struct Device {
 
 impl Device {
     /// Finds by a test how the device's work-items exchange values (its lane operations), unless this is known already.
+    /// If the device cannot be used now, for example because its memory is full, the assumption stays as it is, and
+    /// the next call tests the device again.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a kernel file of the user is wrong.
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
             let _patience = patience::Patience::of_guarded();
-            let found = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
-            self.info.limits.lane_operations = found;
-            self.lanes_are_tested = true;
+            if let Some(found) = LaneOperations::find(&self.info, self.platform, self.device, sources)? {
+                self.info.limits.lane_operations = found;
+                self.lanes_are_tested = true;
+            }
         }
         Ok(())
     }

@@ -1,9 +1,9 @@
 //! Computes how many work-groups an NVIDIA multiprocessor holds at the same time, as the paper's Figure 5
-//! does for one device. Supports the compute capabilities in `table.rs`, from 2.0 to 9.0.
+//! does for one device. Supports the compute capabilities in `table.rs`.
 
 mod table;
 
-pub use table::{MULTIPROCESSORS, Multiprocessor, multiprocessor};
+pub use table::{MULTIPROCESSORS, Multiprocessor, capabilities, multiprocessor};
 
 /// Threads per warp.
 const WARP: u64 = 32;

@@ -9,9 +9,9 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the usable devices that match the patterns, each once, in the order of the patterns. Without patterns,
 /// returns every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or of a
-/// device's name or vendor. The case of letters does not matter. A pattern that matches no usable device is a user
-/// error.
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), any part of a platform's name or version or of a device's
+/// name or vendor, or a device's whole name for files (`slug`), which is the label of each of several devices with the
+/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error.
 pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
@@ -23,14 +23,9 @@ pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<
     Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
 }
 
-/// Returns the usable device to cast on if no device is named. GPUs come before accelerators, and accelerators before
-/// CPUs. Of several devices of the same kind, returns the device with the most compute units, or the first such device.
-pub fn pick_default(devices: &[Device]) -> Option<&Device> {
-    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
-    preferred(&infos).map(|place| &devices[place])
-}
-
-/// Picks like [`pick_default`], among devices that are not open, and returns an index.
+/// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators, and
+/// accelerators before CPUs. Of several devices of the same kind, returns the index of the device with the most compute
+/// units, or of the first such device.
 pub fn default_place(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -83,11 +78,13 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         "" => false,
         "all" => true,
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
-        _ => names(info).iter().any(|name| name.to_lowercase().contains(&pattern)),
+        // Of several devices with the same name, the first one's label is the beginning of the others' labels. So only
+        // a whole label selects a device.
+        _ => names(info).iter().any(|name| name.to_lowercase().contains(&pattern)) || info.slug() == pattern,
     }
 }
 
-/// Returns the texts with which patterns are compared.
+/// Returns the texts of which patterns may be parts.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }
@@ -113,11 +110,17 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
 }
 
 fn listing(infos: &[&DeviceInfo]) -> String {
-    let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
+    let lines: Vec<_> = infos.iter().map(|info| format!("  {}{}", info.describe(), only(info))).collect();
     format!(
         "Name devices by a part of a device's, platform's or vendor's name, by a kind (cpu, gpu, accelerator), or by 'all'. The devices are:\n{}",
         lines.join("\n")
     )
+}
+
+/// Returns how to select only this device, if other devices have the same name; else an empty text.
+fn only(info: &DeviceInfo) -> String {
+    let told = |label: &str| format!("; '{label}' selects only this device");
+    info.own_label().map(told).unwrap_or_default()
 }
 
 fn all_unusable<'a>(broken: impl Iterator<Item = &'a DeviceInfo>, pattern: &str) -> Error {
@@ -164,6 +167,21 @@ mod tests {
         assert_eq!(places(&["h200"]).unwrap(), [1, 2]);
         assert_eq!(places(&["GPU"]).unwrap(), [1, 2]);
         assert_eq!(places(&["cpu"]).unwrap(), [0]);
+    }
+
+    #[test]
+    fn the_whole_label_selects_one_of_several_equal_devices() {
+        let mut machine = [0, 1]
+            .map(|twins_before| DeviceInfo { twins_before, ..example("CUDA", "H200", DeviceKind::Gpu, 132) });
+        machine.iter_mut().for_each(|info| info.label = info.slug());
+        let places = |pattern: &str| super::places(&machine, &[pattern.to_owned()]);
+        let found = ["cuda-h200", "CUDA-H200-2 ", "h200"].map(|pattern| places(pattern).unwrap());
+        assert_eq!(found, [vec![0], vec![1], vec![0, 1]]);
+        let error = places("h100").expect_err("a mistake");
+        for label in ["cuda-h200", "cuda-h200-2"] {
+            assert!(error.remedy().contains(&format!("; '{label}' selects only this device")), "{error:?}");
+        }
+        assert!(!message(&["h100"]).contains("selects only"), "no label is needed");
     }
 
     #[test]

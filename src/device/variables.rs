@@ -11,9 +11,10 @@ struct Driver {
 
 /// The variables that affect times or pictures, for each driver. The key under which a measured point is stored is a
 /// hash. It also depends on the variables of the driver of the point's device, if they are set. Sources: the
-/// documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's
-/// guides to its OpenCL and DPC++ runtimes.
-const DRIVERS: [Driver; 3] = [
+/// documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide, Intel's guides
+/// to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), and Mesa's list of environment variables.
+/// Intel's compiler for GPUs takes each of its flags from a variable that begins with IGC_.
+const DRIVERS: [Driver; 5] = [
     Driver {
         platform: "portable computing language",
         deciding: &[
@@ -60,12 +61,24 @@ const DRIVERS: [Driver; 3] = [
             "CL_CONFIG_CPU_VECTORIZER_MODE",
             "CL_CONFIG_USE_VECTORIZER",
             "DPCPP_CPU_*",
+            "IGC_*",
         ],
     },
+    Driver {
+        platform: "amd accelerated parallel processing",
+        deciding: &[
+            "AMD_OCL_BUILD_OPTIONS",
+            "AMD_OCL_BUILD_OPTIONS_APPEND",
+            "GPU_ENABLE_WAVE32_MODE",
+            "GPU_ENABLE_WGP_MODE",
+        ],
+    },
+    Driver { platform: "rusticl", deciding: &["LP_NUM_THREADS", "RUSTICL_FEATURES"] },
 ];
 
-/// Variables that match a pattern in `DRIVERS`, but only make the driver print more.
-const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
+/// Variables that match a pattern in `DRIVERS`, but only make the driver print or write more.
+const LOGS: [&str; 4] =
+    ["IGC_DumpToCurrentDir", "IGC_DumpToCustomDir", "IGC_ShaderDumpEnable", "POCL_VECTORIZER_REMARKS"];
 
 /// The variable of `DRIVERS` that chooses the cores on which threads run. The choice of cores affects times, but not
 /// the compiled code.
@@ -73,13 +86,18 @@ const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for caches,
 /// for logs and for hiding devices. The `environment.json` of a run contains every such variable that is set.
-const FAMILIES: [&str; 14] = [
+const FAMILIES: [&str; 19] = [
+    "AMD_",
     "CL_CONFIG_",
     "CUDA_",
     "DPCPP_CPU_",
     "GPU_",
     "HIP_",
+    "HSA_",
+    "IGC_",
     "LD_PRELOAD",
+    "LP_",
+    "MESA_",
     "NVIDIA_",
     "OCLGRIND_",
     "OCL_ICD_",
@@ -154,11 +172,24 @@ mod tests {
         assert_eq!(pocl, ["POCL_AFFINITY=1", "POCL_WORK_GROUP_METHOD=1"]);
         assert_eq!(of("NVIDIA CUDA", &set), ["CUDA_FORCE_PTX_JIT=1"]);
         assert!(of("Oclgrind", &set).is_empty());
+        let set =
+            ["AMD_OCL_BUILD_OPTIONS_APPEND", "GPU_ENABLE_WAVE32_MODE", "IGC_VISAOptions", "LP_NUM_THREADS"];
+        let amds = of("AMD Accelerated Parallel Processing", &set);
+        assert_eq!(amds, ["AMD_OCL_BUILD_OPTIONS_APPEND=1", "GPU_ENABLE_WAVE32_MODE=1"]);
+        assert!(amds.iter().all(compiles), "programs with other options differ");
+        assert_eq!(of("Intel(R) OpenCL Graphics", &set), ["IGC_VISAOptions=1"]);
+        assert_eq!(of("rusticl", &set), ["LP_NUM_THREADS=1"]);
+        assert!(of("Portable Computing Language", &set).is_empty());
     }
 
     #[test]
     fn caches_logs_and_masks_decide_nothing() {
         let recorded = [
+            "AMD_LOG_LEVEL",
+            "HSA_ENABLE_SDMA",
+            "IGC_ShaderDumpEnable",
+            "LP_DEBUG",
+            "MESA_SHADER_CACHE_DIR",
             "POCL_CACHE_DIR",
             "POCL_KERNEL_CACHE",
             "POCL_DEBUG",
@@ -174,7 +205,13 @@ mod tests {
             "RUSTICL_ENABLE",
             "ZE_AFFINITY_MASK",
         ];
-        for platform in ["Portable Computing Language", "NVIDIA CUDA", "Intel(R) OpenCL"] {
+        for platform in [
+            "Portable Computing Language",
+            "NVIDIA CUDA",
+            "Intel(R) OpenCL",
+            "AMD Accelerated Parallel Processing",
+            "rusticl",
+        ] {
             assert!(of(platform, &recorded).is_empty(), "{platform}");
         }
         let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));

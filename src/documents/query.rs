@@ -9,7 +9,7 @@ use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
 use super::published::published;
 use super::sources::{Source, Sources};
 use crate::error::nearest;
-use crate::record::{Record, fewest, not_enough, ranking, ratio, significant};
+use crate::record::{Record, not_enough, ranking, ratio, significant, why_unranked};
 use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
@@ -109,10 +109,18 @@ struct Side {
 }
 
 impl Side {
-    /// Returns the number of samples, as in " (n = 3)", if the record has too few samples for a 95% interval.
+    /// Returns the reason in brackets, such as " (n = 3)", if the record has a median but no 95% interval.
     fn few(&self) -> String {
         let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
-        few.map_or(String::new(), |record| format!(" (n = {})", fewest(record)))
+        few.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
+    }
+
+    /// Returns why the value is not known well enough for a ratio.
+    fn obstacle(&self) -> Option<String> {
+        match &self.told {
+            Told::Nothing(why) => Some(why.clone()),
+            _ => self.median_of.as_ref().and_then(not_enough),
+        }
     }
 }
 
@@ -131,14 +139,18 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
 /// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all reports:
 /// from pairs of samples that were measured close in time.
 fn quotient(one: &Side, other: &Side) -> Told {
-    if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
-        let few = || Told::Nothing("not enough samples".into());
-        return ratio(one, other).map_or_else(few, |ratio| Told::Number(ratio.middle, Form::Measure));
-    }
-    match (&one.told, &other.told) {
-        (Told::Number(one, _), Told::Number(other, _)) => Told::Number(one / other, Form::Measure),
-        (Told::Nothing(why), _) | (_, Told::Nothing(why)) => Told::Nothing(why.clone()),
-        _ => Told::Nothing("not numbers".into()),
+    let both = one.median_of.as_ref().zip(other.median_of.as_ref());
+    let quotient = match (both, &one.told, &other.told) {
+        (Some((one, other)), ..) => ratio(one, other).map(|ratio| ratio.middle),
+        (None, Told::Number(one, _), Told::Number(other, _)) => Some(one / other),
+        (None, ..) => None,
+    };
+    match quotient {
+        Some(quotient) => Told::Number(quotient, Form::Measure),
+        None => {
+            let why = [one, other].into_iter().find_map(Side::obstacle);
+            Told::Nothing(why.unwrap_or_else(|| "not numbers".into()))
+        }
     }
 }
 
@@ -287,6 +299,29 @@ mod tests {
         assert_eq!(side(3).few(), " (n = 3)");
         assert_eq!(side(5).few(), "");
         assert_eq!(Side { median_of: None, ..side(3) }.few(), "");
+    }
+
+    #[test]
+    fn a_quotient_that_is_not_known_has_the_reason_of_its_operand() {
+        use crate::record::fixtures::{few, infeasible, judged, measured};
+        let records = judged([
+            measured("gpu", "wide", 1, 2.0),
+            infeasible("gpu", "local-triangles", 8, "too large"),
+            few("gpu", "naive", 8, 0.0, 30),
+            few("gpu", "naive", 4, 3.0, 3),
+        ]);
+        let side = |words: &[&str]| of_folder(&records, words, "x").expect("one record");
+        let [timed, refused, zero, few] =
+            [&["wide"][..], &["local-triangles"], &["naive", "8x8"], &["naive", "4x4"]].map(side);
+        for (operand, why) in [
+            (&refused, "infeasible"),
+            (&zero, "times below the timer's resolution"),
+            (&few, "not enough samples (n = 3)"),
+        ] {
+            let told = Told::Nothing(why.into());
+            assert_eq!([quotient(&timed, operand), quotient(operand, &timed)], [told.clone(), told]);
+        }
+        assert_eq!([refused.few(), zero.few()], ["", " (times below the timer's resolution)"]);
     }
 
     #[test]

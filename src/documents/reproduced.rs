@@ -67,12 +67,14 @@ fn counted(head: &str, claims: &[Value]) -> String {
     format!("- {head}, {} claims: {}.", claims.len(), counts.join(", "))
 }
 
-/// Returns a claim's verdict, and the first comparison with that verdict.
+/// Returns a claim's verdict, and the first comparison with that verdict. A claim is also unclear if some of its
+/// comparisons hold and the others cannot be made; then the first comparison that cannot be made is returned.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);
     let mut deciding = lines.iter().filter(|line| line["verdict"] == verdict);
-    let first = deciding.next().or(lines.first()).and_then(|line| line["text"].as_str()).unwrap_or_default();
+    let other = lines.iter().find(|line| line["verdict"] != VERDICTS[0]);
+    let first = deciding.next().or(other).and_then(|line| line["text"].as_str()).unwrap_or_default();
     let more = match deciding.count() {
         0 => String::new(),
         more => format!(" (and {more} more with this verdict)"),
@@ -83,4 +85,25 @@ fn decided(claim: &Value) -> String {
 /// Marks `__local` as code, since two underscores mean bold text in Markdown.
 fn code(text: &str) -> String {
     text.replace("__local", "`__local`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_claim_is_told_with_the_comparison_that_decides_it() {
+        let told = |verdict: &str, lines: &[(&str, &str)]| {
+            let lines: Vec<Value> =
+                lines.iter().map(|(text, verdict)| json!({ "text": text, "verdict": verdict })).collect();
+            decided(&json!({ "verdict": verdict, "lines": lines }))
+        };
+        let [held, failed, unclear, open] =
+            [("a", "held"), ("b", "did not hold"), ("c", "unclear"), ("d", "cannot be tested here")];
+        assert_eq!(told("held", &[held, held]), "**held**: a (and 1 more with this verdict)");
+        assert_eq!(told("did not hold", &[held, failed]), "**did not hold**: b");
+        assert_eq!(told("unclear", &[held, open, unclear]), "**unclear**: c");
+        assert_eq!(told("unclear", &[held, open]), "**unclear**: d");
+    }
 }

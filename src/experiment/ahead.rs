@@ -2,24 +2,30 @@
 //! compiles only one program at a time in each process. Each program is built once, even if many points use it.
 
 mod builder;
+mod room;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests;
 
 pub use builder::Builder;
+pub(super) use room::most_builders;
 
 use super::protocol::Built;
 use crate::accel::FINGERPRINT;
+use crate::device_lock::LockName;
 use crate::error::{Error, Result};
 use crate::program::Kept;
 use builder::{Patience, Pool};
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
+/// Idle builders keep their processes if scenes of this many times as many builders fit into memory, since new
+/// processes would have to start their drivers.
+const PLENTY: usize = 4;
 /// A program, identified by its device and the hash of its source and options. A program that traverses a tree also
 /// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
 /// scene, so such a program is also identified by its scene.
@@ -47,6 +53,9 @@ pub struct Order {
     pub program: Program,
     /// The point's index in the plan.
     pub point: usize,
+    /// The largest number of builders that may hold the point's scene at the same time, since more do not fit into
+    /// memory.
+    pub most_builders: usize,
 }
 
 /// A point that needs a program.
@@ -66,6 +75,8 @@ struct State {
     /// the program was already stored or could not be built, if its builder died or hung, or if a point has taken the
     /// result. A point that waits for its program takes the result from here.
     done: HashMap<Program, Option<Built>>,
+    /// The locks of the devices on which builders may begin programs.
+    free: BTreeSet<LockName>,
     closed: bool,
 }
 
@@ -104,6 +115,8 @@ impl Tally {
 pub struct Ahead {
     /// The stored programs of each worker's device.
     kept: Vec<Kept>,
+    /// The lock of each worker's device. Builders may always use a device that has no lock here.
+    locks: Vec<LockName>,
     state: Mutex<State>,
     changed: Condvar,
     tally: Mutex<Tally>,
@@ -122,9 +135,10 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of worker `i`'s device.
-    pub fn new(kept: Vec<Kept>) -> Self {
-        Self { kept, ..Self::default() }
+    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of worker `i`'s device, and
+    /// `locks[i]` is the lock of this device. No program is begun on a device before [`Self::go_on`] names its lock.
+    pub fn new(kept: Vec<Kept>, locks: Vec<LockName>) -> Self {
+        Self { kept, locks, ..Self::default() }
     }
 
     /// Calls `work` while builders run in parallel. `limit` is the longest time for building a program.
@@ -137,8 +151,9 @@ impl Ahead {
     ) -> R {
         std::thread::scope(|scope| {
             let _closing = Closing(self);
-            for builder in builders {
-                scope.spawn(move || self.serve(builder, &Patience { limit, interrupted }));
+            let count = builders.len();
+            for (number, builder) in builders.into_iter().enumerate() {
+                scope.spawn(move || self.serve([number, count], builder, &Patience { limit, interrupted }));
             }
             work()
         })
@@ -147,6 +162,18 @@ impl Ahead {
     /// Returns the counts of the programs built so far.
     pub fn tally(&self) -> Tally {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Lets builders begin programs on the devices with these locks, since no other process measures there.
+    pub fn go_on(&self, devices: &[LockName]) {
+        self.locked().free.extend(devices.iter().cloned());
+        self.changed.notify_all();
+    }
+
+    /// Keeps builders from beginning programs on the devices with these locks, since another process measures there.
+    /// Programs that builders have begun are completed.
+    pub fn pause(&self, devices: &[LockName]) {
+        self.locked().free.retain(|device| !devices.contains(device));
     }
 
     /// Requests the programs of points, in the order of the points.
@@ -188,27 +215,60 @@ impl Ahead {
     }
 
     /// Does the work of one builder: builds programs until the run ends. If a process dies or hangs, its program stays
-    /// unbuilt. The worker that measures the point then builds the program itself, and reports any error.
-    fn serve(&self, builder: Builder, patience: &Patience<'_>) {
+    /// unbuilt. The worker that measures the point then builds the program itself, and reports any error. `number` is
+    /// the builder's number, and `count` the number of builders.
+    fn serve(&self, [number, count]: [usize; 2], builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
-        while let Some(order) = self.next() {
-            let mut built = usual.build(&order, patience);
-            // If `lacks_log` is set, the driver took the program from the driver's own cache, and no compiler printed
-            // the program's number of registers. A process without this cache then compiles the program again.
-            if built.as_ref().is_some_and(|built| built.lacks_log) {
-                built = without_driver_cache.build(&order, patience);
+        let mut is_tight = false;
+        while self.has_next(number) {
+            while let Some(order) = self.next(number) {
+                is_tight |= order.most_builders < PLENTY * count;
+                let mut built = usual.build(&order, patience);
+                // If `lacks_log` is set, the driver took the program from the driver's own cache, and no compiler
+                // printed the program's number of registers. A process without this cache then compiles the program
+                // again.
+                if built.as_ref().is_some_and(|built| built.lacks_log) {
+                    built = without_driver_cache.build(&order, patience);
+                }
+                self.finish(order.program, built);
             }
-            self.finish(order.program, built);
+            // An idle process still holds a scene, in memory that the points being timed may need.
+            if std::mem::take(&mut is_tight) {
+                usual.end();
+                without_driver_cache.end();
+            }
         }
     }
 
-    fn next(&self) -> Option<Order> {
+    /// Waits until there is a program that a builder may begin. Returns false if the run has ended. The builders'
+    /// numbers count from 0.
+    fn has_next(&self, number: usize) -> bool {
         let mut state = self.locked();
-        while state.waiting.is_empty() && !state.closed {
+        while !state.closed && self.place_of_next(&state, number).is_none() {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        state.waiting.pop_front()
+        !state.closed
+    }
+
+    /// Takes the next program that a builder may begin; `None` if there is none now.
+    fn next(&self, number: usize) -> Option<Order> {
+        let mut state = self.locked();
+        let place = self.place_of_next(&state, number)?;
+        state.waiting.remove(place)
+    }
+
+    /// Returns the place of the first waiting program that a builder may begin: the scene fits into the memory of this
+    /// many builders, and no other process measures on the device.
+    fn place_of_next(&self, state: &State, number: usize) -> Option<usize> {
+        let may_begin =
+            |order: &Order| number < order.most_builders && self.is_free(state, order.program.device);
+        state.waiting.iter().position(may_begin)
+    }
+
+    /// Returns whether builders may begin programs on a worker's device.
+    fn is_free(&self, state: &State, device: usize) -> bool {
+        self.locks.get(device).is_none_or(|lock| state.free.contains(lock))
     }
 
     fn finish(&self, program: Program, built: Option<Built>) {
@@ -229,6 +289,12 @@ impl Ahead {
     #[cfg(test)]
     pub(super) fn ordered(&self) -> usize {
         self.locked().ordered.len()
+    }
+
+    /// Returns whether builders may begin programs on a worker's device.
+    #[cfg(test)]
+    pub(super) fn may_build_on(&self, device: usize) -> bool {
+        self.is_free(&self.locked(), device)
     }
 
     fn is_stored(&self, program: &Program) -> bool {

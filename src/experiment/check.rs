@@ -138,7 +138,7 @@ impl<'a> Checker<'a> {
 
 /// The image size of the frame that is cast after a build. One work-group is enough, since the compiled code does not
 /// depend on the image size.
-const SMALLEST: [u32; 2] = [1, 1];
+pub(super) const SMALLEST: [u32; 2] = [1, 1];
 
 fn build_kernel(
     session: &mut Session,

@@ -5,6 +5,7 @@ use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::SensorReading;
+use std::collections::BTreeSet;
 
 /// A timed frame: the launch in which it was measured, the moment of its measurement, and its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +18,16 @@ pub struct Taken {
     pub core_to_core_ns: Option<f64>,
     /// The frame's times.
     pub times: FrameTimes,
+}
+
+/// Returns the launches in which each point has at least `least` samples. `points` has the samples of each point.
+pub fn complete_launches(points: &[impl AsRef<[Taken]>], least: usize) -> BTreeSet<u32> {
+    let has =
+        |taken: &[Taken], launch: u32| taken.iter().filter(|sample| sample.launch == launch).count() >= least;
+    let samples = points.iter().flat_map(|taken| taken.as_ref());
+    let mut launches: BTreeSet<u32> = samples.map(|sample| sample.launch).collect();
+    launches.retain(|launch| points.iter().all(|taken| has(taken.as_ref(), *launch)));
+    launches
 }
 
 /// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all

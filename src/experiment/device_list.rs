@@ -8,7 +8,7 @@ use crate::child::output_within;
 use crate::device::patience::Patience;
 use crate::device::{self, DeviceInfo};
 use crate::error::{Error, Result};
-use crate::own_program::own_program;
+use crate::own_program::own_worker;
 use crate::sources::Sources;
 use std::ffi::OsString;
 use std::path::Path;
@@ -25,10 +25,7 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
         Ok(answer) => answer,
         Err(_) => ask(cl_dir)?.map_err(failed)?,
     };
-    match answer {
-        DeviceList::Devices(devices) => Ok(devices),
-        DeviceList::Failed { message, help } => Err(Error::run(message).with_help(help)),
-    }
+    answer.result()
 }
 
 fn failed(why: impl std::fmt::Display) -> Error {
@@ -58,8 +55,8 @@ fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],
 ) -> Result<std::result::Result<DeviceList, String>> {
-    let mut command = own_program()?;
-    command.args(["worker", "--list"]).envs(variables.iter().cloned());
+    let mut command = own_worker()?;
+    command.arg("--list").envs(variables.iter().cloned());
     if let Some(folder) = cl_dir {
         command.arg("--cl-dir").arg(folder);
     }
@@ -71,21 +68,24 @@ fn ask_with(
     };
     // A driver may print lines before the answer, which is the last line.
     let text = String::from_utf8_lossy(&output.stdout);
-    let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
-    Ok(serde_json::from_str(last).map_err(|_| {
+    Ok(serde_json::from_str(last_line(&text).unwrap_or_default()).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);
-        let last_words = words.lines().next_back().unwrap_or("it printed nothing");
+        let last_words = last_line(&words).unwrap_or("it printed nothing");
         format!("a driver ended the process that listed its devices ({}; {last_words})", output.status)
     }))
+}
+
+/// Returns the last line that is not blank.
+fn last_line(text: &str) -> Option<&str> {
+    text.lines().rev().map(str::trim).find(|line| !line.is_empty())
 }
 
 /// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
     // The list is stored in the user's cache, where the run's other processes find it.
-    let list = match device::list(&Cache::of_user(), sources) {
-        Ok(devices) => DeviceList::Devices(devices.into_iter().map(|device| device.info).collect()),
-        Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },
-    };
-    serde_json::to_string(&list).map_err(|error| Error::fault(error.to_string()))
+    let devices = device::list(&Cache::of_user(), sources);
+    let infos: Result<Vec<DeviceInfo>> =
+        devices.map(|devices| devices.into_iter().map(|device| device.info).collect());
+    serde_json::to_string(&DeviceList::from(infos)).map_err(|error| Error::fault(error.to_string()))
 }

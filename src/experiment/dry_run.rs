@@ -5,7 +5,7 @@ use super::{Point, Run, Work};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::record::HOST;
-use crate::strategy::{HostNeeds, Requirements, Workload};
+use crate::strategy::{Afterwards, HostNeeds, Requirements, Workload};
 use serde::Serialize;
 
 /// A point of a plan, with its predicted memory needs.
@@ -24,25 +24,30 @@ pub struct Forecast {
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
+    /// True if the point already has a record, so that a resumed run does not measure it again.
+    pub done: bool,
 }
 
 /// Returns a forecast for every point of a run. If two folders of kernels are compared, a point that uses kernels has a
-/// forecast for each folder.
-pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
+/// forecast for each folder. `done` contains the keys of the points that the run does not measure again.
+pub fn dry_run(run: &Run<'_>, done: &[String]) -> Result<Vec<Forecast>> {
     let available = Available::read();
+    let afterwards = Afterwards { verified: true, layers: false };
     let scenes = run.load_scenes()?;
     let forecast = |point: &Point, kernels: &Kernels<'_>| {
         let label = kernels.named(point, run.experiment);
         let scene_notes = scenes[point.scene].notes.clone();
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
             let device = HOST.to_owned();
-            return Forecast { label, device, needs: None, refused: None, not_for: None, scene_notes };
+            let (needs, refused, not_for) = (None, None, None);
+            return Forecast { label, device, needs, refused, not_for, scene_notes, done: false };
         };
         let info = run.devices[device];
         let strategy = &run.experiment.strategies[strategy].strategy;
         let workload = Workload::of(&scenes[point.scene].scene, point.image_size, local_size);
         let limits = run.experiment.emulate.apply(info.limits);
-        let on_host = || HostNeeds::of(strategy, &workload, limits.is_cpu, true).check(&available, 0).err();
+        let host_needs = || HostNeeds::of(strategy, &workload, limits.is_cpu, afterwards);
+        let on_host = || host_needs().check(&available, 0).err();
         let refused = Requirements::check(strategy, &workload, &limits).err().or_else(on_host);
         Forecast {
             label,
@@ -51,13 +56,22 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
             refused: refused.map(|infeasible| infeasible.reason),
             not_for: run.not_for(point, Some(info)),
             scene_notes,
+            done: false,
         }
     };
     let kernels = run.kernels()?;
+    let plan = run.plan();
     let mut forecasts = Vec::new();
-    for point in &run.plan().points {
+    for point in &plan.points {
         let of_folder = |one: &Kernels<'_>| one.during(|| forecast(point, one));
         forecasts.extend(of_point(&kernels, point).iter().map(of_folder));
+    }
+    if !done.is_empty() {
+        // These are the same points in the same order, the plan's.
+        let pending = run.pending_points(&plan, &plan.whole())?;
+        for (forecast, pending) in forecasts.iter_mut().zip(pending.iter().flatten()) {
+            forecast.done = done.contains(&pending.record.key);
+        }
     }
     Ok(forecasts)
 }
@@ -77,7 +91,7 @@ mod tests {
         let experiment = fixtures::experiment(lines);
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
-        let all = dry_run(&fixtures::run(&experiment, &devices, &locks)).unwrap();
+        let all = dry_run(&fixtures::run(&experiment, &devices, &locks), &[]).unwrap();
         let [host, naive, local, wide] = &all[..] else { panic!("{all:?}") };
         assert_eq!((host.device.as_str(), host.label.as_str()), (HOST, "triangle 8x5 host serial-f32"));
         assert!(host.needs.is_none() && host.refused.is_none() && host.not_for.is_none());
@@ -102,12 +116,33 @@ mod tests {
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
         let run = Run { other_sources: Some(&mine), ..fixtures::run(&experiment, &devices, &locks) };
-        let all = dry_run(&run).unwrap();
+        let all = dry_run(&run, &[]).unwrap();
         let labels: Vec<&str> = all.iter().map(|forecast| forecast.label.as_str()).collect();
         let point = "triangle 8x5 naive-scratch 4x4";
         let [built_in, of_mine] = ["built in", "mine"].map(|folder| format!("{point} ({folder})"));
         assert_eq!(labels, ["triangle 8x5 host serial-f32", built_in.as_str(), of_mine.as_str()]);
         let bytes = |one: &Forecast| one.needs.as_ref().unwrap().scratch_bytes;
         assert_eq!(bytes(&all[2]), 2 * bytes(&all[1]));
+    }
+
+    #[test]
+    fn the_points_with_a_record_are_done() {
+        let lines = "compare_scenes = true\nlocal_sizes = [4, 8]\nbaselines = ['serial']";
+        let other = "[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
+        let experiment = fixtures::experiment(&format!("{lines}\n{other}"));
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run =
+            Run { other_sources: Some(&Sources::Embedded), ..fixtures::run(&experiment, &devices, &locks) };
+        let plan = run.plan();
+        let pending = run.pending_points(&plan, &plan.whole()).unwrap();
+        let pending: Vec<_> = pending.iter().flatten().collect();
+        assert_eq!(pending.len(), 10);
+        for one in &pending {
+            let all = dry_run(&run, std::slice::from_ref(&one.record.key)).unwrap();
+            assert!(pending.iter().map(|one| &one.label).eq(all.iter().map(|forecast| &forecast.label)));
+            let is_this: Vec<bool> = pending.iter().map(|of| of.record.key == one.record.key).collect();
+            assert_eq!(all.iter().map(|forecast| forecast.done).collect::<Vec<_>>(), is_this);
+        }
     }
 }

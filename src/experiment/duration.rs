@@ -1,5 +1,6 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
+use super::complete::{Taken, complete_launches};
 use super::group::leaves_out_moved;
 use super::moved_processors::{WAITS, most_additional};
 use super::pending::PendingPoint;
@@ -27,7 +28,7 @@ pub struct Expected {
     pub points: [usize; 2],
     /// Number of launches per point.
     pub launches: usize,
-    /// Smallest number of frames per point.
+    /// Smallest number of frames that each point still needs.
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
@@ -55,8 +56,14 @@ impl Run<'_> {
     /// Predicts the duration of the run from `earlier` records. A point's time comes from a record of the same scene,
     /// device, strategy, local size and image size. If there is no such record, the time comes from a record of the
     /// same scene, device and strategy, scaled by the number of pixels. Points whose keys are in `done` are not
-    /// measured again.
-    pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
+    /// measured again, nor are the launches of a group that are complete in `samples`, which has the samples of earlier
+    /// sessions by the keys of points.
+    pub fn expected(
+        &self,
+        earlier: &[Record],
+        done: &[String],
+        samples: &HashMap<String, Vec<Taken>>,
+    ) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
         let by_name = by_name(earlier);
         let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
@@ -77,10 +84,12 @@ impl Run<'_> {
             expected.points[0] += own.len();
             expected.points[1] += timed.len();
             let timed = [timed, known(&again)].concat();
+            let launches = self.launches_left(own.iter().chain(&again).copied(), samples);
+            expected.least_frames = expected.least_frames.min(launches * self.stopping_rule().least());
             let is_on_host = group.iter().all(|pending| pending.record.is_baseline());
-            all.add(is_on_host, self.group_ms(&timed));
+            all.add(is_on_host, self.group_ms(&timed, launches));
             if leaves_out_moved(self, group) {
-                additional.add(is_on_host, self.most_additional_ms(&timed));
+                additional.add(is_on_host, self.most_additional_ms(&timed, launches));
             }
         }
         // If a shard is measured, `groups` lacks the points of the other shards' blocks, so `others` stays 0.
@@ -106,7 +115,8 @@ impl Run<'_> {
             let before = of(&pending.record);
             let known = before.and_then(|earlier| self.known(&pending.record, earlier));
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
-            let ms = self.group_ms(&[known.unwrap_or_else(|| guessed(&pending.record))]);
+            let known = known.unwrap_or_else(|| guessed(&pending.record));
+            let ms = self.group_ms(&[known], self.experiment.timing.launches as usize);
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
             Cost {
                 point: pending.point,
@@ -134,18 +144,31 @@ impl Run<'_> {
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
 
-    /// Returns the time for all launches of a group. In the first launch, pictures are compared with the reference.
-    fn group_ms(&self, points: &[Known]) -> f64 {
-        let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
-        f64::from(self.experiment.timing.launches) * self.launch_ms(points) + compare_ms
+    /// Returns the number of launches in which these points of a group still have to be measured. It is never 0, since
+    /// a group without a record is checked once more, even if earlier sessions have taken all its samples.
+    fn launches_left<'r>(
+        &self,
+        points: impl Iterator<Item = &'r Record>,
+        samples: &HashMap<String, Vec<Taken>>,
+    ) -> usize {
+        let of = |record: &Record| samples.get(&record.key).map(Vec::as_slice).unwrap_or_default();
+        let taken: Vec<&[Taken]> = points.map(of).collect();
+        let complete = complete_launches(&taken, self.stopping_rule().least()).len();
+        (self.experiment.timing.launches as usize).saturating_sub(complete).max(1)
     }
 
-    /// Returns the longest time that a group may need beyond `group_ms`: all launches are replaced, and every launch
-    /// takes more rounds and waits during its rounds. (Each launch may also wait for one second before its first round.
-    /// This second is not included.)
-    fn most_additional_ms(&self, points: &[Known]) -> f64 {
-        let launches = self.experiment.timing.launches as usize;
-        let replaced = most_additional(launches);
+    /// Returns the time for this many launches of a group. In the first launch, pictures are compared with the
+    /// reference.
+    fn group_ms(&self, points: &[Known], launches: usize) -> f64 {
+        let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
+        launches as f64 * self.launch_ms(points) + compare_ms
+    }
+
+    /// Returns the longest time that a group may need beyond `group_ms` for this many launches: all launches of the
+    /// group are replaced, and every launch takes more rounds and waits during its rounds. (Each launch may also wait
+    /// for one second before its first round. This second is not included.)
+    fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
+        let replaced = most_additional(self.experiment.timing.launches as usize);
         let most_rounds = f64::from(MOST_ROUNDS);
         let continued_ms = (most_rounds - 1.0 + WAITS * most_rounds) * self.rounds_ms(points);
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
@@ -271,9 +294,15 @@ impl fmt::Display for Expected {
 }
 
 impl Expected {
+    /// Returns whether every point that is to be measured has a time in an earlier record.
+    pub fn is_known(&self) -> bool {
+        let [points, known] = self.points;
+        points > 0 && known == points
+    }
+
     /// Returns how long the run takes, as far as that is known.
     fn how_long(&self) -> String {
-        let [points, known] = self.points;
+        let [_, known] = self.points;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
             return format!("at least {frames} of each point; how long this takes is unknown");
@@ -282,10 +311,10 @@ impl Expected {
             Duration::ZERO => String::new(),
             more => format!(" (up to {} more if samples must be repeated)", in_minutes(more)),
         };
-        let some = match known {
-            _ if known == points => ", based on earlier times".to_owned(),
-            some => {
-                format!(" for {some} of them, based on earlier times; the times of the others are unknown")
+        let some = match self.is_known() {
+            true => ", based on earlier times".to_owned(),
+            false => {
+                format!(" for {known} of them, based on earlier times; the times of the others are unknown")
             }
         };
         format!("about {}{more}{some}", in_minutes(self.time))
@@ -305,6 +334,7 @@ fn in_minutes(time: Duration) -> String {
 mod tests {
     use super::*;
     use crate::experiment::fixtures;
+    use crate::launch::FrameTimes;
 
     /// The earlier times of three points. The first two points were sampled four times per launch. The third has no
     /// known number of rounds, so the estimate assumes four rounds for it too.
@@ -318,7 +348,7 @@ mod tests {
     fn group_ms(launches: u32, warmup: u32) -> f64 {
         let timing = format!("timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}");
         let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-        fixtures::run(&experiment, &[], &fixtures::own_locks()).group_ms(&POINTS)
+        fixtures::run(&experiment, &[], &fixtures::own_locks()).group_ms(&POINTS, launches as usize)
     }
 
     #[test]
@@ -340,8 +370,9 @@ mod tests {
         // ms) and four rounds of 20 ms. Each of the six launches may take four more rounds, and wait for half the time
         // of all eight rounds.
         let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
-        assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 160.0);
-        assert_eq!(run.most_additional_ms(&[]), 0.0);
+        assert_eq!(run.most_additional_ms(&POINTS, 3), replaced_ms + 6.0 * 160.0);
+        assert_eq!(run.most_additional_ms(&POINTS, 1), replaced_ms + 4.0 * 160.0);
+        assert_eq!(run.most_additional_ms(&[], 3), 0.0);
     }
 
     #[test]
@@ -352,6 +383,12 @@ mod tests {
         let additional = Expected { additional: minutes(3), ..expected }.to_string();
         let more = "(up to 3m 5s more if samples must be repeated)";
         assert_eq!(additional, format!("2 points in 3 launches: about 4m 5s {more}, based on earlier times"));
+    }
+
+    #[test]
+    fn the_time_is_known_only_if_every_point_was_measured_before() {
+        let is_known = |points| Expected { points, ..Expected::default() }.is_known();
+        assert_eq!([[0, 0], [2, 0], [2, 1], [2, 2]].map(is_known), [false, false, false, true]);
     }
 
     #[test]
@@ -412,7 +449,8 @@ mod tests {
         let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
         let run = fixtures::run(&experiment, &devices, &locks);
-        assert_eq!(run.expected(&[], &[]).unwrap().points, [2, 0], "the caster on the host and `naive`");
+        let expected = run.expected(&[], &[], &HashMap::new()).unwrap();
+        assert_eq!(expected.points, [2, 0], "the caster on the host and `naive`");
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let [host, naive, wide] =
@@ -472,7 +510,8 @@ mod tests {
         assert!(blocks.iter().any(crate::shard::Block::borrows_control), "{blocks:?}");
         let shared =
             Run { spread: true, blocks: Some(&blocks[..]), ..fixtures::run(&experiment, &devices, &locks) };
-        let expected = |run: &Run<'_>| run.expected(&earlier, &["of an earlier plan".to_owned()]).unwrap();
+        let done = ["of an earlier plan".to_owned()];
+        let expected = |run: &Run<'_>| run.expected(&earlier, &done, &HashMap::new()).unwrap();
         let (alone, shared) = (expected(&alone), expected(&shared));
         assert_eq!((alone.points, alone.others), ([12, 12], 1));
         assert_eq!((shared.points, shared.others), ([12, 12], 1));
@@ -485,6 +524,42 @@ mod tests {
             groups.add(is_on_host, ms);
         }
         assert_eq!([1, 2, 0].map(|devices| groups.ms_on(devices)), [14.0, 11.0, 14.0]);
+    }
+
+    #[test]
+    fn launches_that_are_complete_are_not_expected_again() {
+        let timing = "timing = { launches = 4, min_samples = 20, max_samples = 20 }";
+        let experiment = fixtures::experiment(&format!("local_sizes = [4, 8]\n{timing}"));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let groups = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
+        let timed = |pending: &PendingPoint| Record {
+            outcome: Outcome::Measured,
+            host_median_ms: Some(1000.0),
+            samples_ms: vec![1000.0; 20],
+            ..pending.record.clone()
+        };
+        let earlier: Vec<Record> = groups.iter().flatten().map(timed).collect();
+        let times = FrameTimes::whole(1.0, 1.0);
+        let sample = |launch: u32| Taken { launch, at_ms: 0.0, core_to_core_ns: None, times };
+        // The second point lacks a sample of the last launch.
+        let expected = |launches: &[u32]| {
+            let all: Vec<Taken> =
+                launches.iter().flat_map(|launch| std::iter::repeat_n(sample(*launch), 5)).collect();
+            let fewer = all[..all.len().saturating_sub(1)].to_vec();
+            let keys = earlier.iter().map(|record| record.key.clone());
+            let samples: HashMap<String, Vec<Taken>> = keys.zip([all, fewer]).collect();
+            let of = |earlier: &[Record]| run.expected(earlier, &[], &samples).unwrap();
+            (of(&earlier).time.as_secs_f64(), of(&[]).least_frames)
+        };
+        let (all_s, frames) = expected(&[]);
+        let (half_s, frames_of_half) = expected(&[3, 5, 6]);
+        assert!((half_s / all_s - 0.5).abs() < 1e-6, "{half_s} of {all_s} s");
+        assert_eq!([frames, frames_of_half], [20, 10]);
+        // Even if no sample is missing, the points are checked in one launch.
+        let (least_s, _) = expected(&[0, 1, 2, 3, 4, 5, 6]);
+        assert!((least_s / all_s - 0.25).abs() < 1e-6, "{least_s} of {all_s} s");
     }
 
     #[test]

@@ -1,21 +1,24 @@
 //! Reads the results of earlier attempts at the same part of an experiment. The folders of these attempts are not
 //! changed, since one of the attempts may still be running.
 
+use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
+use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, Record, RoundLoad, Sample, read_lines};
+use crate::record::{AnchorSample, Lines, Record, RoundLoad, Sample, read_lines};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts: all records, and everything that was measured in each launch in which a point
-/// without a record was measured.
+/// The results of earlier attempts: one record of each point that has one, and everything that was measured in each
+/// launch in which a point without a record was measured.
 #[derive(Debug, Default)]
 pub struct Before {
-    /// For each point, records of later attempts follow those of earlier attempts.
+    /// If several attempts have a record of a point, the one with the lowest rank, as in a merge.
     pub records: Vec<Record>,
     /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it
-    /// was taken.
+    /// was taken. Samples that do not count are left out.
     pub samples: Vec<Sample>,
     /// The times of the anchor in these launches, under their new numbers.
     pub anchors: Vec<AnchorSample>,
@@ -25,17 +28,20 @@ pub struct Before {
 
 /// Reads the folders of earlier attempts.
 pub fn read(folders: &[PathBuf]) -> Result<Before> {
-    let mut before = Before::default();
-    for folder in folders {
-        before.records.extend(lines::<Record>(&folder.join(RECORDS))?);
-    }
+    let mut before = Before { records: records(folders)?, ..Before::default() };
     let done: HashSet<&str> = before.records.iter().map(|record| record.key.as_str()).collect();
     let mut next = 0;
     for folder in folders {
+        let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
+        let mut latencies_ns: Vec<f64> = rounds.iter().filter_map(|line| line.core_to_core_ns).collect();
+        latencies_ns.sort_unstable_by(f64::total_cmp);
+        let near_ns = near_ns(&latencies_ns);
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
         // What an attempt copied from an earlier attempt is dropped, since the earlier attempt's folder contains it
         // too.
         samples.retain(|sample| sample.origin.is_none());
+        // Only the latencies of the attempt itself show which of its samples count.
+        samples.retain(|sample| is_near(sample.core_to_core_ns, near_ns));
         // The record of a control point that a block borrows is in a journal of its own.
         let controls = lines::<Record>(&folder.join(CONTROLS))?;
         let is_of_control = |sample: &Sample| {
@@ -48,18 +54,36 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
         let numbers = numbers(launches, &mut next);
         before.samples.extend(renumbered(samples, &numbers, |sample: &mut Sample| {
             sample.origin = Some(format!("{} launch {}", name(folder), sample.launch));
+            // Latencies of different machines are not compared, and the earlier attempt may have run on another one.
+            sample.core_to_core_ns = None;
             &mut sample.launch
         }));
         let anchors = lines::<AnchorSample>(&folder.join(ANCHORS))?;
         before.anchors.extend(renumbered(anchors, &numbers, |line| &mut line.launch));
-        let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
         before.rounds.extend(renumbered(rounds, &numbers, |line: &mut RoundLoad| {
-            // Latencies of different machines are not compared, and the earlier attempt may have run on another one.
             line.core_to_core_ns = None;
             &mut line.launch
         }));
     }
     Ok(before)
+}
+
+/// Returns one record of each point of which attempts have a record: the one with the lowest rank and, of several such
+/// records, the one of the first folder.
+fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
+    let mut records: Vec<Record> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
+    for folder in folders {
+        for record in lines::<Record>(&folder.join(RECORDS))? {
+            let place = *places.entry(record.key.clone()).or_insert(records.len());
+            match records.get_mut(place) {
+                Some(held) if record.outcome.rank() < held.outcome.rank() => *held = record,
+                Some(_) => {}
+                None => records.push(record),
+            }
+        }
+    }
+    Ok(records)
 }
 
 /// Returns the new number of each launch. The launches get consecutive numbers from `next` on, in the order in which
@@ -90,16 +114,22 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Reads a journal, which is a file with one JSON object per line. Returns nothing if the file is missing, as in the
-/// folder of an attempt that was killed early.
+/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns nothing if the
+/// file is missing, as in the folder of an attempt that was killed early.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+    if path.is_file() { Ok(told(read_lines(path)?, path.display())) } else { Ok(Vec::new()) }
+}
+
+/// Reports the damaged lines of a journal, and returns its other lines.
+pub(super) fn told<T>(read: Lines<T>, name: impl Display) -> Vec<T> {
+    read.damage(&name.to_string()).into_iter().for_each(printer::tell);
+    read.lines
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::JsonLines;
+    use crate::record::{JsonLines, Outcome};
 
     fn attempt(folder: &Path, record: &str, samples: &[(&str, u32, Option<&str>)]) -> PathBuf {
         std::fs::create_dir_all(folder).unwrap();
@@ -153,6 +183,43 @@ mod tests {
         let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
         assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);
         assert_eq!(rounds, anchors);
+    }
+
+    /// The second attempt ran on a machine whose cores are 2.3 times as far from each other as those of the first.
+    #[test]
+    fn whether_samples_count_depends_on_the_latency_in_their_own_attempt() {
+        let place = tempfile::tempdir().unwrap();
+        let of = |name: &str, near_ns: f64, other_ns: f64| {
+            let folder = attempt(&place.path().join(name), "done", &[]);
+            let load = RoundLoad { core_to_core_ns: Some(near_ns), ..RoundLoad::default() };
+            JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
+            let sample = |ns| Sample { key: "open".into(), core_to_core_ns: Some(ns), ..Sample::default() };
+            let samples = [near_ns, other_ns, near_ns].map(sample);
+            JsonLines::append_to(&folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
+            folder
+        };
+        let before = read(&[of("one", 57.0, 131.0), of("two", 131.0, 57.0)]).unwrap();
+        let launches: Vec<u32> = before.samples.iter().map(|sample| sample.launch).collect();
+        assert_eq!(launches, [0, 0, 1, 1]);
+        assert!(before.samples.iter().all(|sample| sample.core_to_core_ns.is_none()));
+    }
+
+    #[test]
+    fn a_point_has_the_record_that_a_merge_chooses_whichever_folder_comes_first() {
+        let place = tempfile::tempdir().unwrap();
+        let of = |name: &str, outcome: Outcome| {
+            let folder = place.path().join(name);
+            std::fs::create_dir(&folder).unwrap();
+            let record = Record { key: "k".into(), outcome, ..Record::default() };
+            JsonLines::append_to(&folder.join(RECORDS)).unwrap().append(&record).unwrap();
+            folder
+        };
+        let [crashed, measured] = [of("9999", Outcome::Crashed), of("10000", Outcome::Measured)];
+        for folders in [[crashed.clone(), measured.clone()], [measured, crashed]] {
+            let records = read(&folders).unwrap().records;
+            let outcomes: Vec<Outcome> = records.iter().map(|record| record.outcome).collect();
+            assert_eq!(outcomes, [Outcome::Measured]);
+        }
     }
 
     #[test]

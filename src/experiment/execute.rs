@@ -97,12 +97,12 @@ impl Run<'_> {
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns whether a record of a point is final, so that the point is not measured again. A failure is not final if
-    /// the run retries failed points. The record of a skipped point (its preset is meant for another kind of device) is
-    /// not final if this run is to measure the point.
+    /// Returns whether a point is not measured again, since it has this record. If the run retries failed points, a
+    /// failure is measured again, and so is a point that lacked memory only at that moment. The record of a skipped
+    /// point (its preset is meant for another kind of device) does not count if this run is to measure the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
-        !asked_for && (!self.retry_failed || record.outcome.is_fine())
+        !asked_for && (!self.retry_failed || record.is_final())
     }
 }
 

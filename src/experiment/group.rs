@@ -7,10 +7,11 @@ mod timed;
 
 use super::Run;
 use super::asleep;
-use super::complete::{Taken, complete};
+use super::complete::{Taken, complete, complete_launches};
 use super::moved_processors::{Launch, are_enough, leave_out_moved};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
+use super::results::MeasuredOn;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
 use crate::device::{DeviceInfo, DeviceKind};
@@ -89,7 +90,7 @@ impl OpenGroup {
         let (_, launches) = self.past(run, sink);
         let named = unnamed_device(run);
         let there = launches.last().and_then(|launch| sink.measured_on(*launch).or(named));
-        self.home = there.and_then(|there| run.devices.iter().position(|device| device.slug() == there));
+        self.home = there.and_then(|there| run.devices.iter().position(|device| there.may_be(device)));
     }
 
     /// Returns whether all points of the group have their records.
@@ -151,14 +152,9 @@ impl OpenGroup {
     /// Returns the samples of each point from earlier sessions, and the launches in which every point has enough
     /// samples.
     fn past(&self, run: &Run<'_>, sink: &impl ResultSink) -> (Vec<Vec<Taken>>, BTreeSet<u32>) {
-        let least = run.stopping_rule().least();
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
-        let has = |taken: &Vec<Taken>, launch: u32| {
-            taken.iter().filter(|sample| sample.launch == launch).count() >= least
-        };
-        let mut launches: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
-        launches.retain(|launch| past.iter().all(|taken| has(taken, *launch)));
+        let launches = complete_launches(&past, run.stopping_rule().least());
         (past, launches)
     }
 
@@ -167,7 +163,7 @@ impl OpenGroup {
     fn is_of_own_device(&self, launch: u32, run: &Run<'_>, sink: &impl ResultSink) -> bool {
         let named = unnamed_device(run);
         let mut own = self.points.iter().filter_map(|pending| device_of(run, pending));
-        sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| device.slug() == there))
+        sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| there.may_be(device)))
     }
 
     /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
@@ -234,7 +230,7 @@ impl OpenGroup {
                     self.points.push(pending);
                     continue;
                 }
-                Ok((record, false)) => sink.keep(*record)?,
+                Ok((record, false)) => sink.keep(pending.refused(*record))?,
                 Err(refusal) => sink.keep(refusal.write_into(pending.record))?,
             }
             sink.advances(left);
@@ -316,8 +312,8 @@ impl OpenGroup {
 
 /// Returns the device that measured a launch whose samples name none, if points are distributed over devices. They were
 /// not distributed in the session of such a launch, so the first device, which all records name, measured it.
-fn unnamed_device(run: &Run<'_>) -> Option<String> {
-    run.devices.first().filter(|_| run.spread).map(|device| device.slug())
+fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
+    run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
 
 /// Returns the device that a point is measured on; `None` for a caster on the host.
@@ -343,7 +339,8 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Takes locks of devices. While other processes hold them, the sink is told that the run waits.
+/// Takes locks of devices. While other processes hold them, the sink is told that the run waits, and builders begin no
+/// programs on these devices: the work of builders would disturb the measurements of the other processes.
 fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,
@@ -351,10 +348,15 @@ fn take_locks(
     interrupted: &AtomicBool,
 ) -> Result<Vec<Held>> {
     let mut tells = |waiting: Waiting<'_>| match waiting {
-        Waiting::For(line) => sink.says(line),
+        Waiting::For(line) => {
+            run.ahead.into_iter().for_each(|ahead| ahead.pause(&devices));
+            sink.says(line);
+        }
         Waiting::Still => sink.waits(),
     };
-    run.locks.take_all_telling(devices, &mut tells, interrupted)
+    let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted)?;
+    run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
+    Ok(held)
 }
 
 /// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know these values.

@@ -1,6 +1,7 @@
 //! The points of a plan that still have to be measured, each with its data so far.
 
-use super::ahead::{Needs, Order, Program};
+use super::ahead::{Needs, Order, Program, most_builders};
+use super::check::SMALLEST;
 use super::complete::Taken;
 use super::draft::{Drafter, Hashed};
 use super::piece::Piece;
@@ -9,8 +10,9 @@ use super::{Built, Plan, Point, Run, Work};
 use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::error::Result;
+use crate::memory::Available;
 use crate::program::Sources;
-use crate::record::{PlannedPoint, Record};
+use crate::record::{Outcome, PlannedPoint, Record};
 use crate::scene::Scene;
 use crate::strategy::{Requirements, Values, Workload};
 use std::collections::HashMap;
@@ -33,6 +35,8 @@ pub struct PendingPoint {
     /// True if the point fits on the device, as far as that is known before a tree is built. If false, the point's
     /// program is not built, and the point's check reports the reason.
     pub fits: bool,
+    /// The largest number of builders that may hold the point's scene at the same time.
+    pub most_builders: usize,
     /// The result of building the point's program, if the program was built for this point.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
@@ -52,6 +56,7 @@ impl PendingPoint {
             record,
             not_for: None,
             fits: true,
+            most_builders: usize::MAX,
             built: None,
             verified: None,
             taken: Vec::new(),
@@ -63,13 +68,25 @@ impl PendingPoint {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
         Task { point: self.point, device: self.device, scene: self.scene, key, verified }
     }
+
+    /// Returns the record of the point, which cannot be cast now. A point that has been cast before exceeds no limit
+    /// for good: it lacks memory that other programs or other points hold at the moment. It counts as failed, since
+    /// its earlier launches would otherwise be lost unnoticed.
+    pub fn refused(&self, record: Record) -> Record {
+        let was_cast = self.verified.is_some() || !self.taken.is_empty();
+        match record.outcome {
+            Outcome::Infeasible if was_cast => Record { outcome: Outcome::LaunchFailed, ..record },
+            _ => record,
+        }
+    }
 }
 
 impl Needs for PendingPoint {
     fn order(&self) -> Option<Order> {
         let hash = self.record.program_hash.clone().filter(|_| self.fits && !self.record.is_baseline())?;
         let scene = self.record.scene_hash.clone().filter(|_| self.record.walks_tree());
-        Some(Order { program: Program { device: self.device, hash, scene }, point: self.point })
+        let program = Program { device: self.device, hash, scene };
+        Some(Order { program, point: self.point, most_builders: self.most_builders })
     }
 
     fn hears(&mut self, built: Option<Built>) {
@@ -116,6 +133,23 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
+    /// Returns how many builders may hold a point's scene at the same time, if the host has this much available memory.
+    fn most_builders(
+        &self,
+        point: &Point,
+        device: Option<&DeviceInfo>,
+        scene: &Scene,
+        available_bytes: u64,
+    ) -> usize {
+        let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {
+            return usize::MAX;
+        };
+        let workload = Workload::of(scene, SMALLEST, local_size);
+        let strategy = &self.experiment.strategies[strategy].strategy;
+        let processes = [self.devices.len(), self.all_sources().count()];
+        most_builders(strategy, &workload, &device.limits, available_bytes, processes)
+    }
+
     /// Returns whether the point is measured on devices of every kind.
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
@@ -131,6 +165,7 @@ impl Run<'_> {
     /// at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let kernels = self.kernels()?;
+        let available_bytes = self.ahead.map(|_| Available::read().bytes);
         let mut groups = Vec::new();
         let mut held: Option<(usize, Hashed)> = None;
         for piece in pieces {
@@ -146,6 +181,8 @@ impl Run<'_> {
                     let drafter = &kernels.drafter;
                     let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
                     let (record, fits) = kernels.during(draft);
+                    let room = |bytes| self.most_builders(point, device, &at.scene, bytes);
+                    let most_builders = kernels.during(|| available_bytes.map_or(usize::MAX, room));
                     let mut record = record?;
                     record.block = piece.block;
                     record.is_control = piece.borrows(number);
@@ -156,7 +193,7 @@ impl Run<'_> {
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
-                    drafted.fits = fits;
+                    (drafted.fits, drafted.most_builders) = (fits, most_builders);
                     points.push(drafted);
                 }
                 held = Some((point.scene, at));
@@ -245,9 +282,11 @@ fn of_kernels(record: &mut Record, label: &str) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ahead::Ahead;
     use super::super::asleep;
     use super::*;
     use crate::experiment::fixtures;
+    use crate::launch::FrameTimes;
 
     #[test]
     fn all_blocks_of_a_group_name_the_same_control_point() {
@@ -380,6 +419,46 @@ mod tests {
         assert_eq!(both, [of_worker(one), of_worker(other)]);
         assert_ne!(both[0].0, both[1].0);
         assert_eq!([both[0].1, both[1].1], [Some(40), Some(30)]);
+    }
+
+    #[test]
+    fn a_program_is_built_by_as_many_builders_as_fit_into_memory() {
+        let (small, locks, ahead) = (asleep::device(1.0), fixtures::own_locks(), Ahead::default());
+        let mut tiny = small.clone();
+        tiny.limits.global_bytes = 1;
+        let experiment = fixtures::experiment("local_sizes = [4]\nbaselines = ['serial']");
+        let told = |device: &DeviceInfo, ahead: Option<&Ahead>| {
+            let devices = [device];
+            let run = fixtures::run(&experiment, &devices, &locks);
+            let run = Run { ahead, ..run };
+            let groups = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
+            groups.iter().flatten().map(|pending| pending.most_builders).collect::<Vec<_>>()
+        };
+        assert_eq!(told(&tiny, Some(&ahead)), [usize::MAX, 1]);
+        assert_eq!(told(&tiny, None), [usize::MAX; 2], "without builders, memory is not looked at");
+        assert!(told(&small, Some(&ahead))[1] < usize::MAX);
+        let record = Record { program_hash: Some("a".into()), ..Record::default() };
+        let pending = PendingPoint { most_builders: 3, ..PendingPoint::new([0; 3], String::new(), record) };
+        assert_eq!(pending.order().map(|order| order.most_builders), Some(3));
+    }
+
+    #[test]
+    fn only_a_point_that_was_never_cast_is_infeasible() {
+        let of = |verified: Option<&str>, taken: usize, outcome: Outcome| {
+            let times = FrameTimes::whole(1.0, 1.0);
+            let sample = Taken { launch: 0, at_ms: 0.0, core_to_core_ns: None, times };
+            let mut pending = PendingPoint::new([0; 3], String::new(), Record::default());
+            pending.verified = verified.map(str::to_owned);
+            pending.taken = vec![sample; taken];
+            let refused =
+                pending.refused(Record { outcome, reason: Some("why".into()), ..Record::default() });
+            assert_eq!(refused.reason.as_deref(), Some("why"));
+            refused.outcome
+        };
+        assert_eq!(of(None, 0, Outcome::Infeasible), Outcome::Infeasible);
+        assert_eq!(of(Some("a hash"), 0, Outcome::Infeasible), Outcome::LaunchFailed);
+        assert_eq!(of(None, 5, Outcome::Infeasible), Outcome::LaunchFailed);
+        assert_eq!(of(Some("a hash"), 5, Outcome::WrongImage), Outcome::WrongImage);
     }
 
     #[test]

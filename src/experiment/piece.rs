@@ -34,12 +34,19 @@ impl Piece {
 impl Plan {
     /// Returns all groups of comparable points.
     pub fn whole(&self) -> Vec<Piece> {
-        pieces(self.groups())
+        let mut next = 0;
+        let piece = |group: &[Point]| {
+            let points = (next..next + group.len()).collect();
+            next += group.len();
+            Piece { points, ..Piece::default() }
+        };
+        self.groups().map(piece).collect()
     }
 
     /// Returns all groups of comparable points, with separate groups for each device and for the host.
     pub fn by_device(&self) -> Vec<Piece> {
-        pieces(self.groups_by_device())
+        let piece = |points| Piece { points, ..Piece::default() };
+        self.groups_by_device().into_iter().map(piece).collect()
     }
 
     /// Returns the points of some blocks, on each device. The blocks contain indices into the plan for one device.
@@ -72,18 +79,6 @@ impl Plan {
             |(place, point): (usize, &Point)| Some(((*first.get(&on_first(point))?, point.device), place));
         self.points.iter().enumerate().filter_map(place).collect()
     }
-}
-
-/// Returns one piece per group. The groups must be consecutive in the plan and cover it completely.
-fn pieces<'a>(groups: impl Iterator<Item = &'a [Point]>) -> Vec<Piece> {
-    let mut next = 0;
-    groups
-        .map(|group| {
-            let points = (next..next + group.len()).collect();
-            next += group.len();
-            Piece { points, ..Piece::default() }
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -67,10 +67,23 @@ impl Plan {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
 
-    /// Returns the groups of points for a run that is distributed over devices: each device, and the host, has its
-    /// own groups.
-    pub fn groups_by_device(&self) -> impl Iterator<Item = &[Point]> {
-        self.points.chunk_by(|one, other| self.compares(one, other) && one.device == other.device)
+    /// Returns the groups of points for a run that is distributed over devices: each device, and the host, has its own
+    /// groups. A group contains the indices of its points. If scenes are compared, points of another device may lie
+    /// between the points of a group.
+    pub fn groups_by_device(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (place, point) in self.points.iter().enumerate() {
+            let has_it = |group: &&mut Vec<usize>| {
+                let first = group.first().map(|first| &self.points[*first]);
+                first.is_some_and(|first| self.compares(first, point) && first.device == point.device)
+            };
+            // Most points are in the group of the point before.
+            match groups.iter_mut().rev().find(has_it) {
+                Some(group) => group.push(place),
+                None => groups.push(vec![place]),
+            }
+        }
+        groups
     }
 
     fn compares(&self, one: &Point, other: &Point) -> bool {
@@ -177,7 +190,7 @@ mod tests {
             prop_assert_eq!(distinct.len(), expected);
             let hosts = if baselines > 0 { cases } else { 0 };
             let kernels = if strategies > 0 { cases * devices } else { 0 };
-            prop_assert_eq!(plan.groups_by_device().count(), hosts + kernels);
+            prop_assert_eq!(plan.groups_by_device().len(), hosts + kernels);
             prop_assert_eq!(plan.groups().count(), if hosts + kernels > 0 { cases } else { 0 });
         }
     }
@@ -189,6 +202,10 @@ mod tests {
         let groups: Vec<_> = plan.groups().collect();
         assert_eq!(groups.iter().map(|group| group.len()).collect::<Vec<_>>(), [9, 9]);
         assert!(groups.iter().all(|group| group.iter().all(|point| point.image_size == group[0].image_size)));
+        // Of each scene, the first point is the host's, and the other two are the device's.
+        let by_device = plan.groups_by_device();
+        assert_eq!(by_device[..2], [vec![0, 3, 6], vec![1, 2, 4, 5, 7, 8]]);
+        assert_eq!(by_device.iter().map(Vec::len).collect::<Vec<_>>(), [3, 6, 3, 6]);
     }
 
     #[test]

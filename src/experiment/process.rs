@@ -3,7 +3,7 @@
 use super::protocol::{Job, Reply, Request};
 use super::supervisor::{Death, Spawner, Wait, Worker};
 use crate::error::{Error, Result};
-use crate::own_program::own_program;
+use crate::own_program::own_worker;
 use crate::program::CACHE_DISABLE;
 use serde::Serialize;
 use std::ffi::OsString;
@@ -44,8 +44,8 @@ impl Processes {
     /// Returns the command that starts a worker. `disabled` is the user's value of the environment variable that
     /// disables the driver's cache, if the user has set it.
     fn command(&self, disabled: Option<OsString>) -> Result<Command> {
-        let mut command = own_program()?;
-        command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut command = own_worker()?;
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // The end of a worker's standard error goes into records, where a backtrace would be too
         // long.
         command.env("RUST_BACKTRACE", "0");
@@ -210,7 +210,9 @@ mod tests {
         let disables = |processes: &Processes, of_user: Option<&str>| {
             let command = processes.command(of_user.map(OsString::from)).unwrap();
             assert!(command.get_args().eq(["worker"]));
-            assert!(command.get_envs().any(|set| set == ("RUST_BACKTRACE".as_ref(), Some("0".as_ref()))));
+            for (name, value) in [("RUST_BACKTRACE", "0"), ("RAYCL_WORKER", "1")] {
+                assert!(command.get_envs().any(|set| set == (name.as_ref(), Some(value.as_ref()))), "{name}");
+            }
             let set: Vec<_> = command.get_envs().filter(|(name, _)| *name == CACHE_DISABLE).collect();
             set.iter().any(|(_, value)| *value == Some("1".as_ref()))
         };

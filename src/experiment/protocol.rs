@@ -3,7 +3,7 @@
 use super::fault::{Fault, Step};
 use super::point_failure::PointFailure;
 use crate::device::{DeviceInfo, Hardware};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::Record;
 use serde::{Deserialize, Serialize};
@@ -53,7 +53,33 @@ pub enum DeviceList {
         message: String,
         /// The remedy.
         help: String,
+        /// True if the user made a mistake, for example in a kernel file.
+        is_mistake: bool,
     },
+}
+
+impl DeviceList {
+    /// Returns the devices, or the error that occurred.
+    pub fn result(self) -> Result<Vec<DeviceInfo>> {
+        match self {
+            Self::Devices(devices) => Ok(devices),
+            Self::Failed { message, help, is_mistake: true } => Err(Error::input(message).with_help(help)),
+            Self::Failed { message, help, is_mistake: false } => Err(Error::run(message).with_help(help)),
+        }
+    }
+}
+
+impl From<Result<Vec<DeviceInfo>>> for DeviceList {
+    fn from(result: Result<Vec<DeviceInfo>>) -> Self {
+        match result {
+            Ok(devices) => Self::Devices(devices),
+            Err(error) => Self::Failed {
+                message: error.to_string(),
+                help: error.remedy().to_owned(),
+                is_mistake: matches!(error, Error::Input(_)),
+            },
+        }
+    }
 }
 
 /// The result of building a program.
@@ -165,5 +191,16 @@ mod tests {
         let request = Request::Check { point: 7, key: "k".into(), verified: Some("h".into()) };
         let line = serde_json::to_string(&request).unwrap();
         assert_eq!(serde_json::from_str::<Request>(&line).unwrap(), request);
+    }
+
+    #[test]
+    fn the_process_that_lists_devices_tells_a_users_mistake_from_a_failure() {
+        for (error, code) in [(Error::input("a mistake"), 2), (Error::run("a failure"), 1)] {
+            let message = error.to_string();
+            let failed: Result<Vec<DeviceInfo>> = Err(error.with_help("a remedy"));
+            let line = serde_json::to_string(&DeviceList::from(failed)).unwrap();
+            let told = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap_err();
+            assert_eq!((told.exit_code(), told.to_string(), told.remedy()), (code, message, "a remedy"));
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Receives results and passes them on to the folder of results and to the observer.
 
 use super::complete::Taken;
+use super::results::MeasuredOn;
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::peak::Peak;
@@ -16,8 +17,10 @@ pub trait ResultSink {
     fn waits(&mut self) {}
     /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
-    /// Stores a sample of a point, which has this record so far.
-    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()>;
+    /// Stores a sample of a point, which has this record so far. If points are distributed over several devices of the
+    /// same model, `measured_by` is the UUID or the PCI address of the point's device, as far as it is known.
+    fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
+    -> Result<()>;
     /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
@@ -32,7 +35,7 @@ pub trait ResultSink {
     /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
     /// several devices of the same model. `None` if all devices that records name measured their own points, or if the
     /// launch measured only baselines.
-    fn measured_on(&self, launch: u32) -> Option<String>;
+    fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
     /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds.
     fn near_ns(&self) -> f64;
@@ -81,7 +84,7 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
-    fn measured_on(&self, launch: u32) -> Option<String> {
+    fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {
         self.results.past().devices.get(&launch).cloned()
     }
 
@@ -103,7 +106,13 @@ impl ResultSink for FolderSink<'_> {
         Ok(())
     }
 
-    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()> {
+    fn sample(
+        &mut self,
+        record: &Record,
+        round: u32,
+        measured_by: Option<&str>,
+        taken: &Taken,
+    ) -> Result<()> {
         let times = &taken.times;
         self.results.sample(&Sample {
             key: record.key.clone(),
@@ -120,6 +129,7 @@ impl ResultSink for FolderSink<'_> {
             batch: times.batch,
             sensed: times.sensed,
             measured_on: record.measured_on.clone(),
+            measured_by: measured_by.map(str::to_owned),
             origin: None,
         })
     }
@@ -178,8 +188,8 @@ mod tests {
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
         let record = Record { key: "a".into(), ..Record::default() };
         let of_second = Record { measured_on: Some("the second".into()), ..record.clone() };
-        sink.sample(&of_second, 1, &taken).unwrap();
-        sink.sample(&record, 2, &plain).unwrap();
+        sink.sample(&of_second, 1, Some("a UUID"), &taken).unwrap();
+        sink.sample(&record, 2, None, &plain).unwrap();
         for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
             sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
         }
@@ -189,7 +199,8 @@ mod tests {
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
         assert_eq!(sink.near_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
-        assert_eq!((sink.measured_on(9), sink.measured_on(3)), (of_second.measured_on, None));
+        let second = MeasuredOn { slug: "the second".into(), hardware: Some("a UUID".into()) };
+        assert_eq!((sink.measured_on(9), sink.measured_on(3)), (Some(second), None));
         assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
     }
 

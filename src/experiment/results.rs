@@ -1,17 +1,17 @@
 //! The folder into which a run writes its results.
 
 use super::complete::Taken;
-use super::earlier;
+use super::earlier::{self, told};
 use super::lock::Lock;
 use super::moved_processors::near_ns;
+use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
-use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
-    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Lines, Record, RoundLoad, Sample,
-    TEMPORARY_PREFIX, own_folder, read_lines, read_records, renew_intervals, sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
+    own_folder, read_lines, read_records, renew_intervals, sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
@@ -38,6 +38,24 @@ pub struct Results {
     _lock: Lock,
 }
 
+/// The device that measured a launch, if points were distributed over several devices of the same model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MeasuredOn {
+    /// The device's name for files.
+    pub slug: String,
+    /// The device's UUID or PCI address, if one of them is known.
+    pub hardware: Option<String>,
+}
+
+impl MeasuredOn {
+    /// Returns whether this is the device, as far as that is known. Equal names are not enough: they only number the
+    /// devices that a session sees, and other sessions may see other devices, or see them in another order.
+    pub fn may_be(&self, device: &DeviceInfo) -> bool {
+        let known = self.hardware.as_deref().zip(device.hardware.id());
+        self.slug == device.slug() && known.is_none_or(|(one, other)| one == other)
+    }
+}
+
 /// The results that existed before the current session: those of earlier sessions in the folder, or of earlier
 /// attempts.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,27 +65,11 @@ pub struct Past {
     /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
     /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
-    pub devices: HashMap<u32, String>,
+    pub devices: HashMap<u32, MeasuredOn>,
     /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
     /// The number of the next launch.
     pub next_launch: u32,
-}
-
-/// Reads a folder's journals. Damaged lines are reported and ignored; a point whose record is damaged is measured
-/// again.
-fn past(folder: &Path) -> Result<Past> {
-    let records = told(read_records(folder)?, RECORDS);
-    let controls = lines_of::<Record>(folder, CONTROLS)?;
-    let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
-    let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
-    // A launch's number is never used again, even if a journal was lost or damaged: records of equal launches are
-    // compared as if they were measured together.
-    let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
-    let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
-    let next = of_records.chain(of_lines).max().map_or(0, |last| last.saturating_add(1));
-    let past = Past::of(records, samples);
-    Ok(Past { rounds, next_launch: past.next_launch.max(next), ..past })
 }
 
 /// Reads a journal, and reports damaged lines. Returns no lines if the file is missing.
@@ -77,12 +79,6 @@ fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
         return Ok(Vec::new());
     }
     Ok(told(read_lines(&path)?, name))
-}
-
-/// Reports the damaged lines of a journal, and returns its other lines.
-fn told<T>(read: Lines<T>, name: &str) -> Vec<T> {
-    read.damage(name).into_iter().for_each(printer::tell);
-    read.lines
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -123,9 +119,9 @@ impl Results {
         let mut results = Self::create(folder, environment)?;
         results.host = Some(host.to_owned());
         let before = earlier::read(earlier)?;
-        before.samples.iter().try_for_each(|sample| results.samples.append(sample))?;
-        before.anchors.iter().try_for_each(|anchor| results.anchors.append(anchor))?;
-        before.rounds.iter().try_for_each(|load| results.rounds.append(load))?;
+        results.samples.append_all(&before.samples)?;
+        results.anchors.append_all(&before.anchors)?;
+        results.rounds.append_all(&before.rounds)?;
         results.past = Past::of(before.records, before.samples);
         Ok(results)
     }
@@ -149,7 +145,7 @@ impl Results {
             host: None,
             latencies_ns: Vec::new(),
             peak: Peak::kept_in(folder)?,
-            past: past(folder)?,
+            past: Past::in_folder(folder)?,
             _lock: lock,
         };
         let latencies_ns = results.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
@@ -224,9 +220,31 @@ impl Results {
         self.anchors.append(sample)
     }
 
-    /// Stores which points belong to the current run.
+    /// Stores which points belong to the current run. The folder's peak rates get the names that this run gives to
+    /// their devices.
     pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
+        self.rename_peak(plan)?;
         plan.write(&self.folder)
+    }
+
+    /// Gives the peak rates the plan's names of their devices. A device's name depends on the machine's other devices,
+    /// so an earlier session may have used another name.
+    fn rename_peak(&mut self, plan: &CurrentPlan) -> Result<()> {
+        // An earlier plan that cannot be read names nothing; the new plan replaces it.
+        let earlier = CurrentPlan::read(&self.folder).ok().flatten().unwrap_or_default();
+        let of_records = self.past.records.iter().map(|record| (record.key.as_str(), record.device.as_str()));
+        let points = || earlier.devices().into_iter().chain(of_records.clone());
+        let renamed = |peak: &Peak| {
+            let device = plan.device_called(&peak.device, points()).unwrap_or(&peak.device);
+            Peak { device: device.to_owned(), ..peak.clone() }
+        };
+        let mut all = Vec::new();
+        Peak::add_new(&mut all, self.peak.iter().map(renamed).collect());
+        if all != self.peak {
+            Peak::write(&all, &self.folder.join(peak::FILE))?;
+            self.peak = all;
+        }
+        Ok(())
     }
 
     /// Writes the summaries of the points in the folder's plan, and updates the 95% intervals in the journal of
@@ -243,6 +261,26 @@ impl Results {
 }
 
 impl Past {
+    /// Reads the results that `--resume` continues; none if the folder has no records. Damaged lines are reported and
+    /// ignored; a point whose record is damaged is measured again. The folder's lock is not needed: a run that is
+    /// writing to the folder only appends to it.
+    pub fn in_folder(folder: &Path) -> Result<Self> {
+        if !folder.join(RECORDS).is_file() {
+            return Ok(Self::default());
+        }
+        let records = told(read_records(folder)?, RECORDS);
+        let controls = lines_of::<Record>(folder, CONTROLS)?;
+        let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
+        let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
+        // A launch's number is never used again, even if a journal was lost or damaged: records of equal launches are
+        // compared as if they were measured together.
+        let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
+        let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
+        let next = of_records.chain(of_lines).max().map_or(0, |last| last.saturating_add(1));
+        let past = Self::of(records, samples);
+        Ok(Self { rounds, next_launch: past.next_launch.max(next), ..past })
+    }
+
     fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
         let mut past = Self::default();
         let last: HashMap<String, usize> =
@@ -265,7 +303,9 @@ impl Past {
                 sensed: sample.sensed,
             };
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
-            past.devices.extend(sample.measured_on.map(|device| (sample.launch, device)));
+            let hardware = sample.measured_by;
+            let device = sample.measured_on.map(|slug| MeasuredOn { slug, hardware });
+            past.devices.extend(device.map(|device| (sample.launch, device)));
             let taken = past.samples.entry(sample.key).or_default();
             // Samples of earlier versions of raycl state only the round in which they were taken, not the time.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
@@ -357,18 +397,43 @@ mod tests {
     }
 
     #[test]
+    fn rates_get_the_names_that_a_later_session_gives_to_their_devices() {
+        let folder = tempfile::tempdir().unwrap();
+        let peaks = |devices: &[&str]| -> Vec<Peak> {
+            devices.iter().map(|device| Peak { device: (*device).into(), ..Peak::default() }).collect()
+        };
+        let of = |key: &str, device: &str| Record { device: device.into(), ..record(key, Outcome::Measured) };
+        let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
+        first.keep_peak(peaks(&["gpu", "cpu", "other"])).unwrap();
+        // The first session finished a point of the CPU, and none of the GPU. Its plan names the devices of all points.
+        first.record(&of("b", "cpu")).unwrap();
+        first.plan(&CurrentPlan::of(&[of("a", "gpu"), of("b", "cpu")])).unwrap();
+        assert_eq!(first.peak(), peaks(&["gpu", "cpu", "other"]));
+        drop(first);
+        let mut second = Results::resume(folder.path(), &Environment::default()).unwrap();
+        let now = [of("a", "cuda-gpu"), of("c", "cuda-gpu-2"), of("b", "pocl-cpu")];
+        second.plan(&CurrentPlan::of(&now)).unwrap();
+        let expected = peaks(&["cuda-gpu", "pocl-cpu", "other"]);
+        assert_eq!(second.peak(), expected);
+        assert_eq!(Peak::kept_in(folder.path()).unwrap(), expected);
+    }
+
+    #[test]
     fn an_attempt_continues_launches_of_earlier_ones_with_their_anchors_and_their_load() {
         let place = tempfile::tempdir().unwrap();
         let [first, second] = ["first", "second"].map(|name| place.path().join(name));
         let mut earlier = Results::create(&first, &Environment::default()).unwrap();
-        earlier.sample(&Sample { key: "a".into(), launch: 4, ..Sample::default() }).unwrap();
+        let core_to_core_ns = Some(20.0);
+        earlier.sample(&Sample { key: "a".into(), launch: 4, core_to_core_ns, ..Sample::default() }).unwrap();
         earlier.anchor(&AnchorSample { launch: 4, ms: 2.5, ..AnchorSample::default() }).unwrap();
-        let load = RoundLoad { launch: 4, ms: 3.5, core_to_core_ns: Some(20.0), ..RoundLoad::default() };
+        let load = RoundLoad { launch: 4, ms: 3.5, core_to_core_ns, ..RoundLoad::default() };
         earlier.load(&load).unwrap();
         drop(earlier);
         let results = Results::of_attempt(&second, &Environment::default(), "node7", &[first]).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
-        assert_eq!(results.near_ns(), f64::INFINITY, "the earlier attempt may have run on another machine");
+        // The earlier attempt may have run on another machine.
+        let taken = &results.past().samples["a"][0];
+        assert_eq!((results.near_ns(), taken.core_to_core_ns), (f64::INFINITY, None));
         let anchors = lines_of::<AnchorSample>(&second, ANCHORS).unwrap();
         let rounds = lines_of::<RoundLoad>(&second, ROUNDS).unwrap();
         assert_eq!((anchors[0].launch, anchors[0].ms), (0, 2.5));

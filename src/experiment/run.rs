@@ -73,6 +73,12 @@ impl Run<'_> {
         }
     }
 
+    /// Returns the device that the records of kernels name if the points are distributed over devices of the same
+    /// model; `None` if they are not distributed.
+    pub(super) fn named_device(&self) -> Option<&DeviceInfo> {
+        self.devices.first().filter(|_| self.spread).copied()
+    }
+
     fn planned_devices(&self) -> usize {
         if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
@@ -101,7 +107,7 @@ impl Run<'_> {
             device_count: self.planned_devices(),
             device: device.map(DeviceInfo::identity),
             hardware: device.map(|device| device.hardware.clone()).unwrap_or_default(),
-            stands_for: self.devices.first().filter(|_| self.spread).map(|&device| device.clone()),
+            stands_for: self.named_device().cloned(),
             cl_dir: match sources {
                 Sources::Embedded => None,
                 Sources::Folder(folder) => Some(folder.clone()),

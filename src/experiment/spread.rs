@@ -6,6 +6,7 @@ use super::complete::Taken;
 use super::group::OpenGroup;
 use super::launches::{Waiting, serve};
 use super::result_sink::{FolderSink, ResultSink};
+use super::results::MeasuredOn;
 use super::supervisor::{Spawner, Supervisor};
 use crate::error::Result;
 use crate::record::{AnchorSample, Record, RoundLoad};
@@ -74,8 +75,14 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).keep(record)
     }
 
-    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()> {
-        locked(self.0).sample(record, round, taken)
+    fn sample(
+        &mut self,
+        record: &Record,
+        round: u32,
+        measured_by: Option<&str>,
+        taken: &Taken,
+    ) -> Result<()> {
+        locked(self.0).sample(record, round, measured_by, taken)
     }
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
@@ -98,7 +105,7 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).past(key)
     }
 
-    fn measured_on(&self, launch: u32) -> Option<String> {
+    fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {
         locked(self.0).measured_on(launch)
     }
 

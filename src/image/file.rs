@@ -51,7 +51,7 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
 }
 
 /// Checks, before any work is done, whether [`save`] would refuse a picture of this size. The reason can be the
-/// size, the file's extension, a missing folder, or an existing file.
+/// size, the file's extension, a folder that is missing or cannot be written to, or an existing file.
 pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();
@@ -204,7 +204,7 @@ mod tests {
     use std::path::PathBuf;
 
     fn target(path: &Path, force: bool) -> Target {
-        Target::new(path, Choice { force, elsewhere: "-o FILE" })
+        Target::new(path, Choice::new(force, "-o FILE"))
     }
 
     fn gradient(width: u32, height: u32) -> Radiance {

@@ -21,7 +21,7 @@ impl Alone {
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let queue = Queue::open(&device).unwrap();
-        let read = |name: &&str| Sources::Embedded.read_joined(name).unwrap();
+        let read = |name: &&str| Sources::Embedded.read_joined(name).unwrap().0;
         let source = [before, &files.iter().map(read).collect::<String>(), after].join("\n");
         let program =
             Program::builder().src(source).cmplr_opt(options).devices(queue.device).build(&queue.context);

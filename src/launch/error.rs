@@ -1,8 +1,7 @@
 //! Errors of a device or its driver.
 
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, lacks_resources};
 use crate::sensor::{UsedMemory, used_memory};
-use ocl::enums::Status;
 use thiserror::Error;
 
 /// Why a frame cannot be prepared or cast: the device or its driver refused a step, the tree could not be built, a
@@ -89,18 +88,6 @@ impl From<ocl::Error> for LaunchError {
     }
 }
 
-/// Returns whether a driver returns this status if memory or another resource is missing. For example, if other
-/// processes use nearly all memory of a GPU, NVIDIA's driver returns `CL_OUT_OF_HOST_MEMORY` when a context is made,
-/// and `CL_MEM_OBJECT_ALLOCATION_FAILURE` when data is transferred.
-fn lacks_resources(status: Status) -> bool {
-    matches!(
-        status,
-        Status::CL_MEM_OBJECT_ALLOCATION_FAILURE
-            | Status::CL_OUT_OF_RESOURCES
-            | Status::CL_OUT_OF_HOST_MEMORY
-    )
-}
-
 /// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a
 /// frame of `#` around it and ends with a link.
 fn without_frame(message: &str) -> String {
@@ -132,18 +119,6 @@ mod tests {
             "clFinish failed: no status"
         );
         assert_eq!(without_frame("a text\nof  two lines "), "a text of  two lines");
-    }
-
-    #[test]
-    fn memory_or_resources_may_be_missing_by_the_status() {
-        let missing = [
-            Status::CL_MEM_OBJECT_ALLOCATION_FAILURE,
-            Status::CL_OUT_OF_RESOURCES,
-            Status::CL_OUT_OF_HOST_MEMORY,
-        ];
-        assert!(missing.into_iter().all(lacks_resources));
-        let other = [Status::CL_INVALID_BUFFER_SIZE, Status::CL_INVALID_WORK_GROUP_SIZE, Status::CL_SUCCESS];
-        assert!(!other.into_iter().any(lacks_resources));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::caster::Caster;
 use super::frame::{FrameTimes, Phase};
-use super::parts::builder;
+use super::parts::{builder, in_rows};
 use super::setup::{Setup, background_arguments};
 use super::steps::{Extent, Step};
 use super::{LaunchError, Queue};
@@ -70,13 +70,9 @@ impl HalfLight {
         let rays = setup.strategy.width.rays();
         let kernel = |role: Role, [across, down]: [u32; 2]| {
             let kernel = setup.kernel_for(role)?;
-            let mut kernel = builder(setup.queue, setup.program, setup.strategy, kernel, &arguments)?;
-            kernel.global_work_size([
-                (across as usize).div_ceil(rays).next_multiple_of(GROUP[0]),
-                (down as usize).next_multiple_of(GROUP[1]),
-            ]);
-            kernel.local_work_size(GROUP);
-            Ok::<_, LaunchError>(Step::Run(kernel.build()?))
+            let kernel = builder(setup.queue, setup.program, setup.strategy, kernel, &arguments)?;
+            let items = [(across as usize).div_ceil(rays), down as usize];
+            Ok::<_, LaunchError>(Step::Run(in_rows(setup.queue, &kernel, items)?))
         };
         let filter = kernel(Role::FilterLight, workload.image_size)?;
         let apply = kernel(Role::ApplyLight, setup.workload.image_size)?;
@@ -120,9 +116,6 @@ impl HalfLight {
         Ok([self.lit.read()?.0, self.unoccluded.read()?.0])
     }
 }
-
-/// Local size of the kernels that filter the ratio and apply it: work-items across and down.
-const GROUP: [usize; 2] = [64, 1];
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]

@@ -78,7 +78,7 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
 
 #[test]
 fn the_loop_over_a_queue_ends_at_the_largest_number_of_entries() {
-    let text = Sources::Embedded.read_joined("tile_gpu/shade.cl").unwrap();
+    let text = Sources::Embedded.read_joined("tile_gpu/shade.cl").unwrap().0;
     let queued = text.lines().find(|line| line.starts_with("#define FOR_QUEUED")).expect("the loop");
     // The loop of this test gives up after four entries.
     let after = "__kernel void find(__global ulong *found, const __global float *unused) {

@@ -7,6 +7,7 @@ use super::frame::Phase;
 use super::setup::{Setup, Working, sees_sky};
 use super::steps::{Step, Steps};
 use super::{LaunchError, Queue};
+use crate::device::power_of_two;
 use crate::manifest::{self, NO_HIT, Role};
 use crate::program::BuiltProgram;
 use crate::strategy::Strategy;
@@ -15,18 +16,24 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
-/// Number of triangles that a work-group prepares or rasterises.
-const TRIANGLES_TOGETHER: usize = 64;
-
-/// Number of blocks of pixels, across and down, in which a work-group shows the sky. Some devices allow only one
-/// work-item per group in all dimensions but the first.
-const SKY_GROUP: [usize; 2] = [64, 1];
-
-/// Sets one work-item per triangle and ray origin. The work-group size is set explicitly, since OpenCL would choose
-/// a divisor of the number of triangles, perhaps 1.
-pub(super) fn size_for_triangles(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
-    kernel.global_work_size([triangles.next_multiple_of(TRIANGLES_TOGETHER), origins]);
-    kernel.local_work_size([TRIANGLES_TOGETHER, 1]);
+/// Builds a kernel that works with work-groups of any size, with at least this many work-items across and down. The
+/// kernel must ignore work-items beyond these numbers. The size of the groups is set explicitly, since OpenCL would
+/// choose a divisor of the number of work-items, perhaps 1. A group is one row, since some devices allow only one
+/// work-item per group in all dimensions but the first. It is shorter than usual if the compiled kernel supports only
+/// fewer work-items.
+pub(super) fn in_rows(
+    queue: &Queue,
+    kernel: &KernelBuilder<'_>,
+    [across, down]: [usize; 2],
+) -> Result<Kernel, LaunchError> {
+    let mut kernel = kernel.build()?;
+    let group = match kernel.wg_info(queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
+        KernelWorkGroupInfoResult::WorkGroupSize(most) => queue.group.min(power_of_two(most)),
+        _ => queue.group,
+    };
+    kernel.set_default_global_work_size([across.next_multiple_of(group), down].into());
+    kernel.set_default_local_work_size([group, 1].into());
+    Ok(kernel)
 }
 
 /// The inputs of all kernels of a frame.
@@ -134,15 +141,11 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         let arguments = self.arguments.clone().with("image", image);
-        let mut kernel = self.builder(self.kernel_for(Role::Background)?, &arguments)?;
+        let kernel = self.builder(self.kernel_for(Role::Background)?, &arguments)?;
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let (across, down) = self.setup.strategy.block();
-        kernel.global_work_size([
-            width.div_ceil(across).next_multiple_of(SKY_GROUP[0]),
-            height.div_ceil(down).next_multiple_of(SKY_GROUP[1]),
-        ]);
-        kernel.local_work_size(SKY_GROUP);
-        Ok(Some((phase, Step::Run(kernel.build()?))))
+        let blocks = [width.div_ceil(across), height.div_ceil(down)];
+        Ok(Some((phase, Step::Run(in_rows(self.setup.queue, &kernel, blocks)?))))
     }
 
     /// Returns the step that empties the heap before a kernel starts. The heap is the buffer from which a kernel
@@ -161,9 +164,9 @@ impl<'a> Parts<'a> {
         if self.prepared.is_none() || uploaded.triangle_count == 0 {
             return Ok(None);
         }
-        let mut kernel = self.builder(self.kernel_for(Role::Prepare)?, &self.arguments)?;
-        size_for_triangles(&mut kernel, uploaded.triangle_count, 1 + uploaded.light_count);
-        Ok(Some((phase, Step::Run(kernel.build()?))))
+        let kernel = self.builder(self.kernel_for(Role::Prepare)?, &self.arguments)?;
+        let items = [uploaded.triangle_count, 1 + uploaded.light_count];
+        Ok(Some((phase, Step::Run(in_rows(self.setup.queue, &kernel, items)?))))
     }
 
     /// Returns the steps of a rasteriser: they clear the buffers, find the depth of each pixel, then the triangle
@@ -181,9 +184,9 @@ impl<'a> Parts<'a> {
         }
         let arguments = arguments.clone().with("depth", &depth);
         for role in [Role::Primary, Role::Resolve] {
-            let mut kernel = builder(queue, program, strategy, self.kernel_for(role)?, &arguments)?;
-            size_for_triangles(&mut kernel, self.setup.uploaded.triangle_count, 1);
-            steps.push((Phase::Primary, Step::Run(kernel.build()?)));
+            let kernel = builder(queue, program, strategy, self.kernel_for(role)?, &arguments)?;
+            let kernel = in_rows(queue, &kernel, [self.setup.uploaded.triangle_count, 1])?;
+            steps.push((Phase::Primary, Step::Run(kernel)));
         }
         Ok(steps)
     }

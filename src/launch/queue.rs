@@ -19,6 +19,8 @@ pub struct Queue {
     pub device: Device,
     /// True if the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
+    /// Number of work-items in the work-groups of kernels that work with any number.
+    pub group: usize,
     /// Pinned memory of the host, for transfers.
     pub(super) staging: Arc<Staging>,
 }
@@ -31,7 +33,8 @@ impl Queue {
             let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;
             let shared = device.info(DeviceInfo::HostUnifiedMemory);
             let shares_memory = matches!(shared, Ok(DeviceInfoResult::HostUnifiedMemory(true)));
-            Ok(Self { context, commands, device, shares_memory, staging: Arc::default() })
+            let group = info.limits.usual_group();
+            Ok(Self { context, commands, device, shares_memory, group, staging: Arc::default() })
         };
         open().map_err(|error| {
             let error = LaunchError::from(error);
@@ -50,6 +53,14 @@ impl Queue {
     #[must_use]
     pub fn apart(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
+    }
+
+    /// Returns a queue that treats its device as if it allowed only work-groups of this many work-items, a power of
+    /// two.
+    #[cfg(test)]
+    #[must_use]
+    pub(crate) fn in_groups_of(self, group: usize) -> Self {
+        Self { group, ..self }
     }
 
     /// Returns whether a transfer of this many bytes uses pinned memory.

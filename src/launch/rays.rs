@@ -1,7 +1,7 @@
 //! Casts arbitrary rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
-use super::parts::{builder, size_for_triangles};
+use super::parts::{builder, in_rows};
 use super::records::Records;
 use super::scene::DeviceScene;
 use super::setup::{scene_arguments, soft_arguments};
@@ -112,9 +112,8 @@ fn prepare(
         .with("step_x", camera)
         .with("step_y", camera)
         .with("prepared", &prepared);
-    let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
-    size_for_triangles(&mut kernel, scene.triangle_count, 1);
-    let kernel = kernel.build()?;
+    let kernel = builder(queue, program, strategy, kernel, &arguments)?;
+    let kernel = in_rows(queue, &kernel, [scene.triangle_count, 1])?;
     // SAFETY: the kernel's arguments were checked; `prepared` has one row per triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };
     Ok(Some(prepared))

@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::frame::duration_ms;
-use super::parts::{builder, size_for_triangles};
+use super::parts::{builder, in_rows};
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
 use crate::program::BuiltProgram;
@@ -38,9 +38,8 @@ impl Records {
         let mut event = Event::empty();
         {
             let arguments = scene.with("records", &buffer);
-            let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
-            size_for_triangles(&mut kernel, triangles, 1);
-            let kernel = kernel.build()?;
+            let kernel = builder(queue, program, strategy, kernel, &arguments)?;
+            let kernel = in_rows(queue, &kernel, [triangles, 1])?;
             // SAFETY: the kernel's arguments were checked; the kernel writes one record per triangle, and the buffer
             // has room for all records.
             unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };

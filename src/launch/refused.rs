@@ -4,6 +4,7 @@ use super::LaunchError;
 use crate::device::DeviceInfo;
 use crate::error::Error;
 use crate::program::BuildError;
+use crate::sources::does_not_compile;
 use crate::strategy::{Cause, Infeasible};
 
 /// The obstacle that prevents a strategy from being cast.
@@ -39,10 +40,6 @@ const ANOTHER: &str =
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
 /// The remedy if a step fails because memory is missing.
 const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory; `raycl devices` lists other devices";
-
-/// The remedy for an error in a kernel file of the user.
-const OWN_FILE: &str =
-    "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
 impl Refused {
     /// Returns a function that adds to an error the name of the step that failed.
@@ -96,12 +93,13 @@ impl Refused {
                 Cause::Size => cannot(device, SMALLER),
             },
             Self::Host(_) => cannot("this machine", SMALLER),
-            Self::Build(error) if error.in_own_file => {
-                Error::input(format!("a kernel file does not compile: {reason}")).with_help(OWN_FILE)
-            }
+            Self::Build(error) if error.in_own_file => does_not_compile(reason),
             Self::Build(_) => Error::run(format!("the build of the kernels failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
+            Self::Launch { step, error: LaunchError::WorkGroup { .. } } => {
+                Error::input(format!("{step} failed: {reason}")).with_help(ANOTHER_SIZE)
+            }
             Self::Launch { step, error } => {
                 let remedy = if matches!(error, LaunchError::Resources(_)) { FREE_MEMORY } else { OTHERWISE };
                 Error::run(format!("{step} failed: {reason}")).with_help(remedy)
@@ -135,6 +133,16 @@ mod tests {
             assert_eq!((error.to_string().as_str(), error.remedy()), ("the launch failed: no", remedy));
             assert_eq!(error.exit_code(), 1);
         }
+    }
+
+    #[test]
+    fn if_a_kernel_supports_fewer_work_items_another_local_size_is_advised() {
+        let error = LaunchError::WorkGroup { kernel: "cast_frame".to_owned(), most: 512, items: 1024 };
+        let error = Refused::at("preparing the frame")(error).into_error(&device());
+        assert_eq!((error.exit_code(), error.remedy()), (2, ANOTHER_SIZE));
+        let message = "preparing the frame failed: the local size has 1024 work-items; the compiled kernel \
+                       cast_frame supports at most 512";
+        assert_eq!(error.to_string(), message);
     }
 
     #[test]

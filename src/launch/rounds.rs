@@ -2,7 +2,7 @@
 //! work-items. The frame's lights are processed in rounds, each with a fixed number of lights.
 
 use super::frame::Phase;
-use super::parts::{Parts, size_for_triangles};
+use super::parts::{Parts, in_rows};
 use super::setup::Setup;
 use super::shared::Shared;
 use super::steps::{Step, Steps};
@@ -123,9 +123,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = self.arguments.clone().with("count", triangles as i32);
         let arguments = arguments.with("first_origin", origins.start as i32);
         let arguments = arguments.with("first_light", first_light as i32);
-        let mut kernel = self.parts.builder(self.parts.kernel_for(Role::Prepare)?, &arguments)?;
-        size_for_triangles(&mut kernel, triangles, origins.len());
-        Ok(Some((phase, Step::Run(kernel.build()?))))
+        let kernel = self.parts.builder(self.parts.kernel_for(Role::Prepare)?, &arguments)?;
+        let kernel = in_rows(self.parts.setup.queue, &kernel, [triangles, origins.len()])?;
+        Ok(Some((phase, Step::Run(kernel))))
     }
 }
 

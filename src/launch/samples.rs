@@ -5,7 +5,7 @@
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
-use super::parts::{Parts, builder};
+use super::parts::{Parts, builder, in_rows};
 use super::steps::{Extent, Step};
 use super::subpixels::{places, subpixel_arguments};
 use super::{LaunchError, Queue};
@@ -15,9 +15,6 @@ use crate::strategy::Workload;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::time::Instant;
-
-/// Number of blocks that a work-group marks.
-const MARKED_TOGETHER: usize = 64;
 
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
@@ -75,10 +72,8 @@ impl Samples {
         let arguments = arguments.with("alpha_scale", alpha_scale);
         let arguments = arguments.with("first", 0_u32).with("most", 0_u32);
         let role = parts.kernel_for(Role::Mark)?;
-        let mut kernel = builder(setup.queue, setup.program, setup.strategy, role, &arguments)?;
-        kernel.global_work_size(self.wanted.len().next_multiple_of(MARKED_TOGETHER));
-        kernel.local_work_size(MARKED_TOGETHER);
-        Ok(kernel.build()?)
+        let kernel = builder(setup.queue, setup.program, setup.strategy, role, &arguments)?;
+        in_rows(setup.queue, &kernel, [self.wanted.len(), 1])
     }
 
     /// Sets the kernel that marks rough blocks.

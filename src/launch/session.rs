@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::memory::{Available, resident_bytes};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use crate::scene::{Sampling, Scene};
-use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
+use crate::strategy::{Afterwards, HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
 /// A scene on an open device. The session checks that a strategy and its sizes are valid and fit into the memory of
@@ -24,7 +24,7 @@ pub struct Session {
     limits: DeviceLimits,
     builtins: Builtins,
     compute_capability: Option<String>,
-    verifies: bool,
+    afterwards: Afterwards,
     sampling: Sampling,
     twins_before: usize,
     kept: Kept,
@@ -54,7 +54,7 @@ impl Session {
             limits: info.limits,
             builtins: info.builtins(),
             compute_capability: info.hardware.compute_capability.clone(),
-            verifies: false,
+            afterwards: Afterwards::default(),
             sampling: Sampling::ONE,
             twins_before: 0,
             kept: Kept::of(Cache::of_user(), info),
@@ -115,8 +115,14 @@ impl Session {
 
     /// Sets whether images are verified, which takes additional memory on the host.
     #[must_use]
-    pub fn verifying(self, verifies: bool) -> Self {
-        Self { verifies, ..self }
+    pub fn verifying(self, verified: bool) -> Self {
+        Self { afterwards: Afterwards { verified, ..self.afterwards }, ..self }
+    }
+
+    /// Sets whether layers of images are computed, which takes additional memory on the host.
+    #[must_use]
+    pub fn with_layers(self, layers: bool) -> Self {
+        Self { afterwards: Afterwards { layers, ..self.afterwards }, ..self }
     }
 
     /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft shadows. Nothing is
@@ -152,6 +158,22 @@ impl Session {
     ) -> std::result::Result<Prepared, Refused> {
         let workload = self.workload(strategy, image_size, local_size)?;
         self.prepare_workload(strategy, &workload)
+    }
+
+    /// Prepares a strategy like [`Self::prepare`], at a local size that nobody requested. If work-items share tiles,
+    /// the number of tiles in a work-group is halved until the work-group fits on the device.
+    pub fn prepare_fitting(
+        &mut self,
+        strategy: &Strategy,
+        image_size: [u32; 2],
+        [across, mut down]: [u32; 2],
+    ) -> std::result::Result<Prepared, Refused> {
+        loop {
+            match self.prepare(strategy, image_size, [across, down]) {
+                Err(Refused::Device(_)) if strategy.shares_tiles() && down > 1 => down /= 2,
+                other => return other,
+            }
+        }
     }
 
     /// Prepares a strategy like [`Self::prepare`], and also for rays that the caller provides
@@ -264,7 +286,7 @@ impl Session {
 
     /// Returns the memory that a strategy needs on the host.
     fn host_needs(&self, strategy: &Strategy, workload: &Workload) -> HostNeeds {
-        HostNeeds::of(strategy, workload, self.queue.shares_memory, self.verifies)
+        HostNeeds::of(strategy, workload, self.queue.shares_memory, self.afterwards)
     }
 
     /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory is not free if
@@ -291,7 +313,8 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
     }
-    Infeasible::beyond(format!("{}, in addition to {held_bytes} B that other points hold", refused.reason))
+    let others = Infeasible::BESIDE_OTHERS;
+    Infeasible::beyond(format!("{}, in addition to {held_bytes} B {others}", refused.reason))
 }
 
 #[cfg(test)]

@@ -15,8 +15,6 @@ use std::ops::Range;
 const FILE: &str = "display/show.cl";
 /// Number of pixels per work-item; their bytes fill whole words.
 const ITEM_PIXELS: usize = 4;
-/// Work-items per work-group.
-const GROUP: usize = 64;
 /// Bytes per pixel.
 const BYTES: usize = 3;
 
@@ -30,14 +28,16 @@ pub struct ShowProgram {
 pub(super) type Image<'a> = (&'a Buffer<Float4>, [u32; 2]);
 
 impl ShowProgram {
-    /// Returns the source to be compiled.
-    pub fn spec(sources: &Sources) -> Result<ProgramSpec> {
-        let defines = format!(
-            "-D SHOWN_VALUES={} -D PLACE_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={GROUP} -cl-std=CL1.2",
+    /// Returns the source to be compiled for an open device.
+    pub fn spec(sources: &Sources, queue: &Queue) -> Result<ProgramSpec> {
+        let options = format!(
+            "-D SHOWN_VALUES={} -D PLACE_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={} -cl-std=CL1.2",
             Shown::VALUES,
-            Shown::PLACE_SHIFT
+            Shown::PLACE_SHIFT,
+            queue.group
         );
-        Ok(ProgramSpec { source: sources.read_joined(FILE)?, options: defines, files: vec![FILE.to_owned()] })
+        let (source, files) = sources.read_joined(FILE)?;
+        Ok(ProgramSpec { source, options, files })
     }
 
     /// Builds the program for an open device, or takes it from the cache.
@@ -50,7 +50,7 @@ impl ShowProgram {
     ///
     /// # Errors
     ///
-    /// Fails if the file is the user's and does not compile.
+    /// Fails if the program contains a file of the user and does not compile.
     pub fn usable(
         queue: &Queue,
         spec: &ProgramSpec,
@@ -59,14 +59,9 @@ impl ShowProgram {
     ) -> Result<Option<Self>> {
         let error = match Self::build(queue, spec, kept) {
             Ok(program) => return Ok(Some(program)),
-            Err(error) => error,
+            Err(error) => error.blamed(sources, &spec.files)?,
         };
-        if !sources.own_files()?.iter().any(|file| spec.files.contains(file)) {
-            return Ok(None);
-        }
-        // The program has no other file, so the mistake is in this file even if the compiler does not name it.
-        let error = BuildError { in_own_file: true, ..error.located(sources, &spec.files) };
-        Err(Refused::Build(error).into_error(device))
+        if error.in_own_file { Err(Refused::Build(error).into_error(device)) } else { Ok(None) }
     }
 
     /// Returns how long the build took.
@@ -99,8 +94,8 @@ impl ShowProgram {
             .program(&self.built.program)
             .name("show_pixels")
             .queue(queue.commands.clone())
-            .global_work_size(items.next_multiple_of(GROUP))
-            .local_work_size(GROUP)
+            .global_work_size(items.next_multiple_of(queue.group))
+            .local_work_size(queue.group)
             .arg(image)
             .arg_named("first", 0_u64)
             .arg_named("count", 0_u32)
@@ -191,14 +186,15 @@ mod tests {
 
     #[test]
     fn every_byte_is_the_hosts() {
-        let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
         let pixels = radiances();
-        // The first queue transfers the image in pieces, the second all at once.
-        let queues = [queue(), queue_of(1 << 20)];
+        // The first queue transfers the image in pieces, the second all at once. The device of the last one allows only
+        // small work-groups.
+        let queues = [queue(), queue_of(1 << 20), queue().in_groups_of(8)];
         let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
         for (display, queue) in
             displays.into_iter().flat_map(|display| queues.iter().map(move |q| (display, q)))
         {
+            let spec = ShowProgram::spec(&Sources::Embedded, queue).unwrap();
             let (bytes, hits) = show(queue, &spec, &pixels, display);
             let shown = Shown::new(display);
             let expected: Vec<u8> =
@@ -210,7 +206,8 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_not_shown() {
-        let (queue, spec) = (queue(), ShowProgram::spec(&Sources::Embedded).unwrap());
+        let queue = queue();
+        let spec = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
         for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             for channel in 0..3 {
                 let mut pixels = radiances();
@@ -223,7 +220,8 @@ mod tests {
 
     #[test]
     fn a_kernel_that_shows_otherwise_is_noticed() {
-        let (queue, right) = (queue(), ShowProgram::spec(&Sources::Embedded).unwrap());
+        let queue = queue();
+        let right = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
         let pixels = radiances();
         let expected = show(&queue, &right, &pixels, Display::default());
         for (from, to) in [

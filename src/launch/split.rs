@@ -199,11 +199,8 @@ impl Split<'_> {
     fn ready(&self, casting: &Casting) -> Result<Ready> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
-        // GPUs with the same name can share a compiled program, so only CPUs with the same name (twins) need different
-        // programs.
-        let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
-        let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
-        let session = session.sampling(self.sampling);
+        let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
+        let session = session.among_twins(device.info.program_twin()).sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();

@@ -6,7 +6,7 @@ use crate::accel::{PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_surface_rows, wr
 use crate::device::DeviceLimits;
 use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
-use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload};
+use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Traversal, Workload};
 use ocl::Buffer;
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ impl HostTree {
         workload: &Workload,
         limits: &DeviceLimits,
     ) -> Option<Self> {
-        let needs = HostNeeds::of(strategy, workload, limits.is_cpu, false);
+        let needs = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default());
         needs.check(&Available::read(), resident_bytes().unwrap_or(0)).ok()?;
         Requirements::check(strategy, workload, limits).ok()?;
         Self::build(mesh, strategy).ok()?

@@ -71,7 +71,12 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
             return None;
         }
     }
-    Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
+    Some(one_way_ns(start.elapsed()))
+}
+
+/// Returns the mean time of half a round trip in nanoseconds, if the round trips of a piece took this long together.
+fn one_way_ns(elapsed: Duration) -> f64 {
+    elapsed.as_nanos() as f64 / f64::from(2 * ROUND_TRIPS)
 }
 
 /// Waits until it is this thread's turn, then gives the turn to the other thread. The word equals `own` during this
@@ -118,6 +123,11 @@ mod tests {
             assert!(ns > 1.0 && ns < 1e6, "{ns} ns");
         }
         assert_eq!(processors(), before);
+    }
+
+    #[test]
+    fn a_round_trip_is_two_ways() {
+        assert_eq!(one_way_ns(ROUND_TRIPS * Duration::from_nanos(200)), 100.0);
     }
 
     #[test]

@@ -18,12 +18,21 @@ pub enum Verdict {
     CannotTell,
     /// One of the results has too few samples.
     NotEnough,
+    /// One of the results has enough samples, but times of 0 are among them.
+    BelowResolution,
 }
 
 impl Verdict {
     /// Every verdict.
-    pub const ALL: [Self; 6] =
-        [Self::Faster, Self::Slower, Self::Same, Self::Unclear, Self::CannotTell, Self::NotEnough];
+    pub const ALL: [Self; 7] = [
+        Self::Faster,
+        Self::Slower,
+        Self::Same,
+        Self::Unclear,
+        Self::CannotTell,
+        Self::NotEnough,
+        Self::BelowResolution,
+    ];
 
     /// Returns the name in reports.
     pub fn name(self) -> &'static str {
@@ -34,6 +43,7 @@ impl Verdict {
             Self::Unclear => "unclear",
             Self::CannotTell => "cannot tell",
             Self::NotEnough => "not enough samples",
+            Self::BelowResolution => "below the timer's resolution",
         }
     }
 

@@ -198,7 +198,7 @@ fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
 mod tests {
     use super::*;
 
-    const KEEP: Choice = Choice { force: false, elsewhere: "--out DIR" };
+    const KEEP: Choice = Choice::new(false, "--out DIR");
 
     fn files(text: &str) -> Vec<(String, Vec<u8>)> {
         ["page.html", "plots/one.svg"].map(|name| (name.to_owned(), text.into())).to_vec()

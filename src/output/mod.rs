@@ -11,6 +11,7 @@ mod place;
 mod results;
 mod stale;
 mod target;
+mod unfinished;
 
 pub use folder::OutFolder;
 pub use place::Choice;

@@ -1,11 +1,11 @@
 //! Puts a new file at its path, or refuses to replace an existing file there.
 
 use super::mark::Maker;
+use super::unfinished::Unfinished;
 use crate::error::{Error, Result};
-use crate::reader;
-use crate::record::temporary_in;
+use crate::reader::{self, may_write};
 use std::fs::File;
-use std::io::{ErrorKind, Result as IoResult};
+use std::io::{Error as IoError, ErrorKind, Result as IoResult};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
@@ -16,11 +16,30 @@ pub struct Choice {
     pub force: bool,
     /// The command's option that sets another output path, such as `-o FILE`.
     pub elsewhere: &'static str,
+    /// True if the command has the option `--force`.
+    pub(super) has_force: bool,
 }
 
 impl Choice {
+    /// Returns the choice of a user whose command has the option `--force`, which is given if `force` is true.
+    pub const fn new(force: bool, elsewhere: &'static str) -> Self {
+        Self { force, elsewhere, has_force: true }
+    }
+
+    /// Returns the choice for a command that has no option `--force`, or for a caller of the library.
+    pub const fn without_force(elsewhere: &'static str) -> Self {
+        Self { force: false, elsewhere, has_force: false }
+    }
+
+    /// Returns the remedy if a file is not replaced: the ways out that the user has.
     fn help(self, what_force_does: &str) -> String {
-        format!("`--force` {what_force_does}, `{}` writes elsewhere", self.elsewhere)
+        let force = if self.has_force { format!("`--force` {what_force_does}, ") } else { String::new() };
+        format!("{force}`{}` writes elsewhere", self.elsewhere)
+    }
+
+    /// Returns the remedy if no file can be created in a folder.
+    fn other_folder(self) -> String {
+        format!("write to another folder with `{}`", self.elsewhere)
     }
 }
 
@@ -68,32 +87,53 @@ pub(super) fn permit(
     }
 }
 
-/// Writes a file by calling `write` and puts the file into its place, completely or not at all. Before the file is put
-/// into its place, the path is checked again, since another program may have created a file there meanwhile.
+/// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the process ends
+/// before that, nothing stays, except on file systems without unnamed files. Before the file is put into its place, the
+/// path is checked again, since another program may have created a file there meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
     maker: impl Fn(&mut File) -> IoResult<Maker>,
     write: impl FnOnce(&mut File) -> IoResult<()>,
 ) -> Result<()> {
-    let failed = |error: std::io::Error| match error.kind() {
-        // The text of `error` is not shown, since it contains the name of a temporary file that the user does not know.
-        ErrorKind::PermissionDenied => {
-            Error::run(format!("cannot write '{}': permission denied", path.display()))
-                .with_help(format!("write to another folder with `{}`", choice.elsewhere))
+    let failed = |error: IoError| match error.kind() {
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            Error::run(closed(path, &error)).with_help(choice.other_folder())
         }
-        _ => Error::run(format!("cannot write '{}': {error}", path.display()))
+        _ => Error::run(format!("cannot write '{}': {}", path.display(), cause(&error)))
             .with_help(format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere)),
     };
-    let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
-    write(file.as_file_mut()).map_err(failed)?;
-    match permit(path, choice, &maker)? {
+    let folder = folder_of(path)?;
+    let mut unfinished = Unfinished::in_folder(folder).map_err(failed)?;
+    write(unfinished.file()).map_err(failed)?;
+    let name = permit(path, choice, &maker)?;
+    let file = unfinished.named(folder).map_err(failed)?;
+    match name {
         Name::Free if !choice.force => persist_new(file, path).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => appeared(path, choice),
             _ => failed(error),
         }),
         _ => replace(file, path).map_err(failed),
     }
+}
+
+/// Checks whether this process may create files in the folder of `path`.
+pub(super) fn check_writable(path: &Path, choice: Choice) -> Result<()> {
+    may_write(reader::folder_of(path))
+        .map_err(|error| Error::input(closed(path, &error)).with_help(choice.other_folder()))
+}
+
+/// Returns the message about a folder in which no file can be created.
+fn closed(path: &Path, error: &IoError) -> String {
+    let (name, folder) = (path.display(), reader::folder_of(path).display());
+    format!("cannot write '{name}': the folder '{folder}' cannot be written to ({})", error.kind())
+}
+
+/// Returns the text of an error without the path of the temporary file, which the user does not know. The crate
+/// `tempfile` adds this path at the end.
+fn cause(error: &IoError) -> String {
+    let text = error.to_string();
+    text.split(" at path ").next().unwrap_or_default().to_owned()
 }
 
 /// Returns the error for a file that another program made after the last check.
@@ -143,7 +183,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         std::fs::write(&path, "text").unwrap();
-        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let choice = Choice::new(false, "-o FILE");
         let unreadable = |_: &mut File| Err(std::io::Error::from(ErrorKind::InvalidData));
         assert!(permit(&path, choice, unreadable).is_err());
         assert_eq!(permit(&path, choice, |_| Ok(Maker::Raycl)).unwrap(), Name::Replaceable);
@@ -152,7 +192,7 @@ mod tests {
     #[test]
     fn a_refusal_names_the_path_the_reason_and_the_ways_out() {
         let folder = tempfile::tempdir().unwrap();
-        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let choice = Choice::new(false, "-o FILE");
         let name = |name: &str| folder.path().join(name);
         std::fs::write(name("a.png"), "text").unwrap();
         let refusal = |path: &Path, maker| permit(path, choice, |_| Ok(maker)).unwrap_err();
@@ -170,10 +210,49 @@ mod tests {
             assert_eq!(error.to_string(), format!("'{}' {why}", path.display()));
             assert_eq!(error.remedy(), format!("{help}`-o FILE` writes elsewhere"));
         }
+        // Not every command has this option, and no function of the library has it.
+        let without = permit(&name("a.png"), Choice::without_force("-o FILE"), |_| Ok(Maker::Other));
+        assert_eq!(without.unwrap_err().remedy(), "`-o FILE` writes elsewhere");
         assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
         assert_eq!(error.remedy(), "create this folder first: mkdir -p 'nowhere'");
+    }
+
+    #[test]
+    fn nothing_is_in_the_folder_until_the_file_is_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = || std::fs::read_dir(folder.path()).unwrap().count();
+        // Not every file system has files without names.
+        let has_unnamed = matches!(Unfinished::in_folder(folder.path()).unwrap(), Unfinished::Unnamed(_));
+        let path = folder.path().join("a.png");
+        for force in [false, true] {
+            let choice = Choice::new(force, "-o FILE");
+            let write = |file: &mut File| {
+                assert_eq!(files(), usize::from(!has_unnamed) + usize::from(force));
+                std::io::Write::write_all(file, if force { b"new" } else { b"old" })
+            };
+            put(&path, choice, |_| Ok(Maker::Raycl), write).unwrap();
+            assert_eq!(files(), 1);
+        }
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_message_names_the_folder_and_no_temporary_file() {
+        let read_only = closed(Path::new("a.png"), &IoError::from(ErrorKind::ReadOnlyFilesystem));
+        let expected = "cannot write 'a.png': the folder '.' cannot be written to (read-only ";
+        assert!(read_only.starts_with(expected), "{read_only}");
+        // Nobody can create files in /proc, not even the superuser.
+        if cfg!(target_os = "linux") {
+            let path = Path::new("/proc/a.png");
+            let choice = Choice::new(false, "-o FILE");
+            let error = put(path, choice, |_| Ok(Maker::Raycl), |_| Ok(())).unwrap_err();
+            assert_eq!(error.exit_code(), 1);
+            let message = error.to_string();
+            assert!(message.starts_with("cannot write '/proc/a.png': "), "{message}");
+            assert!(!message.contains(".raycl-"), "{message}");
+        }
     }
 
     #[cfg(unix)]
@@ -184,7 +263,7 @@ mod tests {
         std::fs::write(&target, "mine").unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
         let put_with = |force| {
-            let choice = Choice { force, elsewhere: "-o FILE" };
+            let choice = Choice::new(force, "-o FILE");
             put(&link, choice, |_| Ok(Maker::Raycl), |file| std::io::Write::write_all(file, b"new"))
         };
         let error = put_with(false).unwrap_err();

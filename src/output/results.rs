@@ -45,7 +45,7 @@ fn is_begun(path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    const KEEP: Choice = Choice { force: false, elsewhere: "--out DIR" };
+    const KEEP: Choice = Choice::new(false, "--out DIR");
 
     #[test]
     fn results_empty_folders_and_new_ones_are_written_to_and_no_others() {

@@ -1,7 +1,7 @@
 //! The path of a single file that a command writes, with the rules for replacing an existing file.
 
 use super::mark::{self, maker};
-use super::place::{Choice, folder_of, permit, put};
+use super::place::{Choice, check_writable, folder_of, permit, put};
 use crate::error::{Error, Result};
 use crate::reader::in_canonical_folder;
 use serde::Serialize;
@@ -27,7 +27,7 @@ impl Target {
 
     /// Returns the target for a file in a folder of results, where every file belongs to raycl.
     pub fn of_results(path: impl Into<PathBuf>) -> Self {
-        Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
+        Self::new(path, Choice::new(true, "--out DIR"))
     }
 
     /// Returns a target for another file in the same folder, with the same rules for replacing an existing file.
@@ -57,13 +57,15 @@ impl Target {
         folder_of(&self.path).map(drop)
     }
 
-    /// Checks before any work is done whether [`write`](Self::write) would refuse the path.
+    /// Checks before any work is done whether [`write`](Self::write) would refuse the path, or may not create a file in
+    /// its folder.
     pub fn check(&self) -> Result<()> {
         if self.is_standard_output() {
             return Ok(());
         }
         folder_of(&self.path)?;
-        permit(&self.path, self.choice, maker).map(drop)
+        permit(&self.path, self.choice, maker)?;
+        check_writable(&self.path, self.choice)
     }
 
     /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash). Then replaces
@@ -116,7 +118,7 @@ fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<(
 mod tests {
     use super::*;
 
-    const KEEP: Choice = Choice { force: false, elsewhere: "-o FILE" };
+    const KEEP: Choice = Choice::new(false, "-o FILE");
 
     fn target(folder: &tempfile::TempDir) -> Target {
         Target::new(folder.path().join("a.json"), KEEP)
@@ -205,5 +207,19 @@ mod tests {
             assert!(error.to_string().contains("there is no folder '"), "{error}");
         }
         assert!(Target::new("-", KEEP).check().is_ok() && Target::new("-", KEEP).is_standard_output());
+    }
+
+    /// Not even the superuser can create files in this folder.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_cannot_be_written_to_is_told_before_any_work() {
+        let target = Target::new("/proc/sys/a.png", KEEP);
+        let error = target.check().unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        let expected = "cannot write '/proc/sys/a.png': the folder '/proc/sys' cannot be written to (";
+        assert!(error.to_string().starts_with(expected), "{error}");
+        assert_eq!(error.remedy(), "write to another folder with `-o FILE`");
+        // The frames of a film need not be written if all of them exist.
+        target.check_folder().unwrap();
     }
 }

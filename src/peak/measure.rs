@@ -102,7 +102,7 @@ fn large_bytes(rig: &Rig<'_>) -> usize {
 
 fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let width = rig.width(4);
-    let group = rig.device.info.limits.work_group_size.min(256);
+    let group = rig.large_group();
     let program = rig.program("peak/copy.cl", &[("WIDTH", u64::from(width)), ("GROUP", group as u64)])?;
     let floats = large_bytes(rig) / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);

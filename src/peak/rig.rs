@@ -2,7 +2,7 @@
 
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::launch::{LaunchError, Queue};
+use crate::launch::{LaunchError, Queue, Refused};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use ocl::builders::KernelBuilder;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
@@ -46,7 +46,12 @@ impl<'a> Rig<'a> {
     /// Returns the number of work-items per work-group: many if the device's lanes are work-items (on a GPU), one if
     /// the lanes are elements of vectors (on a CPU).
     pub fn group(&self) -> usize {
-        if self.device.info.limits.is_cpu { 1 } else { self.device.info.limits.work_group_size.min(256) }
+        if self.device.info.limits.is_cpu { 1 } else { self.large_group() }
+    }
+
+    /// Returns a large number of work-items per work-group that the device allows: a power of two.
+    pub fn large_group(&self) -> usize {
+        self.device.info.limits.group(256)
     }
 
     /// Returns a number of work-items that keeps every compute unit busy, and that fills whole work-groups.
@@ -63,20 +68,24 @@ impl<'a> Rig<'a> {
     }
 
     /// Builds a program from a file in `cl/`, with these defines.
+    ///
+    /// # Errors
+    ///
+    /// The error is the user's mistake if the program contains a file of the user and does not compile.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<Program> {
-        let mut text = String::new();
-        for line in self.sources.read(file)?.lines() {
-            match line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next()) {
-                Some(included) => text.push_str(&self.sources.read(included)?),
-                None => text.push_str(line),
-            }
-            text.push('\n');
-        }
+        let (source, files) = self.sources.read_joined(file)?;
         let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
         let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
-        let spec = ProgramSpec { source: text, options, files: Vec::new() };
+        let spec = ProgramSpec { source, options, files };
         let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
-        built.map(|built| built.program).map_err(|error| failed_because(&format!("{file}: {error}")))
+        let error = match built {
+            Ok(built) => return Ok(built.program),
+            Err(error) => error.blamed(self.sources, &spec.files)?,
+        };
+        Err(match error.in_own_file {
+            true => Refused::Build(error).into_error(&self.device.info),
+            false => failed_because(&format!("{file}: {error}")),
+        })
     }
 
     /// Returns a kernel of `items` work-items in groups of `group`; the caller adds the kernel's arguments.
@@ -176,6 +185,28 @@ mod tests {
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
         // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.
         assert_eq!(looped(|_| Ok(0.0)).expect("it is measured").1, 1 << 24);
+    }
+
+    #[test]
+    fn a_mistake_in_a_kernel_file_of_the_user_is_told_with_its_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("peak/vector.cl");
+        std::fs::create_dir(folder.path().join("peak")).expect("a folder");
+        let right = Sources::Embedded.read("peak/vector.cl").expect("a kernel file");
+        std::fs::write(&file, format!("mistake(;\n{right}")).expect("a file");
+        let device = crate::device::discover(&Sources::Embedded).expect("devices").remove(0);
+        let sources = Sources::Folder(folder.path().to_owned());
+        let rig = Rig::open(&device, &sources).expect("a device");
+        let error =
+            rig.program("peak/fma.cl", &[("WIDTH", 1), ("GROUP", 1)]).expect_err("it does not compile");
+        let message = error.to_string();
+        assert_eq!(error.exit_code(), 2, "{message}");
+        assert!(message.starts_with("a kernel file does not compile: "), "{message}");
+        assert!(message.contains(&format!("{}:1:", file.display())), "{message}");
+        // Programs without this file are raycl's own.
+        assert!(rig.program("peak/launch.cl", &[]).is_ok());
+        let error = rig.program("peak/latency.cl", &[]).expect_err("it lacks the define ENTRIES");
+        assert_eq!(error.exit_code(), 1, "{error}");
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
-use crate::device::quieting;
+use crate::device::{compiler_log, quieting};
+use crate::error::Result as OrError;
 use crate::sources::Sources;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
@@ -32,23 +33,17 @@ impl BuildError {
     /// Replaces the names of kernel files in the log by their paths. The compiler names these files relative to `cl/`
     /// or to the user's folder.
     pub(crate) fn located(self, sources: &Sources, files: &[String]) -> Self {
-        let path = |name: &str| files.iter().any(|file| file == name).then(|| sources.path_of(name));
-        let log = with_paths(&self.log, path);
-        let own = sources.own_files().unwrap_or_default();
-        let of_own =
-            |line: &str| own.iter().any(|file| line.contains(&format!("{}:", sources.path_of(file))));
-        let in_own_file = log.lines().any(|line| line.contains("error") && of_own(line));
+        let (log, in_own_file) = sources.located(&self.log, files);
         Self { log, in_own_file }
     }
-}
 
-/// Replaces the name of a file at the start of a word, as in `name:7:1: error`, by its path.
-fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
-    let located = |word: &str| {
-        let (name, place) = word.split_once(':')?;
-        Some(format!("{}:{place}", path(name)?))
-    };
-    log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
+    /// Replaces names like [`located`](Self::located), for a program of few files, `files`. If any of these is the
+    /// user's, the mistake is the user's too, even if the compiler names no file: raycl's own files compile.
+    pub(crate) fn blamed(self, sources: &Sources, files: &[String]) -> OrError<Self> {
+        let own = sources.own_files()?;
+        let in_own_file = files.iter().any(|file| own.contains(file));
+        Ok(Self { in_own_file, ..self.located(sources, files) })
+    }
 }
 
 /// A program compiled for one device.
@@ -200,25 +195,9 @@ fn prints_resources(device: Device) -> bool {
         .is_ok_and(|names| names.to_string().split_whitespace().any(|name| name == "cl_nv_compiler_options"))
 }
 
-/// Returns the compiler's messages without the frames of `#` that `ocl` adds.
-fn compiler_log(message: &str) -> String {
-    let lines: Vec<_> =
-        message.lines().filter(|line| !line.contains("####") && !line.trim().is_empty()).collect();
-    lines.join("\n")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn messages_about_kernel_files_get_the_files_paths() {
-        let path = |name: &str| (name == "cast/a.cl").then(|| "mine/cast/a.cl".to_owned());
-        let log =
-            "error: cast/a.cl:7:1: expected ';'\ncast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
-        let expected = "error: mine/cast/a.cl:7:1: expected ';'\nmine/cast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
-        assert_eq!(with_paths(log, path), expected);
-    }
 
     #[test]
     fn only_errors_in_files_of_the_folder_are_the_users() {
@@ -235,5 +214,11 @@ mod tests {
         let other = located("error: cast/scene.cl:1:1: no\nwarning: cast/shade.cl:2:2: hm");
         assert_eq!(other.log.lines().next(), Some("error: cl/cast/scene.cl:1:1: no"));
         assert!(!other.in_own_file);
+        // A compiler may name no file. The mistake in a program of few files is then in the user's file.
+        let blamed = |files: &[String]| {
+            let error = BuildError { log: "error: no".to_owned(), in_own_file: false };
+            error.blamed(&sources, files).expect("the folder").in_own_file
+        };
+        assert!(!located("error: no").in_own_file && blamed(&files) && !blamed(&files[1..]));
     }
 }

@@ -1,7 +1,7 @@
 //! Reads folders of results. All code that displays results reads them through [`Folder`], which
 //! contains only records of the folder's current plan.
 
-use super::anchors::AnchorSample;
+use super::anchors::{AnchorSample, name_devices};
 use super::hosts::hosts_that_differ;
 use super::journal::FOLDER;
 use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS};
@@ -67,15 +67,15 @@ impl Folder {
         let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
         let plan = CurrentPlan::read(folder)?;
+        let controls = lines_if_any::<Record>(&folder.join(CONTROLS))?;
+        let anchors = anchors(folder, plan.as_ref(), lines.lines.iter().chain(&controls.lines))?;
         let Shown { mut records, notes } = Shown::of(lines.lines, plan.as_ref());
         let count = records.len();
-        let controls = lines_if_any::<Record>(&folder.join(CONTROLS))?;
         let lines_damage = lines_damage.into_iter().chain(controls.damage(CONTROLS));
         records.extend(shown_controls(controls.lines, plan.as_ref()));
         judge(&mut records);
         let controls = records.split_off(count);
         let rounds = lines_if_any(&folder.join(ROUNDS))?;
-        let anchors = lines_if_any(&folder.join(ANCHORS))?;
         let damage: Vec<_> =
             lines_damage.chain(rounds.damage(ROUNDS)).chain(anchors.damage(ANCHORS)).collect();
         let rounds = rounds.lines;
@@ -161,6 +161,20 @@ pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
 /// Reads a journal, or returns no lines if the file is missing, as in folders of earlier versions.
 fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
+}
+
+/// Reads the journal of anchors, and gives the anchors the plan's names of their devices. `records` are all stored
+/// records.
+fn anchors<'a>(
+    folder: &Path,
+    plan: Option<&CurrentPlan>,
+    records: impl Iterator<Item = &'a Record>,
+) -> Result<Lines<AnchorSample>> {
+    let mut anchors = lines_if_any::<AnchorSample>(&folder.join(ANCHORS))?;
+    if let Some(plan) = plan {
+        name_devices(&mut anchors.lines, plan, records);
+    }
+    Ok(anchors)
 }
 
 /// The records that a folder shows, and notes on the records that it does not show.
@@ -587,6 +601,29 @@ mod tests {
         };
         assert!(noted([None, None]) && noted([Some("n1"), Some("n1")]));
         assert!(!noted([Some("n1"), Some("n2")]));
+    }
+
+    /// A machine's only GPU of a name gets a longer name when a second GPU is visible.
+    #[test]
+    fn anchors_are_those_of_a_device_that_a_later_session_gave_another_name() {
+        use crate::record::fixtures::measured;
+        use crate::record::{anchored, judge_beside_anchors, significant};
+        let earlier = measured("gpu", "naive", 8, 10.0);
+        let folder = folder(std::slice::from_ref(&earlier));
+        let mut journal = JsonLines::append_to(&folder.path().join(ANCHORS)).unwrap();
+        for (launch, at_ms) in earlier.sample_launches.iter().zip(&earlier.samples_at_ms) {
+            let (anchor, device) = ("one".into(), "gpu".into());
+            let (launch, at_ms) = (*launch, at_ms + 0.5);
+            journal
+                .append(&AnchorSample { anchor, device, launch, at_ms, ms: 5.0, ..AnchorSample::default() })
+                .unwrap();
+        }
+        CurrentPlan::of(&[Record { device: "cuda-gpu".into(), ..earlier }]).write(folder.path()).unwrap();
+        let mut read = Folder::read(folder.path()).unwrap();
+        assert!(read.anchors.iter().all(|anchor| anchor.device == "cuda-gpu"), "{:?}", read.anchors);
+        judge_beside_anchors(&mut read.records, &read.anchors);
+        let (name, ratio) = anchored(&read.records[0]).unwrap();
+        assert_eq!((name, significant(ratio.middle, 3)), ("one", "2.00".to_owned()));
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Journals: files with one JSON object per line. Each line is on the disk before the next line is
-//! appended. If a crash interrupts a write, only the unfinished line is lost.
+//! Journals: files with one JSON object per line. What is appended is on the disk before more is appended. If a crash
+//! interrupts a write, only lines of this write are lost.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Seek, SeekFrom, Write};
@@ -41,9 +41,18 @@ impl<T: Serialize> JsonLines<T> {
 
     /// Appends one line. When this function returns, the line is on the disk.
     pub fn append(&mut self, line: &T) -> Result<()> {
-        let mut bytes = serde_json::to_vec(line)
-            .map_err(|error| Error::fault(format!("cannot write {}: {error}", self.path.display())))?;
-        bytes.push(b'\n');
+        self.append_all(std::slice::from_ref(line))
+    }
+
+    /// Appends lines. When this function returns, all of them are on the disk. They are written together, since each
+    /// write waits for the disk.
+    pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
+        let mut bytes = Vec::new();
+        for line in lines {
+            serde_json::to_writer(&mut bytes, line)
+                .map_err(|error| Error::fault(format!("cannot write {}: {error}", self.path.display())))?;
+            bytes.push(b'\n');
+        }
         let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
         written.map_err(|error| io_error("write", &self.path, &error))
     }
@@ -225,10 +234,13 @@ mod tests {
         let file = File::from(std::os::fd::OwnedFd::from(writer));
         let mut journal = JsonLines { path: PathBuf::from("pipe"), file, line_type: PhantomData };
         assert!(journal.append(&record("a")).is_err());
+        // Several lines are written before the disk is asked once.
+        assert!(journal.append_all(&["b", "c", "d"].map(record)).is_err());
         drop(journal);
         let mut text = String::new();
         std::io::Read::read_to_string(&mut reader, &mut text).unwrap();
         assert!(text.ends_with('\n'), "it was written: {text}");
+        assert_eq!(text.lines().count(), 4, "{text}");
     }
 
     #[test]

@@ -59,7 +59,7 @@ pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
 pub use summary::{Group, groups, scene_notes};
-pub(crate) use summary::{few_names, not_enough, quartiles};
+pub(crate) use summary::{few_names, first_line, not_enough, quartiles, why_unranked};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};

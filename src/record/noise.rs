@@ -1,10 +1,13 @@
 //! Computes the smallest differences that the records of a run can show, and lists causes of noise.
 
+use super::numbers::by;
 use super::rounds::{core_to_core_ns, mean_load};
-use super::together::{resolution, resolution_within};
+use super::summary::{first_line, not_enough};
+use super::together::{median, resolution, resolution_within};
 use super::types::{HOST, Record};
 use super::{Folder, interval};
 use crate::measure::median_of;
+use crate::words::counted_of_were;
 use serde::Serialize;
 use std::collections::HashSet;
 
@@ -27,6 +30,8 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
     /// of the median time. The value is the median over all points.
     pub own_time: Option<f64>,
+    /// The number of points that were not compared, with the reason for the first of them; `None` if all were compared.
+    pub not_compared: Option<String>,
     /// The causes of noise.
     pub causes: Causes,
 }
@@ -78,9 +83,26 @@ impl Noise {
             within_launch: resolution_within(&records),
             between_launches: resolution(&records).map(|[_, most]| most),
             own_time: median_of(&halves),
+            not_compared: not_compared(&records),
             causes: Causes::of(folder, &records),
         }
     }
+}
+
+/// Returns how many points were not compared with others, and why the first of them was not.
+fn not_compared(records: &[Record]) -> Option<String> {
+    let why = |record: &Record| match median(record) {
+        Some(_) => not_enough(record),
+        None => Some(format!("{}: {}", record.outcome.name(), first_line(record))),
+    };
+    let lacking: Vec<_> = records.iter().filter_map(|record| Some((record, why(record)?))).collect();
+    let Some((record, why)) = lacking.first() else {
+        return (records.len() == 1)
+            .then(|| "only one point was measured, and a difference needs two".to_owned());
+    };
+    let were = counted_of_were(lacking.len(), records.len(), "point");
+    let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+    Some(format!("{were} not compared; the first: {}{size}: {why}", record.name))
 }
 
 impl Causes {
@@ -135,6 +157,28 @@ mod tests {
         };
         let middle = 0.5 * (half(1) + half(3));
         assert!(gpu.own_time.is_some_and(|part| (part - middle).abs() < 1e-12 && part > 0.0), "{gpu:?}");
+    }
+
+    #[test]
+    fn points_that_were_not_compared_have_a_reason() {
+        use super::super::summary::tests::{few, infeasible};
+        let told = |records: &[Record]| {
+            let folder = Folder { records: judged(records), ..Folder::default() };
+            Noise::of(&folder).remove(0).not_compared
+        };
+        let (naive, wide) = (measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 1.0));
+        let (zero, refused) =
+            (few("gpu", "bvh", 8, 0.0, 30), infeasible("gpu", "tile", 8, "too large\nmore"));
+        assert_eq!(told(&[naive.clone(), wide.clone()]), None);
+        let one = told(std::slice::from_ref(&naive));
+        assert!(one.is_some_and(|why| why.starts_with("only one point was measured")));
+        let all = told(&[zero, refused.clone()]);
+        let first =
+            "2 of 2 points were not compared; the first: bvh at 8 x 8: times below the timer's resolution";
+        assert_eq!(all.as_deref(), Some(first));
+        let some = told(&[naive, wide, refused]);
+        let first = "1 of 3 points was not compared; the first: tile at 8 x 8: infeasible: too large";
+        assert_eq!(some.as_deref(), Some(first));
     }
 
     /// If a run has only one launch, this launch can show what the run can show.

@@ -1,7 +1,7 @@
 //! A record's position among the records that were measured with it.
 
 use super::control::Control;
-use crate::measure::Standing;
+use crate::measure::{Interval, Standing};
 
 /// A record's position: its times relative to those of the records, the anchor and the control point that were
 /// measured with it.
@@ -11,6 +11,9 @@ pub struct Place {
     pub(super) together: blake3::Hash,
     /// The record's times, relative to those of the other records that were measured with it.
     pub(super) standing: Standing,
+    /// The median of the record's samples in milliseconds. Its interval never depends on anchors, so all views show the
+    /// same one.
+    pub(super) median_ms: Interval,
     /// The anchor of the record's device: the anchor's name, and its times relative to those of the records that were
     /// measured with it. `None` if there is no anchor, or if anchors were not requested.
     pub(super) anchor: Option<(String, Standing)>,

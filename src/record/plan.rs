@@ -5,7 +5,7 @@ use super::write_whole;
 use crate::error::{Error, Result};
 use crate::reader;
 use serde::{Deserialize, Serialize};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
 /// The file's name in a folder of results.
@@ -98,6 +98,24 @@ impl CurrentPlan {
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
+    }
+
+    /// Returns the name of each point's device, by the point's key.
+    pub fn devices(&self) -> HashMap<&str, &str> {
+        self.points.iter().map(|point| (point.key.as_str(), point.device.as_str())).collect()
+    }
+
+    /// Returns the plan's name of a device that other plans or records call `name`; `None` if these do not show which
+    /// of the plan's devices this is. `points` are the keys of their points, with the names of the points' devices.
+    pub fn device_called<'a>(
+        &self,
+        name: &str,
+        points: impl Iterator<Item = (&'a str, &'a str)>,
+    ) -> Option<&str> {
+        let devices = self.devices();
+        let own = points.filter(|(_, device)| *device == name).filter_map(|(key, _)| devices.get(key));
+        let names: BTreeSet<&str> = own.copied().collect();
+        names.first().copied().filter(|_| names.len() == 1)
     }
 
     /// Returns a record with the plan's names; `None` if its point does not belong to the plan.

@@ -48,6 +48,10 @@ pub struct Sample {
     /// for a baseline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_on: Option<String>,
+    /// The UUID of the device that measured the sample or, if that is unknown, its PCI address. Only samples with
+    /// `measured_on` have it. Another session may give the name in `measured_on` to another device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_by: Option<String>,
     /// The attempt and the launch that measured the sample, if a later attempt copied the sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,

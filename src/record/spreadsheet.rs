@@ -125,10 +125,17 @@ impl<'a> Row<'a> {
 pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
     let fail = |error: String| Error::fault(format!("cannot write the CSV summary: {error}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    for record in records {
+    // The writer writes the header with the first row. Without records, it writes a row that is then cut off.
+    let cut_off = records.is_empty().then(Record::default);
+    for record in records.iter().chain(&cut_off) {
         writer.serialize(Row::of(record)).map_err(|error| fail(error.to_string()))?;
     }
-    writer.into_inner().map_err(|error| fail(error.to_string()))
+    let mut bytes = writer.into_inner().map_err(|error| fail(error.to_string()))?;
+    if cut_off.is_some() {
+        let header = bytes.iter().position(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        bytes.truncate(header);
+    }
+    Ok(bytes)
 }
 
 #[cfg(test)]
@@ -152,6 +159,14 @@ mod tests {
         assert_eq!(["image_width", "image_height"].map(|side| cell(1, side)), ["800", "500"]);
         assert_eq!(cell(1, "median_ms"), "");
         assert_eq!(cell(1, "reason"), "too \"big\", really");
+    }
+
+    /// Programs that read the file expect a header, also while no point has been measured.
+    #[test]
+    fn without_records_there_is_only_the_header() {
+        let header = summary_csv(&[]).unwrap();
+        assert!(header.starts_with(b"key,scene,device,") && header.ends_with(b",block\n"), "{header:?}");
+        assert!(summary_csv(&[Record::default()]).unwrap().starts_with(&header));
     }
 
     /// Returns a record whose numbers are all different.

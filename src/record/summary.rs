@@ -98,13 +98,24 @@ pub(crate) fn not_enough(record: &Record) -> Option<String> {
     })
 }
 
+/// Returns the reason for a missing time, in one line.
+pub(crate) fn first_line(record: &Record) -> &str {
+    let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
+    reason.lines().next().unwrap_or_default()
+}
+
+/// Returns in brief why a measured record has no rank: "n = 3", or [`BELOW_RESOLUTION`].
+pub(crate) fn why_unranked(record: &Record) -> String {
+    match is_below_resolution(record) {
+        true => BELOW_RESOLUTION.to_owned(),
+        false => format!("n = {}", fewest(record)),
+    }
+}
+
 /// Returns the names of up to four unranked points, and the number of further unranked points:
 /// "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
-    let name = |record: &&Record| match is_below_resolution(record) {
-        true => format!("{} ({BELOW_RESOLUTION})", title(record)),
-        false => format!("{} (n = {})", title(record), fewest(record)),
-    };
+    let name = |record: &&Record| format!("{} ({})", title(record), why_unranked(record));
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     records.iter().take(4).map(name).chain(more).collect::<Vec<_>>().join(", ")
 }

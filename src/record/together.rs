@@ -19,12 +19,24 @@ const TIE: f64 = 0.01;
 /// it. Records of the same launches were measured together. Records of earlier versions have no launch numbers; they
 /// are treated as measured together if their scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
-    judge_beside_anchors(records, &[]);
+    write_all_places(records, &[]);
 }
 
-/// Computes each record's position like [`judge`], and treats the anchors as further points. A record whose median is 0
-/// has no position.
+/// Computes each record's position like [`judge`], and treats the anchors as further points. If `judge` has judged the
+/// records before, the intervals of their times stay as they are, since these must be the same in all views.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
+    let of_judge = |record: &Record| Some(record.place.as_ref()?.median_ms);
+    let medians: Vec<Option<Interval>> = records.iter().map(of_judge).collect();
+    write_all_places(records, anchors);
+    for (record, median) in records.iter_mut().zip(medians) {
+        if let (Some(place), Some(median)) = (&mut record.place, median) {
+            place.median_ms = median;
+        }
+    }
+}
+
+/// Computes each record's position, with the anchors as further points. A record whose median is 0 has no position.
+fn write_all_places(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
     for (place, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
@@ -92,8 +104,10 @@ impl Table {
             let anchor = anchor
                 .and_then(|at| Some((self.anchors[at].0.clone(), paired.standing(self.places.len() + at)?)));
             let together = self.together;
-            record.place =
-                paired.standing(point).map(|standing| Place { together, standing, anchor, control: None });
+            record.place = paired.standing(point).map(|standing| {
+                let median_ms = standing.median_ms();
+                Place { together, standing, median_ms, anchor, control: None }
+            });
         }
     }
 }
@@ -271,7 +285,7 @@ fn mean(records: &[&Record]) -> Option<Standing> {
 
 /// Returns the 95% interval of the median; `None` with too few samples.
 pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
-    let interval = record.place.as_ref()?.standing.median_ms();
+    let interval = record.place.as_ref()?.median_ms;
     Some([interval.low, interval.high])
 }
 
@@ -333,25 +347,45 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             "Measured in only one launch of the program: {whose}. The intervals of these points do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
         ));
     }
-    notes.extend(resolution(records).map(|range| {
-        format!("Differences below {} between two points cannot be detected here.", percents(range))
-    }));
+    notes.extend(told_apart(records));
     notes
+}
+
+/// Returns the note on the smallest difference that can be shown between two points. The difference that two baselines
+/// need says nothing about kernels, so baselines count only if there are no other points.
+fn told_apart(records: &[Record]) -> Option<String> {
+    let judged = records.iter().filter(|record| record.place.is_some());
+    let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
+    let points = if kernels.is_empty() { baselines } else { kernels };
+    let [least, most] = resolution(points.iter().copied())?.map(|part| significant(100.0 * part, 2));
+    let percents = match least == most {
+        true => format!("{most}%"),
+        false => format!("{least} to {most}% (depending on {})", what_differs(&points)),
+    };
+    Some(format!("Differences below {percents} between two points cannot be detected here."))
+}
+
+/// Names the properties in which points differ: "scene", "scene and device", "scene, image size and device". Points of
+/// equal properties may have been measured at different times.
+fn what_differs(points: &[&Record]) -> String {
+    let differ =
+        |is_other: fn(&Record, &Record) -> bool| points.iter().any(|point| is_other(point, points[0]));
+    let properties = [
+        ("scene", differ(|one, other| one.scene != other.scene)),
+        ("image size", differ(|one, other| one.image_size != other.image_size)),
+        ("device", differ(|one, other| one.device != other.device)),
+    ];
+    let names: Vec<&str> = properties.iter().filter(|(_, differs)| *differs).map(|(name, _)| *name).collect();
+    match names[..] {
+        [] => "when the points were measured".to_owned(),
+        [one] => one.to_owned(),
+        [ref first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
 }
 
 /// Returns whether a measured record has only one launch.
 fn is_look(record: &Record) -> bool {
     record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
-}
-
-/// Formats fractions as "3.1%" or "2.2 to 3.1% (depending on scene and image size)".
-fn percents([low, high]: [f64; 2]) -> String {
-    let [least, most] = [low, high].map(|part| significant(100.0 * part, 2));
-    if least == most {
-        format!("{most}%")
-    } else {
-        format!("{least} to {most}% (depending on scene and image size)")
-    }
 }
 
 #[cfg(test)]

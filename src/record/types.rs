@@ -4,6 +4,7 @@ use super::place::Place;
 use crate::manifest;
 use crate::program::CompiledKernel;
 use crate::sensor::SensorReading;
+use crate::strategy::Infeasible;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +26,8 @@ pub enum Outcome {
     OtherKind,
     /// The device's compiler rejected the program.
     BuildFailed,
-    /// The device refused or failed to run the kernel.
+    /// The device refused or failed to run the kernel, or the point, which had been cast before, did not fit into the
+    /// memory that was free.
     LaunchFailed,
     /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the reference,
     /// too many uncertain pixels are outside the range of their values, or the number of pixels with a hit is wrong.
@@ -57,6 +59,21 @@ impl Outcome {
     /// that the point cannot or need not be measured.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
+    }
+
+    /// Returns the rank of a record with this outcome among the records of a point that several attempts have. The
+    /// record with the lowest rank is the point's result.
+    pub fn rank(self) -> u8 {
+        match self {
+            // An error must not be hidden by another attempt.
+            Self::WrongImage => 0,
+            Self::Measured => 1,
+            // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
+            Self::Infeasible | Self::BuildFailed => 2,
+            Self::LaunchFailed | Self::TimedOut | Self::Crashed => 3,
+            // The point was not tried; another attempt may have been asked to try it.
+            Self::OtherKind => 4,
+        }
     }
 }
 
@@ -303,6 +320,14 @@ pub fn schema() -> serde_json::Value {
 }
 
 impl Record {
+    /// Returns whether the record is no failure, and would be the same at any other moment. A point that lacked memory
+    /// may fit when other programs, or other points of the run, hold less memory.
+    pub fn is_final(&self) -> bool {
+        let is_of_the_moment = self.outcome == Outcome::Infeasible
+            && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
+        self.outcome.is_fine() && !is_of_the_moment
+    }
+
     /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis. An axis
     /// that is newer than the record has the value that `axes` gives it.
     pub fn axis(&self, axis: &str) -> Option<&str> {
@@ -433,6 +458,17 @@ mod tests {
         }
         assert!(fine.iter().all(|outcome| outcome.is_fine()));
         assert!(!failures.iter().any(|outcome| outcome.is_fine()));
+    }
+
+    #[test]
+    fn only_what_no_other_moment_changes_is_final() {
+        let is_final = |outcome, reason: &str| {
+            Record { outcome, reason: Some(reason.to_owned()), ..Record::default() }.is_final()
+        };
+        let beside = "global memory: 2 B > 1 B, in addition to 3 B that other points hold";
+        assert!(is_final(Outcome::Infeasible, "global memory: 2 B > 1 B") && is_final(Outcome::Measured, ""));
+        assert!(!is_final(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B according to a test"));
+        assert!(!is_final(Outcome::Infeasible, beside) && !is_final(Outcome::Crashed, "no"));
     }
 
     #[test]

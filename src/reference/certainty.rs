@@ -209,10 +209,9 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::super::tree::Tree;
     use super::*;
-    use crate::scene::{Mapped, Sample, Scene, Sky, Texture, Textures, Wrap};
+    use crate::scene::{Sample, Scene, Sky};
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
-    use std::sync::Arc;
 
     /// Returns the percentage of pixels for which `quick_sample` has a result. Checks first that each of these results
     /// equals that of `sample`.
@@ -276,16 +275,8 @@ mod tests {
     #[test]
     fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
         let mut scene = fixtures::figure_4();
-        // The masks turn the triangle and its copy of opposite orientation into holes; the ground is solid.
-        let clear = Texture {
-            size: [1, 1],
-            wrap: [Wrap::Repeat; 2],
-            least_alpha: u16::MAX / 2,
-            texels: Arc::from([0]),
-        };
-        let hole = Mapped { mask: Some(0), ..Mapped::NONE };
-        let mapped = vec![hole, hole, Mapped::NONE, Mapped::NONE];
-        scene.mesh_mut().textures = Textures { list: vec![clear], mapped };
+        // The triangle and its copy of opposite orientation become holes; the ground is solid.
+        fixtures::make_holes(scene.mesh_mut(), 2);
         for culling in [Culling::None, Culling::Back] {
             quickly(&scene, culling);
         }

@@ -1,6 +1,9 @@
 //! Scenes for tests, built in code: the paper's small scenes, random triangles, and a sphere.
 
-use crate::scene::{Camera, Display, Light, Material, MaterialKind, Mesh, PAPER_BACKGROUND, Scene, Triangle};
+use crate::scene::{
+    Camera, Display, Light, Mapped, Material, MaterialKind, Mesh, PAPER_BACKGROUND, Scene, Texture, Textures,
+    Triangle, Wrap,
+};
 use glam::{Vec3, vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -63,6 +66,19 @@ pub(crate) fn sphere(bands: usize) -> Scene {
     }
     mesh.append(ground());
     scene("sphere", mesh, vec3(2.0, 3.0, 1.0))
+}
+
+/// Turns the mesh's first triangles into holes: their mask is transparent everywhere.
+pub(crate) fn make_holes(mesh: &mut Mesh, count: usize) {
+    let clear = Texture {
+        size: [1, 1],
+        wrap: [Wrap::Repeat; 2],
+        least_alpha: u16::MAX / 2,
+        texels: vec![0_u32].into(),
+    };
+    let mut mapped = vec![Mapped::NONE; mesh.triangles.len()];
+    mapped[..count].fill(Mapped { mask: Some(0), ..Mapped::NONE });
+    mesh.textures = Textures { list: vec![clear], mapped };
 }
 
 fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {

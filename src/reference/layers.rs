@@ -40,21 +40,11 @@ pub struct Layers {
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
-    let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
-    let forward = scene.camera.forward.as_dvec3();
-    let found: Vec<Option<(f32, [f32; 3], u32)>> = (0..count(size))
-        .into_par_iter()
-        .map(|index| {
-            let [x, y] = cost::pixel_at(index, size[0]).map(|place| f64::from(place) + 0.5);
-            let (ray, hit) = caster.look(x, y);
-            let hit = hit?;
-            let normal = normal_at(&scene.mesh, &hit);
-            let depth = (ray.direction * hit.t).dot(forward);
-            Some((depth as f32, normal.as_vec3().to_array(), hit.triangle))
-        })
-        .collect();
-    let object = |triangle: u32| object_of(object_starts, triangle);
+    // Each of the two searches builds a tree, and frees it before the other one starts: trees of large meshes take
+    // gigabytes.
     let costs: Vec<Cost> = cost::in_tree(scene, size, culling)?;
+    let found = found(scene, size, culling);
+    let object = |triangle: u32| object_of(object_starts, triangle);
     Ok(Layers {
         size,
         depth: found.iter().map(|hit| hit.map_or(f32::INFINITY, |(depth, ..)| depth)).collect(),
@@ -64,6 +54,24 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
         tests: costs.iter().map(|cost| cost.tests).collect(),
         nodes: costs.iter().map(|cost| cost.nodes).collect(),
     })
+}
+
+/// The depth, the normal and the triangle of a hit.
+type Found = (f32, [f32; 3], u32);
+
+/// Returns what the ray of each pixel hits; `None` for rays that hit nothing.
+fn found(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<Found>> {
+    let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
+    let forward = scene.camera.forward.as_dvec3();
+    let look = |index: usize| -> Option<Found> {
+        let [x, y] = cost::pixel_at(index, size[0]).map(|place| f64::from(place) + 0.5);
+        let (ray, hit) = caster.look(x, y);
+        let hit = hit?;
+        let normal = normal_at(&scene.mesh, &hit);
+        let depth = (ray.direction * hit.t).dot(forward);
+        Some((depth as f32, normal.as_vec3().to_array(), hit.triangle))
+    };
+    (0..count(size)).into_par_iter().map(look).collect()
 }
 
 /// Returns the interpolated normal of a hit, of unit length; zero where the corners' normals cancel

@@ -1,8 +1,11 @@
 //! Tests of the reference's radiance and of its certain pixels.
 
+use super::cutouts::Solid;
+use super::ray::Ray;
+use super::traverse::Finder;
 use super::*;
 use crate::scene::{Mapped, Material, Texture, Textures, Wrap};
-use glam::{Vec3, vec3};
+use glam::{DVec3, Vec3, vec3};
 
 /// Returns the radiance of pixel (x, y).
 fn pixel(scene: &Scene, size: [u32; 2], [x, y]: [u32; 2]) -> Vec3 {
@@ -86,6 +89,22 @@ fn culled_faces_cast_no_shadow() {
     assert!(black(&scene) > 50);
     scene.mesh_mut().triangles.remove(1);
     assert_eq!(black(&scene), 0);
+}
+
+#[test]
+fn a_shadow_ray_passes_through_a_hole() {
+    let mut scene = fixtures::single_triangle();
+    let ray =
+        Ray { origin: DVec3::ZERO, direction: DVec3::NEG_Z, near: 0.0, far: f64::INFINITY, to_light: true };
+    let is_blocked = |scene: &Scene| {
+        let (mesh, culling) = (&scene.mesh, Culling::None);
+        let exhaustive = Solid::new(Exhaustive::<f64>::new(mesh, culling), &mesh.textures);
+        let tree = Solid::new(Tree::new(mesh, culling), &mesh.textures);
+        [exhaustive.any(&ray), tree.any(&ray)]
+    };
+    assert_eq!(is_blocked(&scene), [true; 2]);
+    fixtures::make_holes(scene.mesh_mut(), 1);
+    assert_eq!(is_blocked(&scene), [false; 2]);
 }
 
 #[test]

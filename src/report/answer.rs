@@ -79,7 +79,7 @@ pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
 fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
     let ranking = group.ranking();
     let best = ranking.winners.first().copied();
-    let (sureness, sure) = sure(&ranking);
+    let (sureness, sure) = sure(group, &ranking);
     Answer {
         scene: group.scene.to_owned(),
         image_size: group.image_size,
@@ -134,7 +134,7 @@ fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
 /// The text shown if no point has a time.
 const NOTHING: &str = "nothing measured";
 
-fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
+fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String) {
     let unranked = match ranking.unranked.is_empty() {
         true => String::new(),
         false => format!(" Points without a rank: {}.", few_names(&ranking.unranked, title)),
@@ -158,13 +158,19 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let look =
         if launches(best) < 2 { " There was only one launch, so the result is not conclusive." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
-        1 if launches(best) < 2 => {
-            ("unsure", format!("The winner is faster than all other points; {rests}.{look}"))
-        }
         1 if may_be_faster(ranking) => {
             ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
         }
-        1 => ("clear", format!("Every other point certainly takes longer; {rests}.")),
+        1 => {
+            // Of a point that has no rank or no time, nobody knows whether it takes longer.
+            let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
+                (1, _) => ("There is no other point", true),
+                (_, 1) => ("No other point has a rank", false),
+                _ => ("Every other point with a rank takes longer", true),
+            };
+            let sureness = if is_known && launches(best) >= 2 { "clear" } else { "unsure" };
+            (sureness, format!("{others}; {rests}.{look}"))
+        }
         several => (
             "tie",
             format!(
@@ -299,7 +305,7 @@ mod tests {
             [few("host", "serial-f32", 0, 1798.0, 1), slow.clone(), measured("gpu", "wide", 4, 11.0)];
         let of = |records: &[Record]| answers(&groups(&judged(records))).remove(0);
         let one = of(&records);
-        assert_eq!(one.sureness, "clear");
+        assert_eq!(one.sureness, "unsure");
         assert!(one.sure.ends_with("Points without a rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);
         let told: Vec<_> =
             one.speedups.iter().map(|told| (told.factor.as_str(), told.range.as_str())).collect();
@@ -310,6 +316,32 @@ mod tests {
         let none = of(&[slow]);
         assert_eq!((none.nobody, none.time.as_str()), ("no winner: no point can be ranked", "-"));
         assert_eq!(headline(&[none]), "No winner: no point can be ranked");
+    }
+
+    #[test]
+    fn a_winner_is_clear_only_if_it_was_compared_or_if_there_is_no_other_point() {
+        let (naive, wide) = (measured("gpu", "naive", 8, 41.0), measured("gpu", "wide", 4, 11.0));
+        let refused = infeasible("gpu", "naive", 8, "work-group: too large");
+        let few = few("gpu", "naive", 8, 20.0, 3);
+        let told = |records: &[&Record]| {
+            let records: Vec<Record> = records.iter().map(|record| (*record).clone()).collect();
+            let one = answers(&groups(&judged(records))).remove(0);
+            (one.sureness, one.sure)
+        };
+        let rests = "n = 10 samples in 2 launches.";
+        for (others, sureness, words) in [
+            (vec![], "clear", "There is no other point"),
+            (vec![&refused], "unsure", "No other point has a rank"),
+            (vec![&few], "unsure", "No other point has a rank"),
+            (vec![&naive], "clear", "Every other point with a rank takes longer"),
+        ] {
+            let (found, sure) = told(&[&[&wide][..], &others].concat());
+            assert_eq!(found, sureness, "{words}");
+            assert!(sure.starts_with(&format!("{words}; {rests}")), "{sure}");
+        }
+        let one_launch = Record { sample_launches: vec![0; 10], ..wide.clone() };
+        let (found, sure) = told(&[&one_launch]);
+        assert!(found == "unsure" && sure.contains("There was only one launch"), "{found}: {sure}");
     }
 
     #[test]
@@ -345,6 +377,19 @@ mod tests {
         let answers = answers(&groups(&records));
         assert_eq!(answers.len(), 4);
         assert_eq!(headline(&answers), "In both comparisons, wide is fastest or tied for fastest");
+    }
+
+    #[test]
+    fn the_headline_has_the_range_of_speed_ups() {
+        for serial_ms in [[400.0, 120.0], [120.0, 400.0]] {
+            let of = |(scene, ms): (&str, f64)| {
+                let both = [measured("host", "serial-f32", 0, ms), measured("gpu", "wide", 1, 10.0)];
+                both.map(|record| Record { scene: scene.into(), ..record })
+            };
+            let records: Vec<_> = ["room", "table"].into_iter().zip(serial_ms).flat_map(of).collect();
+            let told = headline(&answers(&groups(&judged(records))));
+            assert!(told.ends_with("; it is 12 to 40 times as fast as serial-f32"), "{told}");
+        }
     }
 
     #[test]

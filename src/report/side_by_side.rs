@@ -11,6 +11,9 @@ use crate::record::{Group, HOST, Record, ratio, significant};
 /// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
 
+/// A group, and its records that have a rank, fastest first.
+type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
+
 /// Returns two heat maps: the strategies by device, and the losses by device. Returns no heat map
 /// if there is a single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
@@ -18,24 +21,25 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     if devices.len() < 2 {
         return Vec::new();
     }
-    vec![strategies(groups, &devices), losses(groups, &devices)]
+    // A ranking computes a ratio for every point, so each group is ranked once, and not again for every cell.
+    let groups: Vec<Ranked<'_, '_>> = groups.iter().map(|group| (group, group.ranking().ranked)).collect();
+    vec![strategies(&groups, &devices), losses(&groups, &devices)]
 }
 
 /// Shows, for each strategy and device, the mean ratio of the strategy's best time to the best time of all strategies
 /// for the same scene and size.
-fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
+fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
-    for record in groups.iter().filter(|group| group.device != HOST).flat_map(|group| &group.records) {
+    let kernels = groups.iter().filter(|(group, _)| group.device != HOST);
+    for record in kernels.flat_map(|(group, _)| &group.records) {
         if !names.contains(&record.name.as_str()) {
             names.push(&record.name);
         }
     }
     let row = |name: &&str| {
         let cell = |device: &&str| {
-            let own = |group: &&Group<'_>| group.device == *device;
-            let slower = groups.iter().filter(own).filter_map(|group| {
-                let ranked = group.ranking().ranked;
-                over_best(group, ranked.into_iter().find(|record| record.name == **name)?)
+            let slower = groups.iter().filter(|(group, _)| group.device == *device).filter_map(|ranked| {
+                over_best(ranked, ranked.1.iter().find(|record| record.name == **name)?)
             });
             cell(
                 slower.collect(),
@@ -62,18 +66,20 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
 
 /// Shows, for each pair of devices, by which factor the time grows if one device uses the other device's best strategy
 /// instead of its own.
-fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
+fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
-            let slower = groups.iter().filter(|group| group.device == *on).filter_map(|group| {
-                let same = |other: &&Group<'_>| {
+            let slower = groups.iter().filter(|(group, _)| group.device == *on).filter_map(|ranked| {
+                let (group, _) = ranked;
+                let same = |(other, _): &&Ranked<'_, '_>| {
                     other.device == *from
                         && (other.scene, other.image_size) == (group.scene, group.image_size)
                 };
-                let best = *groups.iter().find(same)?.ranking().ranked.first()?;
+                let (_, others) = groups.iter().find(same)?;
+                let best = *others.first()?;
                 let point = (&best.name, best.local_size);
                 let there = group.records.iter().find(|record| (&record.name, record.local_size) == point)?;
-                Some((over_best(group, there)?.0, format!("{}: {}", group.scene, title(best))))
+                Some((over_best(ranked, there)?.0, format!("{}: {}", group.scene, title(best))))
             });
             cell(slower.collect(), &format!("the best of {from}, used on {on}"))
         };
@@ -94,8 +100,8 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
 
 /// Returns the ratio of a record's time to the best time of its group, and the names of the scene and the point; `None`
 /// if the record has too few samples.
-fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
-    let best = *group.ranking().ranked.first()?;
+fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, String)> {
+    let best = *ranked.first()?;
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
 }
 

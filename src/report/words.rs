@@ -1,6 +1,8 @@
 //! Formats texts about a record, for several parts of the report.
 
 use super::plot::look::Look;
+use super::view::PAPER_SIZE;
+pub(crate) use crate::record::first_line;
 use crate::record::{
     Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant, to_mind,
 };
@@ -45,6 +47,18 @@ pub fn title(record: &Record) -> String {
         Some(size) => format!("{} at {}", record.name, by(size)),
         None => series_name(record),
     }
+}
+
+/// Formats an image size that is not the paper's: "200 x 125". Where a page about the paper names no size, the paper's
+/// size is meant.
+pub fn other_size(image_size: [u32; 2]) -> Option<String> {
+    (image_size != PAPER_SIZE).then(|| by(image_size))
+}
+
+/// Adds the image size, if it is not the paper's, to a text that ends with a scene: "on teapot", "on teapot at 200 x
+/// 125".
+pub fn at_size(text: &str, image_size: [u32; 2]) -> String {
+    other_size(image_size).map_or(text.to_owned(), |size| format!("{text} at {size}"))
 }
 
 /// Returns a group's title, such as "teapot, 800 x 500, NVIDIA H200".
@@ -102,12 +116,6 @@ fn sureness(record: &Record) -> Option<String> {
 /// Formats milliseconds as "1.2 to 1.4".
 pub fn interval_text([low, high]: [f64; 2]) -> String {
     format!("{} to {}", ms(low), ms(high))
-}
-
-/// Returns the reason for a missing time, in one line.
-pub fn first_line(record: &Record) -> &str {
-    let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
-    reason.lines().next().unwrap_or_default()
 }
 
 /// Returns the ratio of `slow` to `fast` as "4.35×".

@@ -163,7 +163,7 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
-            seen.camera_note = file.camera_note;
+            seen.camera_notes = file.camera_notes;
             seen.add(file.camera, file.lights);
         }
         mesh.append(file.mesh);
@@ -250,8 +250,8 @@ fn light(wire: &LightWire) -> Light {
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
-    /// A note that is shown only if this camera is used.
-    camera_note: Option<String>,
+    /// Notes that are shown only if this camera is used.
+    camera_notes: Vec<String>,
     lights: Vec<FileLight>,
 }
 

@@ -5,6 +5,7 @@ use super::Mesh;
 use super::assemble::Joined;
 use super::files::MeshFile;
 use super::sky::{FileTexels, SkyPicture};
+use super::validate::MAX_POWER;
 use crate::error::Result;
 use glam::Vec3;
 use std::collections::HashMap;
@@ -34,7 +35,10 @@ pub(super) struct Kept {
     joined: Option<(String, Joined)>,
     /// The mesh whose bounds were computed last, and these bounds.
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
+    /// The file of the picture that was read last, and its texels.
     picture: Option<(PathBuf, FileTexels)>,
+    /// The texels that were multiplied last, and the file and the strength from which they were made.
+    strengthened: Option<((PathBuf, f32), FileTexels)>,
 }
 
 impl Kept {
@@ -86,9 +90,21 @@ impl Kept {
         bounds
     }
 
-    /// Returns the texels of a sky's picture. The text of an error is meant to follow the file's
-    /// name in a message.
-    pub fn picture(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
+    /// Returns the texels of a sky's picture, multiplied by `strength`. Frames with the same picture and strength share
+    /// them. The text of an error is meant to follow the file's name in a message.
+    pub fn picture(&mut self, path: &Path, strength: f32) -> std::result::Result<FileTexels, String> {
+        let wanted = (path.to_owned(), strength);
+        if let Some((_, texels)) = self.strengthened.as_ref().filter(|(of, _)| *of == wanted) {
+            return Ok(texels.clone());
+        }
+        let read = self.read(path)?;
+        let texels = (read.0, SkyPicture::strengthened(&read, strength, MAX_POWER)?);
+        self.strengthened = self.keeps.then(|| (wanted, texels.clone()));
+        Ok(texels)
+    }
+
+    /// Returns the texels of a sky's picture as they are in its file.
+    fn read(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
         if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
             return Ok(texels.clone());
         }
@@ -153,7 +169,7 @@ mod tests {
         });
         let mut kept = Kept::default();
         kept.begin(&Table::new(), true);
-        let red = |kept: &mut Kept, path: &Path| kept.picture(path).unwrap().1[0][0];
+        let red = |kept: &mut Kept, path: &Path| kept.picture(path, 1.0).unwrap().1[0][0];
         assert_eq!(
             [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
             [0.25, 4.0, 0.25]
@@ -161,5 +177,10 @@ mod tests {
         // The texels of the picture that was read last are kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut kept, &dark), 0.25);
+        // Frames whose pictures have the same strength share the multiplied texels, too.
+        let mut texels = |strength| kept.picture(&dark, strength).unwrap().1;
+        let [one, again, stronger] = [2.0, 2.0, 4.0].map(&mut texels);
+        assert!(Arc::ptr_eq(&one, &again));
+        assert_eq!([one[0][0], stronger[0][0], texels(2.0)[0][0]], [0.5, 1.0, 0.5]);
     }
 }

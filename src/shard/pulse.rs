@@ -87,7 +87,7 @@ impl Pulse {
                     if sleeps_through(BEAT, &ended) {
                         return;
                     }
-                    beat = beat.after(steps.load(Ordering::Relaxed), waits.swap(false, Ordering::Relaxed));
+                    beat = beat.after(steps.load(Ordering::Relaxed), taken(&waits));
                 }
             })
         };
@@ -98,6 +98,12 @@ impl Pulse {
     pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
         Steps { steps: Arc::clone(&self.steps), waits: Arc::clone(&self.waits), listener }
     }
+}
+
+/// Returns whether the attempt has waited since the last call. The next call returns false, unless the attempt waits
+/// again.
+fn taken(waits: &AtomicBool) -> bool {
+    waits.swap(false, Ordering::Relaxed)
 }
 
 /// Sleeps for this time, or until the attempt ends. Returns whether the attempt has ended.
@@ -180,6 +186,14 @@ mod tests {
         assert_eq!(next(second, 4).quiet, 0);
         // An attempt that waits for a device is not hung.
         assert_eq!(second.after(3, true), Beat { beats: 3, quiet: 0, steps: 3 });
+    }
+
+    #[test]
+    fn after_a_wait_quiet_counts_grow_again() {
+        let waits = AtomicBool::new(true);
+        let first = Beat::default().after(0, taken(&waits));
+        let second = first.after(0, taken(&waits));
+        assert_eq!([first.quiet, second.quiet], [0, 1]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Makes a shell script that writes two Slurm scripts (the shards and the merge) and submits them. raycl only prints
+//! Makes a shell script that contains two Slurm scripts (the shards and the merge) and submits them. raycl only prints
 //! the shell script.
 
 use crate::report::quote;
@@ -20,7 +20,7 @@ pub struct Wishes {
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if the expected time is based, at least in part, on earlier runs.
+    /// True if every point has a time in an earlier run, so that the expected time is not a guess.
     pub is_known: bool,
 }
 
@@ -29,16 +29,21 @@ pub struct Wishes {
 /// element. Shorter shards become tasks of one job step, which all start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
-/// Returns a shell script that writes the scripts of the shards and of the merge, and submits them.
+/// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads them from
+/// its standard input, so that the shell script writes no file, which could replace a file of the user. The merge is
+/// submitted only if the shards were.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));
     let is_array = wishes.longest >= WORTH_AN_ELEMENT || !wishes.is_known;
-    let how = if wishes.is_known { "based on earlier times" } else { "a guess: nothing was measured before" };
+    let how = match wishes.is_known {
+        true => "based on earlier times",
+        false => "a guess: not all points were measured before",
+    };
     let seconds = wishes.longest.as_secs();
     let mut text = format!(
         "# {n} shards; the longest takes about {seconds} s ({how}). The time limit is twice this time plus ten minutes.\n\
-         cat >shards.sh <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}\n"
+         job=$(sbatch --parsable <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}\n"
     );
     let tasks = if is_array {
         format!("--array=1-{n}\n#SBATCH --ntasks=1")
@@ -59,9 +64,8 @@ pub fn scripts(wishes: &Wishes) -> String {
     );
     let _ = write!(
         text,
-        "cat >merge.sh <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}-merge\n#SBATCH --ntasks=1\n#SBATCH --time=30\nexec raycl merge {out}\nEND\n\
-         job=$(sbatch --parsable shards.sh)\n\
-         sbatch --dependency=afterany:${{job%%;*}} merge.sh\n"
+        ") && sbatch --dependency=afterany:${{job%%;*}} <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}-merge\n\
+         #SBATCH --ntasks=1\n#SBATCH --time=30\nexec raycl merge {out}\nEND\n"
     );
     text
 }
@@ -113,9 +117,7 @@ mod tests {
                 && short.contains("exec srun --kill-on-bad-exit=0 raycl run"),
             "{short}"
         );
-        assert!(short.ends_with(
-            "job=$(sbatch --parsable shards.sh)\nsbatch --dependency=afterany:${job%%;*} merge.sh\n"
-        ));
+        assert!(short.contains("\nEND\n) && sbatch --dependency=afterany:${job%%;*} <<'END'\n"), "{short}");
         assert!(scripts(&wishes(1, false)).contains("--array"), "a shard of unknown duration may take long");
         assert!(
             scripts(&Wishes { on_gpu: Some(false), ..wishes(1, true) }).contains("#SBATCH --exclusive\n")
@@ -159,7 +161,7 @@ mod tests {
                 "exec raycl merge 'a b'",
             ],
         );
-        assert!(unknown.contains("(a guess: nothing was measured before)"), "{unknown}");
+        assert!(unknown.contains("(a guess: not all points were measured before)"), "{unknown}");
         let is_array = |seconds| scripts(&wishes(seconds, true)).contains("--array");
         assert_eq!([is_array(119), is_array(120)], [false, true]);
     }

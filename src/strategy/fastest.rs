@@ -211,6 +211,7 @@ impl Way {
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
+        // If work-items share a tile, `Strategy::local_size` returns another local size.
         let (mut strategy, local_size) = match (limits.is_cpu, self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
@@ -224,13 +225,13 @@ impl Way {
                 let mut strategy = of("tile-group")?;
                 strategy.tile = if large { TileSize::T16x8 } else { strategy.tile };
                 strategy.passes = if separate { Passes::Separate } else { Passes::Fused };
-                (strategy, strategy.local_size(limits, [8, 8]))
+                (strategy, [8, 8])
             }
         };
         if watertight {
             strategy.intersector = Intersector::WATERTIGHT;
         }
-        Ok((strategy, local_size))
+        Ok((strategy, strategy.local_size(limits, local_size)))
     }
 }
 
@@ -371,6 +372,18 @@ mod tests {
             );
             assert_eq!(local_size, group.local_size(&gpu, [8, 8]));
             assert_eq!(Strategy { tile: group.tile, passes: group.passes, ..strategy }, group);
+        }
+    }
+
+    #[test]
+    fn no_way_has_larger_work_groups_than_the_device_allows() {
+        for (is_cpu, most) in [(true, 8), (false, 64), (false, 16)] {
+            let lanes = LaneOperations::Barriers;
+            let limits = DeviceLimits { work_group_size: most, ..limits(is_cpu, 8, lanes) };
+            for way in [Way::Exhaustive, Way::Single] {
+                let [across, down] = way.strategy(&limits, false).unwrap().1;
+                assert_eq!((across * down) as usize, most, "{way:?}");
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest number of bytes in
 //! use at any moment.
 
-use super::requirements::{global, scratch};
+use super::requirements::{global, scene, scratch};
 use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
@@ -24,6 +24,22 @@ const PICTURE_BYTES: u64 = 12 + 3 + 3;
 /// two half pictures with their hits and ratios, and the picture that is expected from these parts.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
+/// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the hit of the pixel's
+/// ray (depth, normal and triangle, which may be missing).
+const LAYERS_COMPUTED_BYTES: u64 = 16 + 8 + 24;
+/// Bytes per pixel while layers are written: radiance and alpha of the picture, all layers, and a second copy of these,
+/// as channels of an EXR.
+const LAYERS_WRITTEN_BYTES: u64 = 2 * (16 + 32);
+
+/// What the host does with a picture after it has been cast.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Afterwards {
+    /// True if the picture is compared with the reference.
+    pub verified: bool,
+    /// True if the picture's layers are computed and written.
+    pub layers: bool,
+}
+
 /// The bytes of the host's memory in use at several moments. The largest of these amounts is the memory that casting
 /// needs.
 #[derive(Clone, Debug)]
@@ -32,24 +48,12 @@ pub struct HostNeeds {
 }
 
 impl HostNeeds {
-    /// Returns the memory that `strategy` needs for `workload`. `shared` means that the device uses the
-    /// host's memory, and `verified` that the image is compared with the reference.
-    pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, verified: bool) -> Self {
+    /// Returns the memory that `strategy` needs for `workload` until the picture has been cast and everything has been
+    /// done `afterwards`. `shared` means that the device uses the host's memory.
+    pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, afterwards: Afterwards) -> Self {
         let w = workload;
-        let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
-        let mut kept = Sum::default();
-        kept.add("program and driver", &[(PROGRAM_BYTES, " B")]);
-        kept.add("mesh", &[(mesh_bytes(w), " B")]);
-        if w.is_textured() {
-            kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
-            kept.add(
-                "places in textures",
-                &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
-            );
-        }
-        if w.sky_texels > 0 {
-            kept.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
-        }
+        let pixels = pixels(w);
+        let kept = kept(w);
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
@@ -72,7 +76,10 @@ impl HostNeeds {
         }
         casting.add("picture", &[(PICTURE_BYTES, " B"), (pixels, " pixels")]);
         moments.push(("casting", casting));
-        if verified {
+        if afterwards.layers {
+            moments.extend(with_layers(strategy, w, shared, &kept));
+        }
+        if afterwards.verified {
             let mut sum = kept;
             sum.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
             sum.add("reference", &[(REFERENCE_PIXEL_BYTES + 12, " B"), (pixels, " pixels")]);
@@ -99,10 +106,47 @@ impl HostNeeds {
     pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
         let limit = available.bytes.saturating_add(own_bytes);
         let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };
-        sum.within(&format!("the host's memory ({moment})"), limit).map_err(|refused| {
+        sum.within(&format!("{} ({moment})", Infeasible::ON_HOST), limit).map_err(|refused| {
             Infeasible::beyond(format!("{} according to {}", refused.reason, available.source))
         })
     }
+}
+
+/// Returns the memory that is in use at every moment.
+fn kept(w: &Workload) -> Sum {
+    let mut kept = Sum::default();
+    kept.add("program and driver", &[(PROGRAM_BYTES, " B")]);
+    kept.add("mesh", &[(mesh_bytes(w), " B")]);
+    if w.is_textured() {
+        kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
+        kept.add(
+            "places in textures",
+            &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
+        );
+    }
+    if w.sky_texels > 0 {
+        kept.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
+    }
+    kept
+}
+
+/// Returns the memory in use while a picture's layers are computed, and while they are written. The caster's frame is
+/// freed before; a device that shares the host's memory then still holds the scene. The tree in which tests are counted
+/// is freed before the reference's tree is built, and is smaller, so it is not counted.
+fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, kept: &Sum) -> [(&'static str, Sum); 2] {
+    let mut computing = kept.clone();
+    if shared {
+        computing.join(scene(strategy, w));
+    }
+    let mut writing = computing.clone();
+    computing.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    computing.add("picture and hits", &[(LAYERS_COMPUTED_BYTES, " B"), (pixels(w), " pixels")]);
+    writing.add("picture and layers", &[(LAYERS_WRITTEN_BYTES, " B"), (pixels(w), " pixels")]);
+    [("computing the layers", computing), ("writing the layers", writing)]
+}
+
+fn pixels(w: &Workload) -> u64 {
+    u64::from(w.image_size[0]) * u64::from(w.image_size[1])
 }
 
 /// Returns the bytes of a mesh with a workload's sizes.
@@ -139,7 +183,8 @@ mod tests {
 
     fn needs(name: &str, w: &Workload, shared: bool, verified: bool) -> HostNeeds {
         let strategy = preset(name).map(|preset| preset.strategy);
-        HostNeeds::of(&strategy.unwrap_or_else(|error| panic!("{error}")), w, shared, verified)
+        let afterwards = Afterwards { verified, layers: false };
+        HostNeeds::of(&strategy.unwrap_or_else(|error| panic!("{error}")), w, shared, afterwards)
     }
 
     #[test]
@@ -186,6 +231,25 @@ mod tests {
         let [shared, own] = [true, false].map(|shared| needs("naive", &w, shared, true).bytes());
         assert_eq!(shared - own, Requirements::buffer_bytes(&naive, &w));
         assert!(own > compared && own < compared + PROGRAM_BYTES + 1_000_000, "{own}");
+    }
+
+    #[test]
+    fn layers_are_computed_with_a_tree_and_then_written_with_a_copy() {
+        let strategy = preset("deferred").unwrap().strategy;
+        let beside_scene = |w: &Workload, shared| {
+            let afterwards = Afterwards { layers: true, ..Afterwards::default() };
+            let of_device = if shared { Requirements::scene_bytes(&strategy, w) } else { 0 };
+            let needs = HostNeeds::of(&strategy, w, shared, afterwards);
+            needs.bytes() - PROGRAM_BYTES - mesh_bytes(w) - of_device
+        };
+        for shared in [false, true] {
+            // Of many triangles, the tree counts most; of many pixels, the copy of the layers.
+            assert_eq!(beside_scene(&workload(10_000_000, 100), shared), 152 * 10_000_000 + 48 * 10_000);
+            assert_eq!(beside_scene(&workload(10, 4000), shared), 96 * 4000 * 4000);
+        }
+        let of_layers = LAYERS_COMPUTED_BYTES as usize;
+        assert_eq!(of_layers, 16 + 2 * size_of::<u32>() + size_of::<Option<(f32, [f32; 3], u32)>>());
+        assert!(Bvh::build_bytes(1_000_000, 4) < 1_000_000 * REFERENCE_BYTES, "the tree that counts tests");
     }
 
     #[test]

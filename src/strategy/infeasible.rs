@@ -23,6 +23,17 @@ pub enum Cause {
 }
 
 impl Infeasible {
+    /// The words with which a reason begins if the host has too little memory.
+    pub const ON_HOST: &'static str = "the host's memory";
+    /// The words with which a reason contains the memory that other points of the run hold.
+    pub const BESIDE_OTHERS: &'static str = "that other points hold";
+
+    /// Returns whether a reason holds only for a moment: other programs use the host's memory, or other points of the
+    /// run hold memory. The point may fit at another moment.
+    pub fn is_of_the_moment(reason: &str) -> bool {
+        reason.starts_with(Self::ON_HOST) || reason.contains(Self::BESIDE_OTHERS)
+    }
+
     /// Returns the reason why a point exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
         Self { reason, cause: Cause::Size }

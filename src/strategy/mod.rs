@@ -22,7 +22,7 @@ pub use axis::{
 pub use facts::{Copied, WorkingMemory};
 pub use fastest::{Class, Constants, Task, Way, fastest};
 pub use header::{Contradiction, Header};
-pub use host::HostNeeds;
+pub use host::{Afterwards, HostNeeds};
 pub use infeasible::{Cause, Infeasible};
 pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
@@ -169,10 +169,10 @@ impl Strategy {
     }
 
     /// Returns the local size of the strategy. If 32 work-items share a tile, this is the best local size on a device
-    /// with these limits; otherwise, it is `other`.
+    /// with these limits; otherwise, it is `other`, or as much of `other` as the device allows.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
         let groups = limits.lane_operations.usual_groups();
-        if self.shares_tiles() { [GROUP_LANES, groups] } else { other }
+        if self.shares_tiles() { [GROUP_LANES, groups] } else { limits.fitting(other) }
     }
 
     /// Returns how the strategy's work-items exchange values on a device with these built-in functions.

@@ -249,7 +249,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
 }
 
 /// Returns the global memory for the scene and its tree. Each term is one buffer.
-fn scene(strategy: &Strategy, w: &Workload) -> Sum {
+pub(super) fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
         add_scene(&mut sum, strategy, w);

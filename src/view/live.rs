@@ -278,8 +278,12 @@ fn after<'a>(current: &DeviceInfo, found: &'a [Device]) -> Option<&'a Device> {
     usable.get(place % usable.len().max(1)).copied().filter(|device| !same(device))
 }
 
+/// Opens a session. When the user changes from a device to its twin, the session of the new device is opened before the
+/// one of the old device is closed, so the two devices need programs of their own.
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
-    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(Sampling::all(samples))
+    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene))
+        .among_twins(device.info.program_twin())
+        .sampling(Sampling::all(samples))
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
@@ -293,7 +297,7 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<
     if queue.shares_memory {
         return Ok(None);
     }
-    let spec = ShowProgram::spec(sources)?;
+    let spec = ShowProgram::spec(sources, queue)?;
     ShowProgram::usable(queue, &spec, &Kept::of(Cache::of_user(), device), (sources, device))
 }
 
@@ -427,6 +431,19 @@ mod tests {
             (usual, "other", [0, 2])
         );
         assert!(cast(&mut live) == picture);
+    }
+
+    #[test]
+    fn the_twin_of_a_cpu_has_a_program_of_its_own() {
+        let mut live = live(&[], 1);
+        let ordinary = live.prepared.spec.clone();
+        let mut twin = live.device.clone();
+        twin.info.twins_before = 1;
+        live.move_to(twin).expect("it can cast");
+        assert_eq!(live.prepared.spec.source, ordinary.source);
+        assert_eq!(live.prepared.spec.options, format!("{} -D TWINS_BEFORE=1", ordinary.options));
+        live.reload().expect("it can be read");
+        assert!(live.prepared.spec.options.ends_with(" -D TWINS_BEFORE=1"), "{}", live.prepared.spec.options);
     }
 
     #[test]

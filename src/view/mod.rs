@@ -63,7 +63,8 @@ pub struct Viewer<S: Screen> {
     picker: Picker,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// A note for the user, such as why a key had no effect.
+    /// A note for the user, such as why a key had no effect. At the start and after the scene was read again, the note
+    /// consists of the notes about the scene.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
@@ -76,6 +77,7 @@ pub struct Viewer<S: Screen> {
 impl<S: Screen> Viewer<S> {
     /// Makes a viewer of a scene. If `spins` is true, the eye goes around the scene by itself.
     pub fn new(live: Live, screen: S, spins: bool) -> Self {
+        let note = of_scene(&live);
         Self {
             live,
             screen,
@@ -89,7 +91,7 @@ impl<S: Screen> Viewer<S> {
             picker: Picker::default(),
             pointer: None,
             picked: None,
-            note: None,
+            note,
             redraws: false,
             stale: true,
         }
@@ -107,7 +109,7 @@ impl<S: Screen> Viewer<S> {
             self.redraws |= input.redraws;
             self.stale |= input.redraws;
             if changed() {
-                self.tried(Live::reload);
+                self.reload();
             }
             let rests = !self.show_next()?;
             self.redraw()?;
@@ -217,7 +219,7 @@ impl<S: Screen> Viewer<S> {
         if !is_shown {
             match Heat::new(self.live.scene()) {
                 Ok(heat) => self.heat = Some(heat),
-                Err(error) => self.note = Some(error.to_string()),
+                Err(error) => self.note = Some(error.in_a_line()),
             }
         }
     }
@@ -260,12 +262,19 @@ impl<S: Screen> Viewer<S> {
     /// Changes the strategy, local size or device, or reads changed files. If this fails, the scene is cast as before,
     /// and a note states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
-        self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
+        self.note = change(&mut self.live).err().map(|error: Error| error.in_a_line());
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
             self.heat = Heat::new(self.live.scene()).ok();
         }
         self.changed();
         self.stale = true;
+    }
+
+    /// Reads changed files. If this succeeds, the notes about the scene are shown again, since the change may have
+    /// added or removed some.
+    fn reload(&mut self) {
+        self.tried(Live::reload);
+        self.note = self.note.take().or_else(|| of_scene(&self.live));
     }
 
     /// Finds the triangle at the pointer. Does nothing if the triangle at this pixel is known and cannot have changed.
@@ -293,6 +302,12 @@ impl<S: Screen> Viewer<S> {
         let more = [tests, picked, self.note.clone()];
         self.screen.tell(&title::line(&self.live, rates, more.into_iter().flatten()))
     }
+}
+
+/// Returns the notes about the scene as one text; `None` if there are none.
+fn of_scene(live: &Live) -> Option<String> {
+    let notes = &live.loaded().notes;
+    (!notes.is_empty()).then(|| notes.join("; "))
 }
 
 /// Returns how the eye goes around the scene if the pointer is dragged. The eye goes to the left if the pointer goes to

@@ -206,6 +206,40 @@ fn a_change_that_fails_is_told_until_the_next_change() {
 }
 
 #[test]
+fn notes_about_the_scene_are_told_until_something_is_chosen_and_after_it_was_read_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("mesh.obj");
+    let mesh = "usemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    std::fs::write(&path, format!("mtllib no.mtl\n{mesh}")).expect("a file");
+    let mut screen = Script::default();
+    let viewed = live_of(&path, ["40", "20"], &["--plain"], 1);
+    let mut viewer = Viewer::new(viewed, &mut screen, false);
+    let tells = |viewer: &Viewer<&mut Script>, part: &str| {
+        viewer.note.as_ref().is_some_and(|note| note.contains(part))
+    };
+    assert!(tells(&viewer, "no.mtl"), "{:?}", viewer.note);
+    viewer.tried(|_| Ok(()));
+    assert_eq!(viewer.note, None);
+    std::fs::write(&path, format!("mtllib other.mtl\n{mesh}")).expect("a file");
+    viewer.reload();
+    assert!(tells(&viewer, "other.mtl") && !tells(&viewer, "no.mtl"), "{:?}", viewer.note);
+}
+
+#[test]
+fn a_mistake_in_a_scene_that_changed_is_told_with_its_file_and_line() {
+    let own = include_str!("../../scenes/triangle.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, own).expect("a file");
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live_of(&path, ["40", "20"], &[], 1), &mut screen, false);
+    std::fs::write(&path, format!("# mine\n\npositon = 1\n{own}")).expect("a file");
+    viewer.reload();
+    let begin = format!("{}:3: unknown key `positon`", path.display());
+    assert!(viewer.note.as_ref().is_some_and(|note| note.starts_with(&begin)), "{:?}", viewer.note);
+}
+
+#[test]
 fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);

@@ -14,12 +14,12 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
         panic!("three blocks of YAML")
     };
     let spec = &job["spec"];
-    let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["command"]
-        .as_vec()
-        .expect("words")
-        .iter()
-        .filter_map(yaml_rust2::Yaml::as_str)
-        .collect();
+    let container = &spec["template"]["spec"]["containers"][0];
+    let words = container["command"].as_vec().expect("words");
+    let words: Vec<&str> = words.iter().filter_map(yaml_rust2::Yaml::as_str).collect();
+    // The image contains no config, so the config must be on the volume.
+    let volume = container["volumeMounts"][0]["mountPath"].as_str().expect("a volume");
+    assert!(words[2].starts_with(&format!("{volume}/configs/")), "{words:?} {volume}");
     assert_eq!((spec["completionMode"].as_str(), spec["completions"].as_i64()), (Some("Indexed"), Some(16)));
     assert!(words.join(" ").contains("--shard auto/16") && words[0] == "raycl", "{words:?}");
     let shards = github["jobs"]["shard"]["strategy"]["matrix"]["shard"].as_vec().expect("a matrix").len();
@@ -32,6 +32,14 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
     assert!(run.contains(&format!("/{shards} ")), "{run}");
     assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
     assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
+    // GitLab's own image has neither Rust nor make.
+    let image = gitlab["default"]["image"].as_str().expect("an image");
+    let setup = gitlab["default"]["before_script"].as_vec().expect("commands");
+    assert!(image.starts_with("rust:"), "{image}");
+    assert!(
+        setup.iter().filter_map(yaml_rust2::Yaml::as_str).any(|line| line.contains(" make")),
+        "{setup:?}"
+    );
     // The options in the YAML are options of this program.
     for option in ["--shard", "--out", "--device"] {
         has(&Ground::new().place.output(&["run", "--help"]), &[option]);

@@ -207,7 +207,7 @@ mod tests {
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let queue = Queue::open(&device).unwrap();
         let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
-        let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
+        let spec = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
         let show = ShowProgram::build(&queue, &spec, &Kept::default()).unwrap();
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
         let strategy = preset(strategy).unwrap().strategy;
@@ -273,7 +273,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let saved = |name: &str, program: Option<&ShowProgram>| {
                 let path = folder.path().join(name);
-                let target = Target::new(&path, Choice { force: false, elsewhere: "-o FILE" });
+                let target = Target::new(&path, Choice::new(false, "-o FILE"));
                 let shows = Shows { display, target: &target, program };
                 let (picture, hits) = read(caster, Some(&shows)).unwrap();
                 assert!(matches!(picture, Picture::Incoming(_)) == program.is_some());

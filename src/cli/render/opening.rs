@@ -96,8 +96,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 
 /// Builds the tree of the requested strategy or, without a request, of the fastest strategy.
 fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Strategy, HostTree)> {
-    // Verification needs more memory, so the tree is built later, after a check that there is enough memory.
-    if args.verify.is_some() {
+    // Verification and layers need more memory, so the tree is built later, after a check that there is enough memory.
+    if args.verify.is_some() || args.layers.is_some() {
         return None;
     }
     let scene = &loaded.scene;
@@ -142,7 +142,7 @@ fn show(
         return Ok((None, None));
     }
     let kept = Kept::of(guess::cache(args), &device.info);
-    let spec = ShowProgram::spec(sources)?;
+    let spec = ShowProgram::spec(sources, queue)?;
     let hurries = hurry::may(args, &device.info, guess::sampling(args));
     if hurries && !BuiltProgram::is_kept(queue.device, &spec, &kept) {
         return Ok((None, Some(spec)));
@@ -185,6 +185,12 @@ mod tests {
         assert_eq!(error.exit_code(), 2, "{message}");
         assert!(message.starts_with("a kernel file does not compile: "), "{message}");
         assert!(message.contains(&format!("{}:", file.display())), "{message}");
+        // The mistake may be in another file of the folder.
+        let included = folder.path().join("display/mine.cl");
+        std::fs::write(&included, "uchar mine(;\n").expect("a file");
+        let included_first = format!("#include \"display/mine.cl\"\n{right}");
+        let message = shown(&included_first).expect_err("it does not compile").to_string();
+        assert!(message.contains(&format!("{}:1", included.display())), "{message}");
     }
 
     #[test]

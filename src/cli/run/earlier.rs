@@ -1,20 +1,23 @@
 //! Predicts how long a run will take, from the records of earlier runs.
 
 use crate::error::Result;
-use crate::experiment::{Expected, Run};
+use crate::experiment::{Expected, Past, Run};
 use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
-/// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `done`
-/// contains this run's records so far. The points in `done` are not measured again, except failed points with
-/// `--retry-failed`.
-pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
-    let done: Vec<String> = done
-        .iter()
-        .filter(|record| !run.retry_failed || record.outcome.is_fine())
+/// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `past`
+/// contains this run's results so far.
+pub fn foreseen(run: &Run<'_>, out: &Path, past: &Past) -> Result<Expected> {
+    run.expected(&earlier(out), &finished(run, &past.records), &past.samples)
+}
+
+/// Returns the keys of the points that the run does not measure again: those with a record. With `--retry-failed`,
+/// failed points are measured again, and so are points that lacked memory only at that moment.
+pub fn finished(run: &Run<'_>, done: &[Record]) -> Vec<String> {
+    done.iter()
+        .filter(|record| !run.retry_failed || record.is_final())
         .map(|record| record.key.clone())
-        .collect();
-    run.expected(&earlier(out), &done)
+        .collect()
 }
 
 /// Returns the records in a folder of results and in its sibling folders, in the order in which the folders' files
@@ -31,10 +34,11 @@ pub fn earlier(out: &Path) -> Vec<Record> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
-    use super::super::fixtures::experiment;
+    use super::super::fixtures::{args, experiment};
     use super::*;
     use crate::device_lock::Locks;
-    use crate::experiment::asleep;
+    use crate::experiment::{Taken, asleep};
+    use crate::launch::FrameTimes;
     use crate::program::Sources;
     use crate::record::Outcome;
     use std::time::{Duration, SystemTime};
@@ -58,6 +62,22 @@ mod tests {
     }
 
     #[test]
+    fn launches_that_the_run_has_completed_are_not_expected_again() {
+        let place = tempfile::tempdir().unwrap();
+        let experiment = experiment("local_sizes = [4]\ntiming = { launches = 2 }");
+        let (device, locks) = (asleep::device(1.0), Locks::of_machine(false));
+        let (devices, sources, arguments) = ([&device], [Sources::Embedded], args(&["a.toml"]));
+        let run = super::super::run_of(&arguments, &experiment, &devices, &sources, &locks).unwrap();
+        let times = FrameTimes::whole(1.0, 1.0);
+        let taken = Taken { launch: 0, at_ms: 0.0, core_to_core_ns: None, times };
+        let planned = run.planned_points().unwrap().into_iter();
+        let samples = planned.map(|(_, _, point)| (point.key, vec![taken; 5])).collect();
+        let past = Past { samples, ..Past::default() };
+        let frames = |past: &Past| foreseen(&run, &place.path().join("out"), past).unwrap().least_frames;
+        assert_eq!([frames(&Past::default()), frames(&past)], [10, 5]);
+    }
+
+    #[test]
     fn failed_points_are_expected_again_only_if_they_are_retried() {
         let place = tempfile::tempdir().unwrap();
         let experiment = experiment("local_sizes = [4]");
@@ -78,14 +98,24 @@ mod tests {
             ahead: None,
         };
         let planned = run(false).planned_points().unwrap();
-        let outcomes = [Outcome::Measured, Outcome::BuildFailed];
-        let done: Vec<Record> = planned
-            .iter()
-            .zip(outcomes)
-            .map(|((_, _, point), outcome)| Record { key: point.key.clone(), outcome, ..Record::default() })
-            .collect();
-        assert_eq!(done.len(), 2);
-        let count = |retries| foreseen(&run(retries), &place.path().join("out"), &done).unwrap().points[0];
-        assert_eq!([count(false), count(true)], [0, 1]);
+        let counts = |outcome: Outcome, reason: &str| {
+            let outcomes = [Outcome::Measured, outcome].into_iter();
+            let done: Vec<Record> = outcomes
+                .zip(&planned)
+                .map(|(outcome, (_, _, point))| Record {
+                    key: point.key.clone(),
+                    outcome,
+                    reason: Some(reason.to_owned()),
+                    ..Record::default()
+                })
+                .collect();
+            assert_eq!(done.len(), planned.len());
+            let past = Past { records: done, ..Past::default() };
+            [false, true]
+                .map(|retries| foreseen(&run(retries), &place.path().join("out"), &past).unwrap().points[0])
+        };
+        assert_eq!(counts(Outcome::BuildFailed, "no"), [0, 1]);
+        assert_eq!(counts(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B"), [0, 1]);
+        assert_eq!(counts(Outcome::Infeasible, "global memory: 2 B > 1 B"), [0, 0]);
     }
 }

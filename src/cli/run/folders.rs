@@ -1,6 +1,7 @@
 //! The default folder for results.
 
 use crate::settings::results;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder.
@@ -10,6 +11,18 @@ pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let latest =
         (1..).map(|number| numbered_folder(name, number)).take_while(|folder| *folder != free).last();
     latest.filter(|_| resume).unwrap_or(free)
+}
+
+/// Makes the folder of a new run for the config `name`, and returns its path. Runs that begin at the same time have
+/// different folders, since only one of them can make a folder. If a folder cannot be made for another reason, returns
+/// its path; an attempt to write there reports the reason.
+pub fn new_folder(name: &str) -> PathBuf {
+    let is_taken = |folder: &PathBuf| {
+        let _ = folder.parent().map(std::fs::create_dir_all);
+        std::fs::create_dir(folder).is_err_and(|error| error.kind() == ErrorKind::AlreadyExists)
+    };
+    let folder = |number| numbered_folder(name, number);
+    (1..).map(folder).find(|folder| !is_taken(folder)).unwrap_or_else(|| folder(1))
 }
 
 /// Returns `results/NAME`, or the first of `results/NAME-2`, ... that does not exist.
@@ -41,5 +54,22 @@ mod tests {
             std::fs::create_dir(numbered(ending)).unwrap();
         }
         assert_eq!(found(), [numbered("-3"), numbered("-4")]);
+    }
+
+    #[test]
+    fn runs_that_begin_at_once_make_different_folders() {
+        let place = tempfile::tempdir().unwrap();
+        let name = |path: &str| place.path().join(path).display().to_string();
+        let quick = name("results/quick");
+        let mut folders: Vec<PathBuf> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..3).map(|_| scope.spawn(|| new_folder(&quick))).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        folders.sort();
+        assert_eq!(folders, ["", "-2", "-3"].map(|ending| PathBuf::from(format!("{quick}{ending}"))));
+        assert!(folders.iter().all(|folder| folder.is_dir()));
+        // The reason why a folder cannot be made is reported later.
+        std::fs::write(place.path().join("file"), "").unwrap();
+        assert_eq!(new_folder(&name("file/quick")), place.path().join("file/quick"));
     }
 }

@@ -28,17 +28,18 @@ fn cells(point: &Forecast) -> [String; 6] {
     let bytes = |of: fn(&Requirements) -> u64| {
         point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
     };
+    let fits = if point.done { "yes, and is done" } else { "yes" };
     [
         point.label.clone(),
         point.device.clone(),
-        point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| "yes".to_owned()),
+        point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| fits.to_owned()),
         bytes(|needs| needs.local_bytes),
         bytes(|needs| needs.constant_bytes),
         bytes(|needs| needs.scratch_bytes),
     ]
 }
 
-/// Returns a line with the number of points, and the number of those that the run will not measure.
+/// Returns a line with the number of points, the number of those that the run will not measure, and why.
 fn counts(points: &[Forecast]) -> String {
     let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
     let refused = points.iter().filter(|point| point.not_for.is_none() && point.refused.is_some()).count();
@@ -48,8 +49,13 @@ fn counts(points: &[Forecast]) -> String {
         count => format!(" and {count} are meant for devices of another kind"),
     };
     let do_not = if refused == 1 { "does not" } else { "do not" };
+    let done = match points.iter().filter(|point| point.done).count() {
+        0 => String::new(),
+        1 => "; 1 is done".to_owned(),
+        count => format!("; {count} are done"),
+    };
     format!(
-        "{}, {refused} of which {do_not} fit{others}. Nothing was compiled or measured.",
+        "{}, {refused} of which {do_not} fit{others}{done}. Nothing was compiled or measured.",
         counted(points.len(), "point")
     )
 }
@@ -75,6 +81,7 @@ mod tests {
             refused: refused.map(str::to_owned),
             not_for: not_for.map(str::to_owned),
             scene_notes: Vec::new(),
+            done: false,
         }
     }
 
@@ -84,6 +91,8 @@ mod tests {
         assert_eq!(cells(&point(Some("too large"), None))[2], "too large");
         assert_eq!(cells(&point(Some("too large"), Some("for GPUs")))[2], "for GPUs");
         assert_eq!(cells(&Forecast { needs: None, ..point(None, None) })[3..], ["", "", ""]);
+        let done = Forecast { done: true, ..point(None, None) };
+        assert_eq!(cells(&done)[2], "yes, and is done");
     }
 
     #[test]
@@ -99,5 +108,15 @@ mod tests {
         assert_eq!(told, format!("2 points, 1 of which does not fit and 1 is meant for {other_kind}{end}"));
         let told = counts(&[other.clone(), other]);
         assert_eq!(told, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
+    }
+
+    #[test]
+    fn points_that_need_not_be_measured_again_are_counted() {
+        let (left, done) = (point(None, None), Forecast { done: true, ..point(None, None) });
+        let end = ". Nothing was compiled or measured.";
+        let told = counts(&[done.clone(), left.clone()]);
+        assert_eq!(told, format!("2 points, 0 of which do not fit; 1 is done{end}"));
+        let told = counts(&[done.clone(), left, done]);
+        assert_eq!(told, format!("3 points, 0 of which do not fit; 2 are done{end}"));
     }
 }

@@ -3,6 +3,7 @@
 use super::Args;
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
+use crate::device_lock::LockName;
 use crate::error::Result;
 use crate::experiment::{Ahead, Builder, Observer, Processes, Results, Run, Spawner};
 use crate::program::Kept;
@@ -25,7 +26,8 @@ pub fn execute(
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Vec<Record>> {
-    let ahead = Ahead::new(kept(&run));
+    let kept = of_workers(&run, |device| Kept::of(Cache::of_user(), device));
+    let ahead = Ahead::new(kept, of_workers(&run, |device| LockName::of(Some(device))));
     // Workers that only wait (for tests) need no programs.
     let keeps = args.asleep.is_none() && Cache::of_user().keeps();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
@@ -60,16 +62,15 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
 }
 
 /// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than fit into each device's
-/// memory at the same time.
+/// memory at the same time if scenes are small. If a scene is large, only some of the builders hold it.
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
-/// Returns, for each worker, the cache of stored programs of the worker's device, in the order of [`Run::jobs`].
-fn kept(run: &Run<'_>) -> Vec<Kept> {
-    let of = |device: &&DeviceInfo| Kept::of(Cache::of_user(), device);
-    let own: Vec<Kept> = run.devices.iter().map(of).collect();
+/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`].
+fn of_workers<T: Clone>(run: &Run<'_>, of: impl Fn(&DeviceInfo) -> T) -> Vec<T> {
+    let own: Vec<T> = run.devices.iter().map(|&device| of(device)).collect();
     let sets = 1 + usize::from(run.other_sources.is_some());
     std::iter::repeat_n(own, sets).flatten().collect()
 }

@@ -7,7 +7,7 @@ use crate::config;
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::Locks;
 use crate::error::Result;
-use crate::experiment::asleep;
+use crate::experiment::{Past, asleep};
 use crate::shard::{Header, ShardPlan, Wishes, scripts};
 use std::path::Path;
 use std::time::Duration;
@@ -28,7 +28,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
     let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;
-    let expected = super::foreseen(&run, &out, &[])?;
+    let expected = super::foreseen(&run, &out, &Past::default())?;
     let wishes = Wishes {
         name: experiment.name.clone(),
         shards,
@@ -36,7 +36,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
         out: out.display().to_string(),
         on_gpu: on_gpu.or_else(|| by_words(&args.device)),
         longest: longest(&plan),
-        is_known: expected.points[1] > 0,
+        is_known: expected.is_known(),
     };
     print(scripts(&wishes).trim_end())
 }

@@ -18,6 +18,7 @@ use crate::shard::{
     About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
 };
 use crate::words::{counted, counted_of_were};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -57,7 +58,7 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
             .with_help("choose another folder with --out")),
-        false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
+        false => refuse_other_folders(out, Choice::new(force, "--out DIR"), false),
     };
     // A folder with a plan of shards is accepted even if the checks above refused it. The plan is looked for last,
     // since another shard's process may have written it during these checks.
@@ -82,11 +83,11 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
-    let costs: Vec<f64> = costs.into_iter().flatten().map(|cost| cost.ms).collect();
+    let costs: HashMap<usize, f64> = costs.iter().flatten().map(|cost| (cost.point, cost.ms)).collect();
     let mut expected_ms = vec![0.0; header.shards as usize];
     for block in &blocks {
         let borrowed = block.control.filter(|_| block.borrows_control());
-        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|place| costs.get(*place)).sum();
+        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|place| costs.get(place)).sum();
         expected_ms[block.shard as usize - 1] += cost;
     }
     let points = Plan::new(run.experiment, run.devices.len().min(1)).points;
@@ -250,6 +251,15 @@ mod tests {
         let named = |place: usize| plan.points[place].as_str();
         assert_eq!(plan.points.len(), 10);
         assert_eq!([named(0), named(9)], ["triangle 8x5 host serial-f32", "triangle 16x10 naive 8x8"]);
+        check_times(&run, &plan);
+        assert!(
+            plan.blocks.iter().any(Block::borrows_control),
+            "the test must show the time of a borrowed point"
+        );
+    }
+
+    /// Checks that the expected time of each shard is that of its points and of its borrowed control points.
+    fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
         let ms = |place: usize| costs.iter().find(|cost| cost.point == place).expect("a cost").ms;
         for (number, found) in (1..).zip(&plan.expected_ms) {
@@ -265,10 +275,23 @@ mod tests {
                 "{number}: {found} {expected}"
             );
         }
-        assert!(
-            plan.blocks.iter().any(Block::borrows_control),
-            "the test must show the time of a borrowed point"
-        );
+    }
+
+    /// In the plan, the host's point of the second scene lies between the device's points of both scenes.
+    #[test]
+    fn scenes_that_are_compared_are_in_one_block_of_each_device_and_size() {
+        let place = tempfile::tempdir().expect("a folder");
+        let lines = "compare_scenes = true\nlocal_sizes = [1, 2]\nbaselines = ['serial']";
+        let other = "[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
+        let experiment = fixtures::experiment(&format!("{lines}\n{other}"));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
+        let (devices, sources, args) = ([&device], [Sources::Embedded], fixtures::args(&["a.toml"]));
+        let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
+        let header = Header { shards: 2, ..Header::default() };
+        let plan = make(&run, header, &place.path().join("out")).expect("a plan");
+        let points: Vec<_> = plan.blocks.iter().map(|block| block.points.clone()).collect();
+        assert_eq!(points, [vec![0, 3], vec![1, 2, 4, 5], vec![6, 9], vec![7, 8, 10, 11]]);
+        check_times(&run, &plan);
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
     /// The background: a display colour (such as '#203040', black or white), or transparent, which adds an alpha
-    /// channel to a PNG or EXR
+    /// channel to a PNG, APNG or EXR
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this [default for a

@@ -65,16 +65,21 @@ pub const MULTIPROCESSORS: &[Multiprocessor] = &[
     row("9.0", [64, 32], [ 64, 255], [228, 128], 4),
 ];
 
+/// Returns the supported compute capabilities, as in "2.0, 2.1".
+pub fn capabilities() -> String {
+    let names: Vec<_> = MULTIPROCESSORS.iter().map(|sm| sm.compute_capability).collect();
+    names.join(", ")
+}
+
 /// Returns the limits of a compute capability. The error names the nearest supported one.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
-    let known = || MULTIPROCESSORS.iter();
-    if let Some(found) = known().find(|sm| sm.compute_capability == compute_capability.trim()) {
+    let wanted = compute_capability.trim();
+    if let Some(found) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
         return Ok(found);
     }
-    let names: Vec<_> = known().map(|sm| sm.compute_capability).collect();
     let error = Error::input(format!(
         "'{compute_capability}' is not a supported compute capability; expected one of {}",
-        names.join(", ")
+        capabilities()
     ));
     Err(match nearest_capability(compute_capability) {
         Some(name) => error.with_help(format!("the nearest is {name}")),

@@ -52,6 +52,13 @@ impl Pool {
         }
     }
 
+    /// Ends the processes. The next program gets a new process.
+    pub fn end(&mut self) {
+        // Dropping a process waits until it has ended, so all processes are first told to end.
+        self.workers.values_mut().for_each(|worker| worker.dismiss());
+        self.workers.clear();
+    }
+
     /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause persists, the
     /// worker that measures on this device fails too, and the run reports that failure.
     fn start(&mut self, device: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
@@ -127,7 +134,7 @@ mod tests {
     }
 
     fn order(device: usize, point: usize) -> Order {
-        Order { program: Program { device, hash: "a".into(), scene: None }, point }
+        Order { program: Program { device, hash: "a".into(), scene: None }, point, most_builders: 1 }
     }
 
     fn built(build_ms: f64) -> Wait {

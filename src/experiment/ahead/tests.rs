@@ -7,6 +7,7 @@ use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
 use crate::program::KeptProgram;
 use crate::record::Record;
 use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
 /// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -16,6 +17,9 @@ const LIMIT: Duration = Duration::from_secs(120);
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
+    /// The numbers of processes that were started, and of those that have ended.
+    started: Arc<AtomicUsize>,
+    ended: Arc<AtomicUsize>,
     deadly: Option<usize>,
     /// The point whose program the driver takes from its own cache, without the compiler's
     /// messages.
@@ -29,7 +33,14 @@ struct Fake {
 
 impl Spawner for Noting {
     fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
+        self.started.fetch_add(1, Ordering::Relaxed);
         Ok(Box::new(Fake { of: self.clone(), answer: Wait::Reply(Reply::Started) }))
+    }
+}
+
+impl Drop for Fake {
+    fn drop(&mut self) {
+        self.of.ended.fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -141,9 +152,59 @@ fn programs_are_built_in_the_order_of_their_points_and_a_wait_for_one_is_counted
 fn a_run_that_ends_builds_nothing_more() {
     let ahead = Ahead::default();
     ahead.order(&[open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive")]);
-    assert_eq!(ahead.next().map(|order| order.point), Some(0));
+    assert_eq!(ahead.next(0).map(|order| order.point), Some(0));
     drop(Closing(&ahead));
-    assert!(ahead.next().is_none());
+    assert!(ahead.next(0).is_none() && !ahead.has_next(0));
+}
+
+/// Lets one builder build two programs one after the other. `most_builders` is the number of builders that fit into
+/// memory with the scene. After each program, waits until `ends` of the builder's processes have ended. Returns the
+/// number of processes that were started.
+fn processes(most_builders: usize, ends: [usize; 2]) -> usize {
+    let (noting, never, ahead) = (Noting::default(), AtomicBool::new(false), Ahead::default());
+    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
+        for (point, program) in ["a", "b"].into_iter().enumerate() {
+            let mut pending = PendingPoint { most_builders, ..open(point, 0, program, "exhaustive") };
+            ahead.need(&mut pending, &never).unwrap();
+            let start = Instant::now();
+            while noting.ended.load(Ordering::Relaxed) < ends[point] {
+                assert!(start.elapsed() < LIMIT, "an idle process stays");
+                std::thread::yield_now();
+            }
+        }
+    });
+    assert_eq!(*noting.built.lock().unwrap(), [0, 1]);
+    noting.started.load(Ordering::Relaxed)
+}
+
+#[test]
+fn idle_builders_end_their_processes_if_scenes_take_much_memory() {
+    assert_eq!(processes(PLENTY - 1, [1, 2]), 2);
+    assert_eq!(processes(PLENTY, [0, 0]), 1);
+}
+
+#[test]
+fn only_as_many_builders_as_fit_into_memory_hold_a_scene() {
+    let ahead = Ahead::default();
+    let large = PendingPoint { most_builders: 2, ..open(0, 0, "a", "exhaustive") };
+    ahead.order(&[large, open(1, 1, "b", "exhaustive")]);
+    let next = |number: usize| ahead.next(number).map(|order| order.point);
+    assert_eq!([next(2), next(2), next(1)], [Some(1), None, Some(0)]);
+}
+
+#[test]
+fn no_program_is_begun_on_a_device_on_which_another_process_measures() {
+    let devices = [LockName::of(None)];
+    let ahead = Ahead::new(Vec::new(), devices.to_vec());
+    ahead.order(&[open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive")]);
+    let next = || ahead.next(0).map(|order| order.point);
+    assert_eq!(next(), None, "the run has not had the device's lock yet");
+    ahead.go_on(&devices);
+    assert_eq!(next(), Some(0));
+    ahead.pause(&devices);
+    assert_eq!(next(), None);
+    ahead.go_on(&devices);
+    assert_eq!(next(), Some(1));
 }
 
 /// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of raycl that
@@ -201,7 +262,7 @@ fn what_an_earlier_run_has_stored_needs_no_builder() {
     let device = crate::device::tests::example("PoCL", "cpu", crate::device::DeviceKind::Cpu, 2);
     let kept = Kept::of(crate::cache::Cache::at(place.path(), 1 << 20), &device);
     let group = |scene| vec![open(0, scene, "a", "exhaustive"), open(1, scene, "b", "bvh")];
-    let run = |scene| built_by(&Ahead::new(vec![kept.clone()]), None, &mut [group(scene)]);
+    let run = |scene| built_by(&Ahead::new(vec![kept.clone()], Vec::new()), None, &mut [group(scene)]);
     assert_eq!(run(0).0, [0, 1]);
     assert_eq!(run(0).0, [0, 1], "the programs themselves are not stored yet");
     for point in [0, 1] {

@@ -28,8 +28,11 @@ struct Answering {
     /// At this number of requests, the user interrupts the run.
     interrupts_at: usize,
     interrupted: Arc<AtomicBool>,
-    /// The outcome of every check.
+    /// The outcome of every check, and its reason.
     outcome: Outcome,
+    reason: Option<String>,
+    /// True if a point passes its check in the first launch, whatever the outcome of later checks is.
+    passes_once: bool,
     /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
     /// The hashes in the requests to workers: those of pictures that need not be compared again.
@@ -51,6 +54,8 @@ impl Default for Answering {
             interrupts_at: NEVER,
             interrupted: Arc::default(),
             outcome: Outcome::Measured,
+            reason: None,
+            passes_once: false,
             refuses: false,
             verified: Arc::default(),
             limits: Arc::default(),
@@ -89,13 +94,16 @@ impl Worker for Answer {
                 std::thread::yield_now();
             }
         }
-        let (ready, outcome) = (self.of.outcome == Outcome::Measured, self.of.outcome);
+        let outcome = self.of.outcome;
         self.next = match request {
             Request::Check { key, verified, .. } => {
                 self.of.verified.lock().unwrap().push(verified.clone());
+                let ready = outcome == Outcome::Measured || self.of.passes_once && verified.is_none();
                 let image_hash = Some("a hash".to_owned());
                 let build_ms = Some(if verified.is_none() { 1.0 } else { 2.0 });
-                let record = Record { key: key.clone(), outcome, image_hash, build_ms, ..Record::default() };
+                let reason = self.of.reason.clone().filter(|_| !ready);
+                let key = key.clone();
+                let record = Record { key, outcome, reason, image_hash, build_ms, ..Record::default() };
                 Reply::Checked { record: Box::new(record), ready }
             }
             Request::Build { .. } => {
@@ -226,6 +234,43 @@ fn failed_points_are_measured_again_only_if_that_is_asked_for() {
     assert_eq!(outcome(&workers, false), Outcome::BuildFailed);
     assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
     assert_eq!(outcome(&workers, true), Outcome::Measured);
+}
+
+#[test]
+fn a_point_that_lacked_memory_at_that_moment_is_infeasible_until_failed_points_are_measured_again() {
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    let host = "the host's memory (casting): 2 B > 1 B according to a test";
+    for (reason, again) in [(host, Outcome::Measured), ("global memory: 2 B > 1 B", Outcome::Infeasible)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (outcome, reason) = (Outcome::Infeasible, Some(reason.to_owned()));
+        let refusing = Answering { outcome, reason, ..Answering::default() };
+        let outcome = |workers: &Answering, retry_failed: bool| {
+            let (records, _) = session(folder.path(), &lines, workers, |run| Run { retry_failed, ..run });
+            records.unwrap()[0].outcome
+        };
+        assert_eq!(outcome(&refusing, false), Outcome::Infeasible);
+        assert_eq!(outcome(&Answering::default(), false), Outcome::Infeasible);
+        assert_eq!(outcome(&Answering::default(), true), again);
+    }
+}
+
+#[test]
+fn a_point_that_lacks_memory_in_a_later_launch_fails_and_a_retry_measures_only_the_missing_launch() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    let reason = Some("the host's memory (verifying): 2 B > 1 B according to a test".to_owned());
+    let (outcome, passes_once) = (Outcome::Infeasible, true);
+    let refusing = Answering { outcome, passes_once, reason: reason.clone(), ..Answering::default() };
+    let (records, heard) = session(folder.path(), &lines, &refusing, plain);
+    let record = records.unwrap().remove(0);
+    assert_eq!((record.outcome, record.reason), (Outcome::LaunchFailed, reason));
+    assert_eq!((heard.steps, heard.finished), (2, 1));
+    let workers = Answering::default();
+    let (records, _) = session(folder.path(), &lines, &workers, |run| Run { retry_failed: true, ..run });
+    let record = records.unwrap().remove(0);
+    assert_eq!((record.outcome, record.samples_ms.len()), (Outcome::Measured, 10));
+    // The point is checked once and cast five times, and the anchor runs five times.
+    assert_eq!(workers.requests.load(Ordering::Relaxed), 11);
 }
 
 #[test]

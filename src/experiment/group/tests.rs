@@ -2,7 +2,9 @@
 //! needs.
 
 use super::*;
+use crate::device::Hardware;
 use crate::device_lock::Locks;
+use crate::experiment::ahead::Ahead;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::rounds::Rounds as _;
@@ -22,7 +24,9 @@ const DEADLY: usize = 6;
 struct Noting {
     past: HashMap<String, Vec<Taken>>,
     /// The device that measured each earlier launch.
-    measured_on: HashMap<u32, String>,
+    measured_on: HashMap<u32, MeasuredOn>,
+    /// What identifies the hardware that took each sample.
+    measured_by: Vec<Option<String>>,
     /// The core-to-core latency of each earlier launch.
     latencies_ns: Vec<f64>,
     records: Vec<Record>,
@@ -31,9 +35,13 @@ struct Noting {
     said: Vec<String>,
     steps: usize,
     loads: Vec<RoundLoad>,
+    anchors: Vec<AnchorSample>,
     waits: usize,
     /// A lock of another process, which ends when this run has to wait.
     of_another: Option<Held>,
+    /// The builders' list, and whether builders might begin programs on the first device at each wait.
+    ahead: Option<&'static Ahead>,
+    may_build: Vec<bool>,
 }
 
 impl ResultSink for Noting {
@@ -45,20 +53,29 @@ impl ResultSink for Noting {
     }
     fn waits(&mut self) {
         self.waits += 1;
+        self.may_build.extend(self.ahead.map(|ahead| ahead.may_build_on(0)));
         self.of_another = None;
     }
     fn keep(&mut self, record: Record) -> Result<()> {
         self.records.push(record);
         Ok(())
     }
-    fn sample(&mut self, _record: &Record, _round: u32, _taken: &Taken) -> Result<()> {
+    fn sample(
+        &mut self,
+        _record: &Record,
+        _round: u32,
+        measured_by: Option<&str>,
+        _taken: &Taken,
+    ) -> Result<()> {
+        self.measured_by.push(measured_by.map(str::to_owned));
         Ok(())
     }
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.loads.push(load.clone());
         Ok(())
     }
-    fn anchor(&mut self, _sample: &AnchorSample) -> Result<()> {
+    fn anchor(&mut self, sample: &AnchorSample) -> Result<()> {
+        self.anchors.push(sample.clone());
         Ok(())
     }
     fn next_launch(&mut self) -> u32 {
@@ -73,7 +90,7 @@ impl ResultSink for Noting {
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
     }
-    fn measured_on(&self, launch: u32) -> Option<String> {
+    fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {
         self.measured_on.get(&launch).cloned()
     }
     fn near_ns(&self) -> f64 {
@@ -171,7 +188,8 @@ fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_ano
     let sink = |measured_on: &[(u32, &str)]| {
         let samples = [0, 1, 2].map(|launch| vec![sample(launch, None); 5]).concat();
         let past = ["a", "b"].map(|key| (key.to_owned(), samples.clone()));
-        let measured_on = measured_on.iter().map(|(launch, device)| (*launch, (*device).to_owned()));
+        let on = |device: &str| MeasuredOn { slug: device.to_owned(), hardware: None };
+        let measured_on = measured_on.iter().map(|(launch, device)| (*launch, on(device)));
         Noting { past: past.into(), measured_on: measured_on.collect(), ..Noting::default() }
     };
     let slugs = [one.slug(), two.slug()];
@@ -191,6 +209,33 @@ fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_ano
     };
     assert_eq!(may_go(&[(0, on_one), (2, on_two)]), [false, true]);
     assert_eq!([may_go(&[]), may_go(&[(2, "gone")])], [[true, false], [true, true]]);
+}
+
+#[test]
+fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
+    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let hardware = Hardware { uuid: Some("own".into()), ..Hardware::default() };
+    let (device, locks) = (DeviceInfo { hardware, ..asleep::device(1.0) }, fixtures::own_locks());
+    let devices = [&device];
+    let run = Run { spread: true, ..fixtures::run(&experiment, &devices, &locks) };
+    let taken_over = |hardware: Option<&str>| {
+        let past = ["a", "b"].map(|key| (key.to_owned(), vec![sample(0, None); 5]));
+        let on = MeasuredOn { slug: device.slug(), hardware: hardware.map(str::to_owned) };
+        let mut sink = Noting { past: past.into(), measured_on: [(0, on)].into(), ..Noting::default() };
+        let mut group = group();
+        group.return_to_device(&run, &sink);
+        group.adopt(&run, &mut sink);
+        (group.home, group.whole.len())
+    };
+    assert_eq!([Some("own"), None].map(taken_over), [(Some(0), 1); 2]);
+    assert_eq!(taken_over(Some("another")), (None, 0));
+    // For later sessions, each sample names its device.
+    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+    workers.frames.set(DEADLY);
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    assert_eq!(sink.measured_by, vec![Some("own".to_owned()); 10]);
 }
 
 /// Returns the launches of each record's samples. Three launches were measured earlier, and two are requested. The
@@ -278,6 +323,28 @@ fn after_a_failure_of_the_anchor_new_workers_repeat_the_launch_without_it() {
 }
 
 #[test]
+fn anchors_have_one_name_on_all_devices_that_stand_for_each_other() {
+    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (one, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let two = DeviceInfo { twins_before: 1, ..asleep::device(1.0) };
+    let devices = [&one, &two];
+    let count_names = |spread: bool| {
+        let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
+        let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+        workers.frames.set(DEADLY);
+        let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+        for device in [0, 1] {
+            let mut group = group();
+            group.settle(device);
+            group.visit(&run, &mut supervisor, &mut sink).unwrap();
+        }
+        sink.anchors.iter().map(|sample| &sample.anchor).collect::<HashSet<_>>().len()
+    };
+    assert_eq!([true, false].map(count_names), [1, 2]);
+}
+
+#[test]
 fn a_run_that_waits_for_a_device_tells_for_whom_once_and_that_it_waits_again_and_again() {
     let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
     let locks = Locks::in_folder(folder.path(), true);
@@ -288,6 +355,26 @@ fn a_run_that_waits_for_a_device_tells_for_whom_once_and_that_it_waits_again_and
     let mut sink = Noting { of_another, ..Noting::default() };
     drop(take_locks(&run, vec![host], &mut sink, &off).unwrap());
     assert_eq!((sink.said.len(), sink.waits), (1, 1), "{:?}", sink.said);
+}
+
+#[test]
+fn builders_begin_nothing_before_a_run_had_its_devices_lock_or_while_it_waits_for_the_lock() {
+    let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
+    let locks = Locks::in_folder(folder.path(), true);
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let host = LockName::of(None);
+    let ahead: &'static Ahead = Box::leak(Box::new(Ahead::new(Vec::new(), vec![host.clone()])));
+    let run = Run { ahead: Some(ahead), ..fixtures::run(&experiment, &[], &locks) };
+    let mut sink = Noting { ahead: Some(ahead), ..Noting::default() };
+    let mut take = |of_another: Option<Held>| {
+        sink.of_another = of_another;
+        drop(take_locks(&run, vec![host.clone()], &mut sink, &off).unwrap());
+        (std::mem::take(&mut sink.may_build), ahead.may_build_on(0))
+    };
+    assert!(!ahead.may_build_on(0), "the run has not had the lock yet");
+    assert_eq!(take(None), (vec![], true));
+    let of_another = locks.take(&host, &mut |_| {}, &off).unwrap();
+    assert_eq!(take(Some(of_another)), (vec![false], true));
 }
 
 #[test]

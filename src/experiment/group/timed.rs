@@ -125,7 +125,9 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.device, 0);
-        let anchor = anchor::name(device)?;
+        // Devices that stand for each other do equal work, so their anchors have one name, as their points have equal
+        // keys. Otherwise, a block that another one of these devices measured could not be compared with the anchor.
+        let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,
             Some(Err(error)) => {
@@ -154,7 +156,8 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
             Some(Ok(times)) => Ok(Some(times)),
             Some(Err(refusal)) => {
                 self.failed.insert(point);
-                self.sink.keep(refusal.write_into(pending.record.clone())).map(|()| None)
+                let refused = pending.refused(refusal.write_into(pending.record.clone()));
+                self.sink.keep(refused).map(|()| None)
             }
             None => Ok(None),
         }
@@ -164,7 +167,10 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
         let at_ms = self.at_ms();
         let core_to_core_ns = self.latency.around_sample();
         let taken = Taken { launch: self.launch, at_ms, core_to_core_ns, times: *times };
-        self.sink.sample(&self.points[point].record, round, &taken)?;
+        let pending = &self.points[point];
+        let device = device_of(self.run, pending).filter(|_| self.run.spread);
+        let measured_by = device.and_then(|device| device.hardware.id());
+        self.sink.sample(&pending.record, round, measured_by, &taken)?;
         self.taken[point].push(taken);
         self.anchor(point, round)?;
         Ok(is_near(core_to_core_ns, self.sink.near_ns()))

@@ -70,6 +70,27 @@ fn one_launch_is_said_to_be_a_look() {
     assert!(how_sure(&[]).is_empty());
 }
 
+/// Differences between baselines, and between the devices of a group, are not differences between scenes.
+#[test]
+fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() {
+    let said = |records: &[Record]| how_sure(&judged(records)).remove(0);
+    let on_gpu = [measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 5.0)];
+    let baselines = ["serial-f32", "serial-f64"].map(|name| measured(HOST, name, 0, 100.0));
+    let with = |more: &[Record]| said(&[&on_gpu[..], more].concat());
+    assert_eq!(with(&baselines[..1]), "Differences below 2.1% between two points cannot be detected here.");
+    // The times of a group of baselines differ from run to run as much as those of kernels on a CPU.
+    assert_eq!(said(&baselines), "Differences below 4.1% between two points cannot be detected here.");
+    let on_cpu = ["naive", "wide"].map(|name| Record { threads: Some(2), ..measured("cpu", name, 8, 50.0) });
+    let of_both = with(&on_cpu);
+    assert!(of_both.contains(" 2.1 to 4.1% (depending on device) between"), "{of_both}");
+    let elsewhere = on_cpu.map(|record| Record { scene: "room".into(), ..record });
+    let of_both = with(&elsewhere);
+    assert!(of_both.contains(" (depending on scene and device) between"), "{of_both}");
+    let elsewhere = elsewhere.map(|record| Record { image_size: [80, 50], ..record });
+    let of_both = with(&elsewhere);
+    assert!(of_both.contains(" (depending on scene, image size and device) between"), "{of_both}");
+}
+
 /// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing
 /// about another one.
 #[test]

@@ -8,7 +8,7 @@ use crate::record::journals::SAMPLES;
 use crate::record::{
     Folder, Group, Outcome, Record, Sample, duration, is_shown_as, median, ranking, read_lines,
 };
-use crate::report::words::{first_line, title};
+use crate::report::words::{at_size, first_line, title};
 use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -28,12 +28,17 @@ impl<'a> Run<'a> {
     pub fn of(folder: &'a Folder, groups: Vec<Group<'a>>) -> Vec<Self> {
         let mut runs: Vec<Self> = Vec::new();
         for group in groups {
-            match runs.iter_mut().find(|run| run.groups[0].image_size == group.image_size) {
+            match runs.iter_mut().find(|run| run.image_size() == group.image_size) {
                 Some(run) => run.groups.push(group),
                 None => runs.push(Self { folder, groups: vec![group] }),
             }
         }
         runs
+    }
+
+    /// Returns the size of the run's images; a run has at least one group.
+    pub fn image_size(&self) -> [u32; 2] {
+        self.groups[0].image_size
     }
 
     /// Returns the folder's path.
@@ -65,7 +70,8 @@ impl<'a> ClaimData<'a> {
             return Ok(best);
         }
         let Some(refused) = records.first() else { return Err(self.missing(&point.to_string())) };
-        let text = format!("{point} has no time: {}", first_line(refused));
+        let name = at_size(&point.to_string(), refused.image_size);
+        let text = format!("{name} has no time: {}", first_line(refused));
         Err(Line::cannot(text, format!("a device on which {point} runs")))
     }
 
@@ -92,18 +98,17 @@ impl<'a> ClaimData<'a> {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
         let Some(told) = ran.or(records.first()) else { return self.missing(&point.to_string()) };
-        let name = title(told);
+        let (name, scene) = (title(told), at_size(&point.scene, told.image_size));
         match told.outcome {
             Outcome::Measured => {
                 let time = median(told).map_or(String::new(), duration);
-                Line::decided(format!("{name} runs on {}: {time}", point.scene), wanted)
+                Line::decided(format!("{name} runs on {scene}: {time}"), wanted)
             }
-            Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => Line::decided(
-                format!("{name} on {} does not run: {}", point.scene, first_line(told)),
-                !wanted,
-            ),
+            Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => {
+                Line::decided(format!("{name} on {scene} does not run: {}", first_line(told)), !wanted)
+            }
             other => Line::unclear(
-                format!("{name} on {}: {}: {}", point.scene, other.name(), first_line(told)),
+                format!("{name} on {scene}: {}: {}", other.name(), first_line(told)),
                 "a complete run of this point".to_owned(),
             ),
         }
@@ -135,5 +140,5 @@ impl<'a> ClaimData<'a> {
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);
-    format!("{} on {} ({best}{time})", title(record), point.scene)
+    format!("{} on {} ({best}{time})", title(record), at_size(&point.scene, record.image_size))
 }

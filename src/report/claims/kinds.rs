@@ -9,6 +9,7 @@ use crate::device::LaneOperations;
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
+use crate::report::words::at_size;
 use crate::strategy::{Requirements, Workload};
 
 /// Returns the result of a test, one line per comparison.
@@ -70,17 +71,17 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    let ratios: Vec<(u32, f64)> = samples
+    let times: Vec<(u32, [f64; 2])> = samples
         .iter()
         .filter(|one| has(record, one))
-        .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
+        .filter_map(|one| Some((one.launch, [ms(one, of)?, ms(one, to)?])))
         .collect();
-    let Some(ratio) = Ratio::of_passes(record, &ratios) else {
+    let Some(ratio) = Ratio::of_passes(record, &times) else {
         let text = format!("no sample of {point} with separate times of its passes");
         return Line::cannot(text, "the file samples.jsonl next to the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
-    let text = format!("{point}: {}", ratio.between(&of, &to));
+    let text = format!("{}: {}", at_size(&point.to_string(), record.image_size), ratio.between(&of, &to));
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
@@ -103,7 +104,6 @@ fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
         Pass::Primary => sample.primary_ms,
         Pass::Shadow => sample.shadow_ms,
     }
-    .filter(|ms| *ms > 0.0)
 }
 
 fn fits_in(preset: &Preset, size: LocalSize, triangles: usize, local_bytes: u64, wanted: bool) -> Line {

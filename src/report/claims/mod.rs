@@ -330,6 +330,55 @@ mod tests {
         assert_eq!([512, 1536, 256].map(told), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
     }
 
+    /// Returns the verdict on the built-in claim whose sentence starts with these words.
+    fn built_in(start: &str, records: &[Record]) -> Verdict {
+        let mut rows = table().expect("it reads");
+        rows.retain(|row| row.sentence.starts_with(start));
+        let (folder, records) = (Folder::default(), judged(records));
+        let found = claims(rows, &Run::of(&folder, groups(&records)), "gpu");
+        assert_eq!(found.len(), 1, "{start}");
+        found[0].verdict
+    }
+
+    #[test]
+    fn a_sentence_of_several_parts_holds_only_if_each_of_them_does() {
+        use Verdict::{Held, NotHeld, Unclear};
+        let of = |scene: &str, name: &str, side: u32, ms: f64| Record {
+            scene: scene.into(),
+            key: format!("{scene} {name} {side}"),
+            ..measured("gpu", name, side, ms)
+        };
+        let scaled = |of_16: f64, growth: f64| {
+            let of_scene = |(place, scene): (i32, &str)| {
+                let times = [(4, 1.0), (8, 1.1), (16, of_16)];
+                times.map(|(side, ms)| of(scene, "naive", side, ms * growth.powi(place)))
+            };
+            let scenes = ["triangle", "pyramid-upper", "still-life", "gourd", "teapot"];
+            let records: Vec<Record> = (0..).zip(scenes).flat_map(of_scene).collect();
+            built_in("The naive implementation's run time scaled with both", &records)
+        };
+        assert_eq!([scaled(1.5, 2.0), scaled(0.6, 2.0), scaled(1.5, 1.0)], [Held, NotHeld, NotHeld]);
+        let still_life = |start: &str, points: &[(&str, u32, f64)]| {
+            let record = |(name, side, ms): &(&str, u32, f64)| of("still-life", name, *side, *ms);
+            built_in(start, &points.iter().map(record).collect::<Vec<_>>())
+        };
+        let best = |of_4: f64| {
+            let naive = [("naive", 4, of_4), ("naive", 8, 2.2), ("naive", 16, 3.0)];
+            let points = [&naive[..], &[("local-vectors", 8, 1.0), ("local-triangles", 8, 2.5)]].concat();
+            still_life("Of the three implementations, the best run time", &points)
+        };
+        assert_eq!([best(2.0), best(3.0)], [Held, NotHeld]);
+        let slowed = |of_triangles: f64| {
+            let both = |side: u32| [("local-vectors", side, 1.0), ("compounded", side, 1.2)];
+            let points = [&both(8)[..], &both(16), &[("local-triangles", 8, of_triangles)]].concat();
+            still_life("Furthermore, having to read in data", &points)
+        };
+        assert_eq!([slowed(2.0), slowed(0.9)], [Held, NotHeld]);
+        // No measurement decides whether a rasteriser starts fewer threads.
+        let on_teapot = [of("teapot", "naive", 8, 3.0), of("teapot", "raster", 8, 1.0)];
+        assert_eq!(built_in("This largely reduces the number", &on_teapot), Unclear);
+    }
+
     #[test]
     fn of_several_records_of_a_point_the_fastest_counts() {
         let records = [
@@ -373,7 +422,8 @@ mod tests {
             claim_in(&run, point, &[std::slice::from_ref(&record)]).verdict
         };
         assert_eq!([told(6.0, 0), told(3.0, 0)], [Verdict::Held, Verdict::NotHeld]);
-        assert_eq!([told(6.0, 7), told(0.0, 0)], [Verdict::Cannot; 2], "another launch, or no time");
+        assert_eq!(told(6.0, 7), Verdict::Cannot, "another launch");
+        assert_eq!(told(0.0, 0), Verdict::Unclear, "below the timer's resolution");
     }
 
     /// Each launch has samples that the record leaves out. Their shadow passes took much longer.

@@ -27,13 +27,16 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)) })
     }
 
-    /// Returns the ratio of the times of two passes of a record's frames. `ratios` contains each sample's launch number
-    /// and ratio.
-    pub(super) fn of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Self> {
-        let found = ratio_of_passes(record, ratios);
-        let n = ratios.len();
-        let sure = found.map(|found| (found.middle, [found.low, found.high]));
-        (n > 0).then(|| Self { sure: sure.ok_or_else(|| crate::measure::not_enough(n)), n })
+    /// Returns the ratio of the times of two passes of a record's frames; `None` if there are no samples. `times`
+    /// contains each sample's launch number and the times of the two passes.
+    pub(super) fn of_passes(record: &Record, times: &[(u32, [f64; 2])]) -> Option<Self> {
+        let timed = times.iter().filter(|(_, both)| is_timed(both));
+        let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
+        let sure = match ratio_of_passes(record, &ratios) {
+            Some(found) => Ok((found.middle, [found.low, found.high])),
+            None => Err(why_unsure_of_passes(times)),
+        };
+        (!times.is_empty()).then(|| Self { sure, n: ratios.len() })
     }
 
     /// Returns the ratio; infinite if it is not known.
@@ -106,6 +109,25 @@ const LONGER_FRAMES: &str =
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
+}
+
+/// Returns whether both passes of a sample took longer than a step of the device's timer.
+fn is_timed(both: &[f64; 2]) -> bool {
+    both.iter().all(|ms| *ms > 0.0)
+}
+
+/// Returns why the ratio of two passes has no interval. As for records, n is the number of samples in the launch that
+/// has the fewest, and samples with a time of 0 do not count.
+fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
+    let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
+        let of =
+            |number: u32| times.iter().filter(|(launch, both)| *launch == number && counts(both)).count();
+        times.iter().map(|(launch, _)| of(*launch)).min().unwrap_or(0)
+    };
+    match fewest(&|_| true) >= MIN_SAMPLES {
+        true => BELOW_RESOLUTION.to_owned(),
+        false => crate::measure::not_enough(fewest(&is_timed)),
+    }
 }
 
 /// Returns a text that says how many samples a verdict needs. A launch takes fewer only if the config's limit is lower.
@@ -186,19 +208,38 @@ mod tests {
 
     #[test]
     fn parts_of_the_same_frames_have_a_ratio_of_their_own() {
-        let parts = |ratios: &[f64]| ratios.iter().map(|ratio| (0, *ratio)).collect::<Vec<_>>();
+        let parts = |ratios: &[f64]| ratios.iter().map(|ratio| (0, [*ratio, 1.0])).collect::<Vec<_>>();
         let record = measured("gpu", "deferred", 8, 10.0);
-        let of = |ratios: &[(u32, f64)]| Ratio::of_passes(&record, ratios);
+        let of = |times: &[(u32, [f64; 2])]| Ratio::of_passes(&record, times);
         let ratio = of(&parts(&[2.0, 2.1, 1.9, 2.0, 2.05])).expect("it is finite");
         assert_eq!(ratio.verdict(&LONGER), Verdict::Held);
         assert_eq!(of(&parts(&[2.0; 4])).map(|few| few.verdict(&LONGER)), Some(Verdict::Unclear));
         assert!(of(&[]).is_none());
     }
 
+    /// In each of four launches, there are too few samples, or one of the passes sometimes takes no time.
+    #[test]
+    fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
+        let record = measured("gpu", "deferred", 8, 10.0);
+        let of = |per_launch: u32, timed: u32| {
+            let sample = |launch, place| (launch, [if place < timed { 2.0 } else { 0.0 }, 1.0]);
+            let launches =
+                (0..4_u32).flat_map(|launch| (0..per_launch).map(move |place| sample(launch, place)));
+            let ratio = Ratio::of_passes(&record, &launches.collect::<Vec<_>>()).expect("there are samples");
+            (ratio.text(), ratio.line("a".into(), LONGER).decides)
+        };
+        assert_eq!(of(4, 4), ("not enough samples (n = 4)".to_owned(), more_samples()));
+        assert_eq!(of(4, 3), ("not enough samples (n = 3)".to_owned(), more_samples()));
+        for timed in [0, 4] {
+            assert_eq!(of(9, timed), (BELOW_RESOLUTION.to_owned(), LONGER_FRAMES.to_owned()), "{timed}");
+        }
+        assert!(of(9, 9).0.starts_with("2.00 times"));
+    }
+
     /// From run to run, the time of each pass has a factor of its own.
     #[test]
     fn the_ratio_of_two_passes_includes_the_differences_between_runs() {
-        let steady: Vec<(u32, f64)> = (0..10).map(|place| (place / 5, 2.0)).collect();
+        let steady: Vec<(u32, [f64; 2])> = (0..10).map(|place| (place / 5, [2.0, 1.0])).collect();
         for (threads, own) in [(None, 0.004), (Some(2), 0.011)] {
             let record = Record { threads, ..measured("gpu", "deferred", 8, 10.0) };
             let ratio = Ratio::of_passes(&record, &steady).expect("enough samples");

@@ -51,6 +51,8 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
+    /// True if a folder has several devices, so that the name of a point must include its device.
+    several_devices: bool,
 }
 
 /// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other.
@@ -69,12 +71,9 @@ fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> 
 }
 
 impl Comparison {
-    /// Returns whether the folders have several devices. If so, the names of points include the
-    /// device.
+    /// Returns whether one of the folders has several devices. If so, the names of points include the device.
     pub fn has_several_devices(&self) -> bool {
-        let mut devices = self.pairs.iter().map(|pair| &pair.before).filter(|record| !record.is_baseline());
-        let first = devices.next().map(|record| &record.device);
-        devices.any(|record| Some(&record.device) != first)
+        self.several_devices
     }
 
     /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is 2%. If
@@ -139,9 +138,7 @@ impl Comparison {
         }
         comparison.labels = [first, second];
         for pair in &mut comparison.pairs {
-            pair.change = change::of_kernels(pair.both());
-            pair.verdict =
-                pair.change.map_or(Verdict::NotEnough, |(change, _)| Verdict::of(change, threshold));
+            pair.judge(change::of_kernels(pair.both()), threshold);
         }
         comparison.say_how_kernels_were_compared();
         comparison
@@ -162,6 +159,7 @@ impl Comparison {
             has_changed_outcomes: false,
             notes,
             threshold,
+            several_devices: folders.iter().any(|folder| devices(folder).len() > 1),
         }
     }
 
@@ -178,7 +176,9 @@ impl Comparison {
             for record in records {
                 let line = match changed(record, others) {
                     true => format!("{}: the two folders have different scenes of this name", record.scene),
-                    false => format!("{}: only in {}", name(record), self.labels[label]),
+                    false => {
+                        format!("{}: only in {}", name(record, self.several_devices), self.labels[label])
+                    }
                 };
                 if !self.others.contains(&line) {
                     self.others.push(line);
@@ -193,7 +193,7 @@ impl Comparison {
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
-            let line = format!("{}: was {a}, is {b}", name(&before));
+            let line = format!("{}: was {a}, is {b}", name(&before, self.several_devices));
             if before.outcome == Outcome::Measured {
                 self.broken.push(line.clone());
             }
@@ -235,13 +235,7 @@ impl Comparison {
             .map(|pair| if bare { change::bare(*pair) } else { change::change(*pair, &all) })
             .collect();
         for (pair, change) in self.pairs.iter_mut().zip(changes) {
-            let enough = pair.before.place.is_some() && pair.after.place.is_some();
-            pair.change = change.filter(|_| enough);
-            pair.verdict = match pair.change {
-                Some((change, _)) => Verdict::of(change, self.threshold),
-                None if enough => Verdict::CannotTell,
-                None => Verdict::NotEnough,
-            };
+            pair.judge(change, self.threshold);
         }
         if self.has_change(Against::Anchor) || self.has_change(Against::Baselines) {
             self.notes.push(
@@ -290,12 +284,13 @@ impl Comparison {
         regressions::left_out(self)
     }
 
-    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The
-    /// counts of "cannot tell" and "not enough samples" follow if they are not zero.
+    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The counts of points without
+    /// a change ("cannot tell", "not enough samples", "below the timer's resolution") follow if they are not zero.
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
         let shown = counts.iter().filter(|(verdict, count)| {
-            !matches!(verdict, Verdict::NotEnough | Verdict::CannotTell) || *count > 0
+            matches!(verdict, Verdict::Faster | Verdict::Slower | Verdict::Same | Verdict::Unclear)
+                || *count > 0
         });
         shown.map(|(verdict, count)| format!("{count} {}", verdict.name())).collect::<Vec<_>>().join(", ")
     }
@@ -322,7 +317,7 @@ fn line(pair: &Pair) -> PairLine<'_> {
 }
 
 /// Returns a copy of the folder in which each record also has its times relative to the times of the records and
-/// anchors that were measured together with it.
+/// anchors that were measured together with it. The intervals of the times stay those of all other views.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

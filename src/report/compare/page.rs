@@ -48,7 +48,8 @@ impl Comparison {
              with `--times`, the times themselves are compared. The change is the second folder's quotient (or time), divided by the first folder's. \
              A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
              interval lies completely within {0}% in both directions, and unclear otherwise. At most one \
-             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch are not judged.",
+             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch are not judged, \
+             and neither are points whose times are below the timer's resolution.",
             self.threshold_percent()
         )
     }
@@ -97,9 +98,9 @@ impl Comparison {
                     tip,
                 })
             });
-            // As in the table, green means faster, vermilion slower, blue same, and grey unclear. The other two
-            // verdicts ("not enough samples" and "cannot tell") have colours of their own.
-            let look = Look::of([2, 1, 0, 6, 4, 5][place]);
+            // As in the table, green means faster, vermilion slower, blue same, and grey unclear. The verdicts on
+            // points without a change have colours of their own.
+            let look = Look::of([2, 1, 0, 6, 4, 5, 3][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
         });

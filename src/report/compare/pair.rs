@@ -1,6 +1,6 @@
 //! A point that two folders measured, and the change of its time.
 
-use crate::measure::{BELOW_RESOLUTION, Interval, Verdict};
+use crate::measure::{Interval, Verdict};
 use crate::record::{Record, by, fewest, is_below_resolution, significant};
 use crate::report::words::{size_name, title};
 use serde::Serialize;
@@ -49,16 +49,12 @@ impl Pair {
 
     /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format is "496× as long"; if
     /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is "n =
-    /// 10 and 3". If times are 0, the text is [`BELOW_RESOLUTION`]. If the change cannot be computed although there are
-    /// enough samples, the text is "?".
+    /// 10 and 3". If the change cannot be computed although there are enough samples, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
-                Verdict::CannotTell => "?".to_owned(),
-                _ if [&self.before, &self.after].into_iter().any(is_below_resolution) => {
-                    BELOW_RESOLUTION.to_owned()
-                }
-                _ => format!("n = {} and {}", fewest(&self.before), fewest(&self.after)),
+                Verdict::NotEnough => format!("n = {} and {}", fewest(&self.before), fewest(&self.after)),
+                _ => "?".to_owned(),
             };
         };
         match change.middle {
@@ -74,12 +70,28 @@ impl Pair {
     /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is no
     /// baseline, the device follows.
     pub fn point(&self, device: bool) -> String {
-        let on = if device && !self.before.is_baseline() {
-            format!(", {}", self.before.device)
-        } else {
-            String::new()
+        name(&self.before, device)
+    }
+
+    /// Sets the change of the point, and the verdict that follows from it.
+    pub(super) fn judge(&mut self, change: Option<(Interval, Against)>, threshold: f64) {
+        self.change = change;
+        self.verdict = match change {
+            Some((change, _)) => Verdict::of(change, threshold),
+            None => self.without_change(),
         };
-        format!("{}{on}", name(&self.before))
+    }
+
+    /// Returns the verdict on a point whose change cannot be computed: the reason.
+    fn without_change(&self) -> Verdict {
+        let records = [&self.before, &self.after];
+        if records.iter().all(|record| record.place.is_some()) {
+            Verdict::CannotTell
+        } else if records.into_iter().any(is_below_resolution) {
+            Verdict::BelowResolution
+        } else {
+            Verdict::NotEnough
+        }
     }
 
     /// Returns the two records.
@@ -93,12 +105,13 @@ pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }
 
-/// Returns the name of a record's point.
-pub(super) fn name(record: &Record) -> String {
+/// Returns the name of a record's point, like [`Pair::point`].
+pub(super) fn name(record: &Record, device: bool) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));
     }
-    format!("{} {}, {} {}", record.scene, by(record.image_size), strategy(record), size_name(record))
+    let on = if device { format!(", {}", record.device) } else { String::new() };
+    format!("{} {}, {} {}{on}", record.scene, by(record.image_size), strategy(record), size_name(record))
 }
 
 /// Returns the name of a record's strategy, without the folder of kernels that the name may end with. The two records

@@ -1,6 +1,6 @@
 use super::*;
 use crate::record::fixtures::{few, infeasible, judged, measured};
-use crate::record::{AnchorSample, RoundLoad};
+use crate::record::{AnchorSample, RoundLoad, interval};
 
 fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
@@ -249,8 +249,13 @@ fn few_samples_of_either_are_no_verdict() {
 #[test]
 fn times_of_zero_are_told_as_such() {
     let run = |label: &str| folder(label, vec![few("a", "naive", 8, 0.0, 30), timed("a", "wide", 1.0)]);
-    let markdown = of(&run("old"), &run("new")).markdown();
-    assert!(markdown.contains("| times below the timer's resolution | not enough samples |"), "{markdown}");
+    let comparison = of(&run("old"), &run("new"));
+    let markdown = comparison.markdown();
+    assert!(markdown.contains("| ? | below the timer's resolution |"), "{markdown}");
+    assert!(!markdown.contains("not enough samples"), "{markdown}");
+    let counts = "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell, 1 below the timer's resolution";
+    assert_eq!(comparison.summary(), counts);
+    assert!(comparison.lines().iter().any(|line| line.verdict == "below the timer's resolution"));
 }
 
 #[test]
@@ -385,6 +390,22 @@ fn another_anchor_tells_nothing() {
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
+/// From launch to launch, the anchor's time varies far more than the points' times.
+#[test]
+fn intervals_of_times_are_those_of_all_other_views() {
+    let run = |label: &str| {
+        let mut folder = anchored(label, 1.0, |_| 1.0);
+        folder.anchors.iter_mut().for_each(|sample| sample.ms *= 1.0 + f64::from(sample.launch));
+        folder
+    };
+    let (old, new) = (run("old"), run("new"));
+    let comparison = of(&old, &new);
+    assert!(comparison.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
+    let shown = comparison.pairs.iter().map(Pair::both).map(|(one, other)| [one, other].map(interval));
+    let expected = old.records.iter().zip(&new.records).map(|(one, other)| [one, other].map(interval));
+    assert_eq!(shown.collect::<Vec<_>>(), expected.collect::<Vec<_>>());
+}
+
 #[test]
 fn from_tenfold_on_a_change_is_said_as_a_factor() {
     let changed = |ms: f64| {
@@ -488,6 +509,29 @@ fn points_are_named_with_their_device_where_there_are_several() {
     assert_eq!(kernel.point(false), "teapot 800 x 500, naive 8x8");
     let baseline = two.pairs.iter().find(|pair| pair.before.is_baseline()).expect("a baseline");
     assert_eq!(baseline.point(true), baseline.point(false));
+}
+
+/// A point may fail, or be absent, on one of several devices, on each of them, or on one that has no other point.
+#[test]
+fn points_that_are_not_compared_are_named_with_their_device_too() {
+    let fails = |device: &str| infeasible(device, "naive", 8, "no");
+    let [on_a, on_b] = ["a", "b"].map(|device| timed(device, "naive", 10.0));
+    let compared = |before: &[&Record], after: &[&Record]| {
+        let records = |all: &[&Record]| all.iter().map(|record| (*record).clone()).collect::<Vec<_>>();
+        of(&folder("old", records(before)), &folder("new", records(after)))
+    };
+    let line = |device: &str| format!("teapot 800 x 500, naive 8x8, {device}: was measured, is infeasible");
+    let one = compared(&[&on_a, &on_b], &[&on_a, &fails("b")]);
+    assert_eq!((one.others.clone(), one.regressions(5.0)), (vec![line("b")], vec![line("b")]));
+    assert!(one.has_several_devices());
+    let both = compared(&[&on_a, &on_b], &[&fails("a"), &fails("b")]);
+    assert_eq!(both.others, [line("a"), line("b")]);
+    let absent = compared(&[&on_a, &on_b], &[&on_a, &timed("c", "naive", 10.0)]);
+    let only = ["b: only in old", "c: only in new"].map(|end| format!("teapot 800 x 500, naive 8x8, {end}"));
+    assert_eq!(absent.others, only);
+    // Two devices of different names are compared if each folder has only one device, so no point needs a device.
+    let single = compared(&[&on_a], &[&fails("b")]);
+    assert_eq!(single.others, ["teapot 800 x 500, naive 8x8: was measured, is infeasible"]);
 }
 
 #[test]

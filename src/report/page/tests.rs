@@ -93,7 +93,7 @@ fn a_scene_with_a_long_name_has_plots_and_exports() {
     let place = tempfile::tempdir().expect("a folder");
     let record = Record { scene: "a".repeat(240), ..measured("gpu", "naive", 8, 1.0) };
     let folder = Folder { records: judged([record]), ..Folder::default() };
-    let choice = Choice { force: false, elsewhere: "--out DIR" };
+    let choice = Choice::new(false, "--out DIR");
     let mut out = OutFolder::open(place.path(), choice).expect("an empty folder");
     let written = crate::report::write(&[folder], &mut out).expect("the names are short enough");
     let files = |folder: &std::path::Path| std::fs::read_dir(folder).expect("a folder").count();

@@ -28,7 +28,9 @@ impl Scale {
         let values = match kind {
             _ if low > high => [1.0, 10.0],
             Kind::Linear => {
-                let room = 0.05 * (high - low.min(0.0)).max(f64::MIN_POSITIVE);
+                let span = high - low.min(0.0);
+                // If all values are 0, as with a coarse timer, the axis ends at 1: its ticks must be readable numbers.
+                let room = if span > 0.0 { 0.05 * span } else { 1.0 };
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
             Kind::Log => {
@@ -129,6 +131,12 @@ mod tests {
         let begins = |values: [f64; 2]| Scale::over(Kind::Linear, values.into_iter(), [0.0, 1.0]).ends()[0];
         assert_eq!(begins([100.0, 120.0]), 0.0);
         assert!(begins([-10.0, 10.0]) < -10.0);
+    }
+
+    #[test]
+    fn a_linear_axis_of_zeros_ends_at_1() {
+        let scale = Scale::over(Kind::Linear, [0.0, 0.0].into_iter(), [0.0, 100.0]);
+        assert_eq!((scale.ends(), scale.place(0.0)), ([0.0, 1.0], Some(0.0)));
     }
 
     #[test]

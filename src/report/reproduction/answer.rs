@@ -1,6 +1,7 @@
 //! The answer at the top of the page of `raycl reproduce`, in four lines: the best memory strategy, the best local
 //! size, why these are the best, and how certain the answer is.
 
+use super::with_most;
 use crate::measure::Ranking;
 use crate::memory::readable;
 use crate::record::{Group, HOST, Record, by, duration, file_name, median, percent, ranking};
@@ -8,7 +9,7 @@ use crate::report::claims::{Ratio, Run};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
 use crate::report::view;
-use crate::report::words::Looks;
+use crate::report::words::{Looks, at_size};
 use crate::strategy::PRESETS;
 
 /// The presets that run the paper's kernel and differ in the memories that hold its working vectors and triangles.
@@ -68,14 +69,14 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from the run that has the most memory strategies. If no run has several memory
-/// strategies, each line of the answer says so.
+/// Returns the answer for a device, from a run that has several memory strategies. If no run has several, each line of
+/// the answer says so.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
-    let kinds = |run: &&Run<'_>| {
+    let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
         contests.map(|contest| names(&contest.ranking.all()).len()).max().unwrap_or(0)
     };
-    let Some(run) = runs.iter().max_by_key(kinds).filter(|run| kinds(run) > 1) else { return unknown() };
+    let Some(run) = with_most(runs, 2, kinds) else { return unknown() };
     let own = run.groups.iter().filter(|group| group.device == device && group.device != HOST);
     let mut contests: Vec<Contest<'_>> =
         own.map(Contest::of).filter(|contest| names(&contest.ranking.all()).len() > 1).collect();
@@ -108,7 +109,11 @@ fn unknown() -> Answer {
 
 /// Joins the texts of several scenes to "on teapot, ...; on still-life, ...".
 fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
-    let lines = contests.iter().map(|contest| format!("on {}, {}", contest.group.scene, say(contest)));
+    let line = |contest: &Contest<'_>| {
+        let Group { scene, image_size, .. } = contest.group;
+        format!("on {}, {}", at_size(scene, *image_size), say(contest))
+    };
+    let lines = contests.iter().map(line);
     lines.collect::<Vec<_>>().join("; ")
 }
 
@@ -180,17 +185,16 @@ fn why(contests: &[Contest<'_>]) -> String {
         return if one_wins { "not known, because naive has no time" } else { NO_WINNER }.to_owned();
     };
     let triangles = best.triangles.unwrap_or(0);
+    let scene = at_size(&best.scene, best.image_size);
     if best.name == naive.name {
         return format!(
-            "on {}, no other choice of memories for vectors and triangles is faster than naive",
-            best.scene
+            "on {scene}, no other choice of memories for vectors and triangles is faster than naive"
         );
     }
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {} (calculated, not measured); {} reads the ray from {}; {}",
-        best.scene,
+        "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {scene} (calculated, not measured); {} reads the ray from {}; {}",
         best.name,
         place_of_vectors(best),
         against(&best.name, &facts(best), &facts(naive))

@@ -1,13 +1,15 @@
 //! Plots the paper's curves over block sizes (Figures 6 to 8) together with raycl's measurements.
 
-use crate::record::{Group, Record, duration, interval, median, not_enough, ratio};
+use super::with_most;
+use crate::record::{Group, Record, by, duration, interval, median, not_enough, ratio};
 use crate::report::claims::Run;
 use crate::report::paper::{self, CURVES};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};
 use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
-use crate::report::words::{times, tip};
+use crate::report::view::PAPER_SIZE;
+use crate::report::words::{other_size, times, tip};
 
 /// One of the paper's curves, and raycl's measurements of the same points.
 struct Curve<'a> {
@@ -34,29 +36,33 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
 }
 
 /// Returns two plots of the paper's figure with this number, and the figure's values. One plot
-/// shows the curves' shapes, the other plot shows milliseconds. All measurements come from the run
-/// that has the most points of the figure, since a curve must not be combined from several runs.
-/// Returns `None` if no point of the figure was measured.
+/// shows the curves' shapes, the other plot shows milliseconds. All measurements come from one run,
+/// since a curve must not be combined from several runs. Returns `None` if no point of the figure
+/// was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
     device: &str,
     suffix: &str,
 ) -> Option<(Vec<Plot>, Vec<[String; 5]>)> {
-    let points = |curves: &Vec<Curve<'_>>| curves.iter().map(|curve| curve.ours.len()).sum::<usize>();
-    let curves = runs.iter().map(|run| curves(number, &run.groups, device)).max_by_key(points)?;
-    if curves.iter().all(|curve| curve.ours.is_empty()) {
-        return None;
-    }
+    let points = |run: &Run<'_>| {
+        curves(number, &run.groups, device).iter().map(|curve| curve.ours.len()).sum::<usize>()
+    };
+    let run = with_most(runs, 1, points)?;
+    let curves = curves(number, &run.groups, device);
+    let device = match other_size(run.image_size()) {
+        Some(size) => format!("{device}, {size} (the paper: {})", by(PAPER_SIZE)),
+        None => device.to_owned(),
+    };
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
         "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch are left out.",
-        &drawn(&curves, number, device, true),
+        &drawn(&curves, number, &device, true),
     );
     let times = Plot::of(
         format!("figure-{number}{suffix}"),
         "Solid lines are our times on this device. Dashed lines are the paper's times, on a device that the paper does not name. The scale is logarithmic.",
-        &drawn(&curves, number, device, false),
+        &drawn(&curves, number, &device, false),
     );
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
@@ -128,18 +134,21 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
 }
 
 /// Returns table rows: curve, block size, published time, our time, and the published time divided
-/// by our time.
+/// by our time. Times of another image size than the paper's are not divided.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {
         let time = ours(*block).and_then(|record| median(record));
-        let few = ours(*block).and_then(|record| not_enough(record));
+        let obstacle = |record: &&Record| match other_size(record.image_size) {
+            Some(_) => Some("other image size".to_owned()),
+            None => not_enough(record),
+        };
         [
             curve.name.to_owned(),
             format!("{block} x {block}"),
             crate::record::ms(*ms),
             time.map_or("-".into(), crate::record::ms),
-            few.or(time.map(|time| times(*ms, time))).unwrap_or("-".into()),
+            ours(*block).and_then(obstacle).or(time.map(|time| times(*ms, time))).unwrap_or("-".into()),
         ]
     };
     curve.published.iter().map(row).collect()

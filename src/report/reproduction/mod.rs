@@ -12,11 +12,13 @@ use super::gallery::Pictures;
 use super::merged::merged;
 use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::plot::Plot;
+use super::view::PAPER_SIZE;
 use crate::error::{Error, Result};
 use crate::record::{Folder, HOST, by, groups};
 use answer::Answer;
 use askama::Template;
 use figures::{Described, Figure};
+use std::cmp::Reverse;
 
 /// The page of the reproduction.
 #[derive(Template)]
@@ -56,11 +58,12 @@ impl Reproduction {
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();
-        let runs: Vec<Run<'_>> = folders
+        let mut runs: Vec<Run<'_>> = folders
             .iter()
             .zip(&records)
             .flat_map(|(folder, records)| Run::of(folder, groups(records)))
             .collect();
+        sort_by_size(&mut runs);
         let mut names: Vec<&str> = Vec::new();
         for group in runs.iter().flat_map(|run| &run.groups).filter(|group| group.device != HOST) {
             if !names.contains(&group.device) {
@@ -103,6 +106,25 @@ impl Reproduction {
     }
 }
 
+/// Sorts runs by their image size: first the paper's size, then the other sizes in the order of the runs. Each part of
+/// the page uses the first size that has its points, so that all parts use the same size if they can.
+fn sort_by_size(runs: &mut [Run<'_>]) {
+    let mut sizes = vec![PAPER_SIZE];
+    sizes.extend(runs.iter().map(Run::image_size));
+    runs.sort_by_key(|run| sizes.iter().position(|size| *size == run.image_size()));
+}
+
+/// Returns the run for which `count` returns the largest number, if this is at least `least`; of several such runs, the
+/// last one. Only runs of the first image size that has a run with at least `least` are considered.
+fn with_most<'r, 'a>(
+    runs: &'r [Run<'a>],
+    least: usize,
+    count: impl Fn(&Run<'a>) -> usize,
+) -> Option<&'r Run<'a>> {
+    let size = |run: &Run<'_>| runs.iter().position(|other| other.image_size() == run.image_size());
+    runs.iter().filter(|run| count(run) >= least).max_by_key(|run| (Reverse(size(run)), count(run)))
+}
+
 /// Returns the commands that wrote the folders, without repetitions.
 fn commands(folders: &[Folder]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
@@ -131,5 +153,60 @@ fn device(place: usize, name: &str, runs: &[Run<'_>], paper: &Paper, pictures: &
         tally: Verdict::ALL.map(|(verdict, word, ..)| (word, count(verdict))).to_vec(),
         figures: figures.map(|about| figures::figure(about, runs, name, &suffix, pictures)).collect(),
         claims,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Record;
+    use crate::record::fixtures::{judged, measured};
+
+    fn at(image_size: [u32; 2], name: &str, side: u32, ms: f64) -> Record {
+        let record = measured("gpu", name, side, ms);
+        Record { key: format!("{image_size:?} {}", record.key), image_size, ..record }
+    }
+
+    fn page(records: &[Record]) -> Device {
+        let folder = Folder { records: judged(records), ..Folder::default() };
+        Reproduction::of(&[folder]).expect("the tables are right").devices.remove(0)
+    }
+
+    /// Returns our time and the ratio in the row of Figure 6 for the teapot and 4 x 4.
+    fn row(device: &Device) -> [&str; 2] {
+        let figure = device.figures.iter().find(|figure| figure.about.number == 6).expect("a figure");
+        let is_own = |row: &&[String; 5]| row[0].starts_with("Teapot") && row[1] == "4 x 4";
+        let row = figure.rows.iter().find(is_own).expect("a row");
+        [&row[3], &row[4]]
+    }
+
+    fn compares(device: &Device, start: &str) -> bool {
+        let mut lines = device.claims.iter().flat_map(|claim| &claim.lines);
+        lines.any(|line| line.text.starts_with(start) && line.text.contains(" as long as "))
+    }
+
+    #[test]
+    fn all_parts_of_the_page_are_of_the_papers_image_size_if_it_was_measured() {
+        let small = [("naive", 4, 0.2), ("naive", 8, 0.3), ("private", 8, 0.1)];
+        let small = small.map(|(name, side, ms)| at([200, 125], name, side, ms));
+        // Of the larger images, one point fewer was measured: it may have exceeded a time limit.
+        let large = [("naive", 4, 2.0), ("private", 8, 1.0)];
+        let large = large.map(|(name, side, ms)| at(PAPER_SIZE, name, side, ms));
+        for records in [[&small[..], &large].concat(), [&large[..], &small].concat()] {
+            let both = page(&records);
+            let best = "on teapot, private (vectors private, triangles global): 1.000 ms";
+            assert_eq!(both.answer.strategy, best);
+            let [ours, ratio] = row(&both);
+            assert!(ours == "2.000" && ratio.ends_with('×'), "{ours} {ratio}");
+            // Only the smaller images have this point.
+            assert!(compares(&both, "naive at 8 x 8 on teapot at 200 x 125 ("));
+        }
+        let only = page(&small);
+        let expected = "on teapot at 200 x 125, private (vectors private, triangles global): 0.1000 ms";
+        assert_eq!(only.answer.strategy, expected);
+        assert_eq!(row(&only), ["0.2000", "other image size"]);
+        let plots = only.figures.iter().flat_map(|figure| &figure.plots);
+        let titles = plots.filter(|plot| plot.svg.contains("gpu, 200 x 125 (the paper: 800 x 500)"));
+        assert_eq!(titles.count(), 2, "the two plots of Figure 6");
     }
 }

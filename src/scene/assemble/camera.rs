@@ -35,7 +35,7 @@ pub(super) fn base_camera(
 ) -> Camera {
     let Some(ball) = ball else { return Camera { z_near: 0.0, ..Camera::PAPER } };
     if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
-        notes.extend(seen.camera_note.clone());
+        notes.extend(seen.camera_notes.iter().cloned());
         return camera;
     }
     let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);

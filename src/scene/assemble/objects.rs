@@ -115,7 +115,7 @@ fn read_file(
         read.notes.push("its cameras and lights are not used; the scene's are used instead".to_owned());
     }
     let named = |note: String| format!("{}: {note}", path.display());
-    read.camera_note = read.camera_note.map(named);
+    read.camera_notes = read.camera_notes.drain(..).map(named).collect();
     for note in read.notes.drain(..).map(named) {
         // Notes on a mesh that several objects use appear once.
         if !notes.contains(&note) {

@@ -5,7 +5,6 @@ use crate::reader::lies_in;
 use crate::scene::document::Document;
 use crate::scene::kept::Kept;
 use crate::scene::sky::FileTexels;
-use crate::scene::validate::MAX_POWER;
 use crate::scene::wire::SkyWire;
 use crate::scene::{Sky, SkyPicture};
 use glam::{DVec3, Vec3};
@@ -51,10 +50,7 @@ fn texels(
 ) -> Result<FileTexels> {
     let path = document.folder.join(file.get_ref());
     let strength = wire.strength.map_or(1.0, |strength| strength.0);
-    let strengthened = |read: FileTexels| -> std::result::Result<FileTexels, String> {
-        Ok((read.0, SkyPicture::strengthened(&read, strength, MAX_POWER)?))
-    };
-    kept.picture(&path).and_then(strengthened).map_err(|why| {
+    kept.picture(&path, strength).map_err(|why| {
         let quotes = document.quotes || lies_in(&path, &document.folder);
         let why = if quotes { why } else { "cannot be used".to_owned() };
         let message = format!("the sky's picture `{}` {why}", path.display());

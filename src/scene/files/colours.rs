@@ -7,12 +7,7 @@ use std::collections::HashMap;
 
 /// Number of steps to which a colour's channel is rounded (8 bits, as in most files), so that triangles of almost equal
 /// colour share a material.
-const FINE: f32 = 255.0;
-/// Number of steps if `FINE` makes more materials than 16-bit indices can address. These steps allow at most 32,768
-/// colours.
-const COARSE: f32 = 31.0;
-/// Number of materials that 16-bit indices can address.
-const MOST: usize = 1 << 16;
+const STEPS: f32 = 255.0;
 
 /// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
 pub(in crate::scene) fn linear(displayed: f32) -> f32 {
@@ -27,23 +22,18 @@ fn displayed(linear: f32) -> f32 {
 /// Assigns a material to each triangle. The new material's colour is the mean colour of the triangle's corners,
 /// multiplied by the colour of the triangle's previous material. `colours` are linear, one per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
-    for steps in [FINE, COARSE] {
-        let (materials, numbers) = painted(mesh, colours, steps);
-        if materials.len() <= MOST || steps == COARSE {
-            mesh.materials = materials;
-            mesh.triangles.iter_mut().zip(numbers).for_each(|(triangle, number)| triangle.material = number);
-            return;
-        }
-    }
+    let (materials, numbers) = painted(mesh, colours);
+    mesh.materials = materials;
+    mesh.triangles.iter_mut().zip(numbers).for_each(|(triangle, number)| triangle.material = number);
 }
 
 /// Returns the materials of all triangles, and each triangle's material number.
-fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32>) {
+fn painted(mesh: &Mesh, colours: &[Vec3]) -> (Vec<Material>, Vec<u32>) {
     let (mut materials, mut known) = (Vec::new(), HashMap::new());
     let mut number = |key: (u32, [u32; 3])| {
         *known.entry(key).or_insert_with(|| {
             let base = mesh.materials[key.0 as usize];
-            let colour = Vec3::from_array(key.1.map(|channel| linear(channel as f32 / steps)));
+            let colour = Vec3::from_array(key.1.map(|channel| linear(channel as f32 / STEPS)));
             materials.push(Material { lambertian: base.lambertian * colour, ..base });
             materials.len() as u32 - 1
         })
@@ -53,7 +43,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
         let mean = ((a + b + c) / 3.0).clamp(Vec3::ZERO, Vec3::ONE);
         number((
             triangle.material,
-            mean.to_array().map(|channel| (displayed(channel) * steps).round() as u32),
+            mean.to_array().map(|channel| (displayed(channel) * STEPS).round() as u32),
         ))
     });
     let numbers = numbers.collect();
@@ -71,7 +61,7 @@ pub(in crate::scene) fn note(count: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Shape, generate};
+    use crate::scene::{Shape, Triangle, generate};
 
     #[test]
     fn a_triangle_has_the_mean_of_its_corners_and_equal_ones_share_a_material() {
@@ -82,6 +72,32 @@ mod tests {
         paint(&mut mesh, &colours);
         assert_eq!(mesh.materials.len(), 1);
         assert!((mesh.materials[0].lambertian - red * 0.5).abs().max_element() < 1e-6);
+    }
+
+    #[test]
+    fn colours_keep_their_8_bits_however_many_there_are() {
+        let channels = |number: u32| [number % 256, number / 256 % 256, number / 65_536];
+        let triangles = (0..70_000).map(|number| Triangle {
+            positions: [3 * number, 3 * number + 1, 3 * number + 2],
+            normals: [0; 3],
+            material: 0,
+        });
+        let mut mesh = Mesh {
+            positions: vec![Vec3::ZERO; 210_000],
+            triangles: triangles.collect(),
+            materials: vec![Material::lambertian(Vec3::ONE)],
+            ..Mesh::default()
+        };
+        let colour =
+            |number| Vec3::from_array(channels(number).map(|channel| linear(channel as f32 / 255.0)));
+        let colours: Vec<Vec3> = (0..210_000).map(|corner| colour(corner / 3)).collect();
+        paint(&mut mesh, &colours);
+        assert_eq!(mesh.materials.len(), 70_000);
+        for (number, triangle) in (0..).zip(&mesh.triangles) {
+            let found = mesh.material(triangle).lambertian.to_array();
+            let found = found.map(|channel| (displayed(channel) * 255.0).round() as u32);
+            assert_eq!(found, channels(number), "{number}");
+        }
     }
 
     #[test]

@@ -44,8 +44,8 @@ pub(in crate::scene) struct MeshFile {
     pub more_starts: Vec<u32>,
     /// The first camera of the file, moved and scaled like the mesh; `None` if the file has none.
     pub camera: Option<Camera>,
-    /// A note for the user that is shown only if the file's camera is used.
-    pub camera_note: Option<String>,
+    /// Notes for the user that are shown only if the file's camera is used.
+    pub camera_notes: Vec<String>,
     /// The file's lights, moved and scaled like the mesh.
     pub lights: Vec<FileLight>,
     /// Notes for the user.

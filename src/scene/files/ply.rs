@@ -25,8 +25,10 @@ use ply_rs_bw::ply::{
 /// Memory for a vertex while a file is read: the vertex itself, its position in double and in single precision, its
 /// normal and its colour.
 const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_of::<Vec3>()) as u64;
-/// Memory for a face while a file is read: the face itself and one triangle.
-const FACE_BYTES: u64 = (size_of::<Face>() + size_of::<Triangle>()) as u64;
+/// Memory for the list of a triangle's corners: 12 bytes, and the bytes that an allocator adds to each block.
+const LIST_BYTES: usize = 32;
+/// Memory for a face while a file is read: the face itself, the list of its corners, and one triangle.
+const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
 
 /// Reads a file.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
@@ -179,6 +181,7 @@ impl Parts {
             // Normals that are not finite become zero; zero normals are replaced later.
             mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
         }
+        mesh.triangles.reserve(self.faces.len());
         let mut push = |corners: [u32; 3]| {
             let normals = if with_normals { corners } else { [MISSING; 3] };
             mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });

@@ -6,11 +6,12 @@ use super::MeshFile;
 use super::flaw::{Flaw, Named};
 use super::origin::settle;
 use crate::error::Result;
+use crate::memory::Available;
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{decimal, quoted, split_lines};
-use crate::words::counted_are;
+use crate::words::{counted, counted_are};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -24,23 +25,37 @@ const HEAD_BYTES: usize = 1 << 10;
 /// Materialise Magics writes this key before a colour for all facets, in the header of a binary file.
 const COLOUR: &[u8] = b"COLOR=";
 
+/// The bits of a corner's coordinates, by which corners are sorted, and the corner's number.
+type Sorted = ([u64; 3], u32);
+
+/// Memory for a triangle of a binary file while equal corners are joined. It has three corners, and each of them is
+/// needed as it is in the file, sorted, as the number of its position, and as a position.
+const JOINING_BYTES: u64 =
+    (3 * (2 * size_of::<DVec3>() + size_of::<Sorted>() + size_of::<u32>()) + size_of::<Triangle>()) as u64;
+
 /// Reads an STL file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
-    read(bytes).map_err(|flaw| named.error(flaw))
-}
-
-fn read(bytes: &[u8]) -> std::result::Result<MeshFile, Flaw> {
+    let failed = |flaw: Flaw| named.error(flaw);
     let (corners, notes) = match is_binary(bytes) {
         true => {
-            let count = held(bytes)?;
+            let count = held(bytes).map_err(failed)?;
+            hold(named.name, count as u64, &Available::read())?;
             (binary(bytes, count), notes(bytes, count))
         }
-        false => (ascii(bytes)?, Vec::new()),
+        // In a text file, a triangle usually takes 100 bytes or more. The memory that is reserved for a mesh of any
+        // format grows with the file's size, and is then enough.
+        false => (ascii(bytes).map_err(failed)?, Vec::new()),
     };
     let (positions, triangles) = joined(&corners);
-    let (positions, placement) = settle(&positions, &triangles)?;
+    let (positions, placement) = settle(&positions, &triangles).map_err(failed)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
+}
+
+/// Refuses a binary file whose triangles do not fit into the available memory.
+fn hold(name: &str, triangles: u64, available: &Available) -> Result<()> {
+    let sum = format!("{JOINING_BYTES} B x {triangles} triangles");
+    available.hold(JOINING_BYTES * triangles, &format!("reading {name}"), &sum)
 }
 
 /// Returns whether this is a binary file: its length matches its count of triangles, or its first bytes are not
@@ -85,7 +100,8 @@ fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
     let mut notes = Vec::new();
     let attributes = rows(bytes, triangles).filter(|row| row[48..] != [0, 0]).count();
     if attributes > 0 {
-        notes.push(format!("attributes of {attributes} facets, such as a colour, are not read"));
+        let facets = counted(attributes, "facet");
+        notes.push(format!("attributes of {facets}, such as a colour, are not read"));
     }
     if contains(&bytes[..HEADER_BYTES], COLOUR) {
         notes.push("the colour in the header (COLOR=) is not read".to_owned());
@@ -173,14 +189,17 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
 /// Joins equal corners into one position.
 fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
     // Adding zero makes -0 and 0 equal.
-    let mut order: Vec<([u64; 3], u32)> = (0..)
+    let mut order: Vec<Sorted> = (0..)
         .zip(corners)
         .map(|(place, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), place))
         .collect();
     order.par_sort_unstable();
-    let mut positions = Vec::new();
+    let is_same = |a: &Sorted, b: &Sorted| a.0 == b.0;
+    // The list of positions has its final size from the beginning, since a list that grows takes up to three times the
+    // memory.
+    let mut positions = Vec::with_capacity(order.chunk_by(is_same).count());
     let mut numbers = vec![0; corners.len()];
-    for same in order.chunk_by(|a, b| a.0 == b.0) {
+    for same in order.chunk_by(is_same) {
         same.iter().for_each(|(_, place)| numbers[*place as usize] = positions.len() as u32);
         positions.push(corners[same[0].1 as usize]);
     }
@@ -257,6 +276,29 @@ mod tests {
         assert_eq!(read(&|bytes| bytes[10..16].copy_from_slice(COLOUR)).unwrap(), (2, colour));
         let error = read(&|bytes| bytes.truncate(150)).err().unwrap().to_string();
         assert!(error.contains("the header says 2 triangles, but the file holds 1"), "{error}");
+    }
+
+    #[test]
+    fn the_number_of_facets_with_attributes_is_told() {
+        let mut bytes = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y].repeat(2));
+        for (at, facets) in [(132, "1 facet"), (182, "2 facets")] {
+            bytes[at] = 1;
+            let notes = parse("b.stl", &bytes).unwrap().notes;
+            assert_eq!(notes, [format!("attributes of {facets}, such as a colour, are not read")]);
+        }
+    }
+
+    /// When equal corners are joined, all of these lists are in memory, besides the bytes of the file.
+    #[test]
+    fn a_binary_file_is_refused_if_its_corners_cannot_be_joined() {
+        let (corners, sorted, numbers, positions, triangle) = (3 * 24, 3 * 32, 3 * 4, 3 * 24, 28);
+        let needed = corners + sorted + numbers + positions + triangle;
+        assert_eq!(JOINING_BYTES, needed);
+        let held = |bytes: u64| hold("a.stl", 1000, &Available { bytes, source: "a test".to_owned() });
+        assert!(held(1000 * needed).is_ok());
+        let told = held(1000 * needed - 1).unwrap_err().to_string();
+        assert!(told.starts_with("reading a.stl needs about"), "{told}");
+        assert!(told.contains(&format!("({needed} B x 1000 triangles = ")), "{told}");
     }
 
     #[test]

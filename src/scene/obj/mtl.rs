@@ -2,7 +2,7 @@
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Source, keyword, possible_names, quoted, tokens, words};
+use super::text::{Mistake, Source, keyword, possible_names, possible_paths, quoted, tokens, words};
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
@@ -130,19 +130,26 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
     match FileType::of(&bytes, bytes.len() as u64) {
         FileType::Foreign(Foreign { name, .. }) if name != MTL => Err(format!("is {name} and is not read")),
+        FileType::Utf16 => Err("is UTF-16 or UTF-32 text and is not read; save it as UTF-8".to_owned()),
         _ => Ok(bytes),
     }
 }
 
 impl Reach<'_> {
-    /// Returns the whole text as one name, with its spaces, if a file of this name exists, with or without the comment
-    /// at its end; otherwise returns each word as a name.
+    /// Returns the names of the files that the text after `mtllib` names. The whole text is one name, with its spaces,
+    /// if a file of this name exists, with or without the comment at its end, or if some word neither ends in `.mtl`
+    /// nor is the name of a file. Otherwise each word is a name. If no file has a name, the name without its folders is
+    /// tried, too.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
+        let exists = |name: &str| self.locate(name).is_ok();
+        let found = |text: &'a str| possible_paths(text).find(|path| exists(path));
         let names = possible_names(library);
-        match names.into_iter().find(|name| self.locate(name).is_ok()) {
-            Some(name) => vec![name],
-            None => names[2].split_whitespace().collect(),
+        let words: Vec<&str> = names[2].split_whitespace().collect();
+        let is_name = |word: &str| word.to_ascii_lowercase().ends_with(".mtl") || exists(word);
+        if names.into_iter().any(exists) || !words.iter().all(|word| is_name(word)) {
+            return vec![found(library).unwrap_or(names[1])];
         }
+        words.into_iter().map(|word| found(word).unwrap_or(word)).collect()
     }
 
     /// Follows links to a file and returns its path. Fails if the mesh may not read the file.
@@ -368,5 +375,36 @@ mod tests {
             let (notes, material) = read(library, &files, true);
             assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)), "{library}");
         }
+    }
+
+    #[test]
+    fn a_material_file_of_another_computer_is_searched_in_the_folder_of_the_mesh() {
+        let (paint, other) = ("newmtl paint\nKd 0.25 0.25 0.25\n", "newmtl other\n");
+        let files = [("m.mtl", paint), ("my m.mtl", paint), ("other.mtl", other)];
+        for library in [
+            r"C:\x\m.mtl",
+            "/home/me/m.mtl",
+            r"C:\My Files\my m.mtl",
+            r"C:\x\m.mtl # mine",
+            r"C:\x\other.mtl C:\x\m.mtl",
+        ] {
+            let (notes, material) = read(library, &files, true);
+            assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)), "{library}");
+        }
+    }
+
+    #[test]
+    fn a_missing_file_whose_name_has_spaces_is_one_file() {
+        let (notes, _) = read("my paints.mtl", &[], true);
+        let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("material file")).collect();
+        assert_eq!(missing.len(), 1, "{notes:?}");
+        assert!(missing[0].starts_with("material file `my paints.mtl` cannot be read ("), "{notes:?}");
+        // A file of another name does not take its place.
+        let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
+        assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
+        assert_eq!(material, Material::default());
+        // Two names of material files are those of two files.
+        let (notes, _) = read("a.mtl b.MTL", &[], true);
+        assert!(notes[0].contains(" `a.mtl` ") && notes[1].contains(" `b.MTL` "), "{notes:?}");
     }
 }

@@ -75,14 +75,13 @@ impl Source<'_> {
     /// Returns the error with its file and line, and the line itself if it may be quoted.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
-        let line = &self.text[before.len()..];
-        let expected = expected(line);
+        let rest = &self.text[before.len()..];
+        let expected = expected(rest);
         let line_number = self.line(mistake.offset);
         if !self.quotes {
             return Error::withheld(self.name, line_number, expected);
         }
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
-        let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
         let whole_line = before.len() - begin + length;
@@ -98,10 +97,11 @@ impl Source<'_> {
     }
 }
 
-/// Returns the form that the statement on this line should have. Every error names this form, even an error that must
-/// not quote the line.
-fn expected(line: &[u8]) -> &'static str {
-    match keyword(line).0 {
+/// Returns the form that the statement on the first line of a text should have. Every error names this form, even an
+/// error that must not quote the line.
+fn expected(text: &[u8]) -> &'static str {
+    let line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
+    match keyword(line.trim_ascii_start()).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",
         b"vn" => "`vn x y z`: three finite numbers",
         b"vt" => "`vt u v`: two finite numbers",
@@ -220,6 +220,15 @@ pub(super) fn possible_names(text: &str) -> [&str; 3] {
     [text, certain, if shortest.is_empty() { certain } else { shortest }]
 }
 
+/// Returns the paths of the file that a text may mean, in the order in which they are looked up: the
+/// [`possible_names`], then each of them without its folders. Many files contain paths of their authors' disks.
+pub(super) fn possible_paths(text: &str) -> impl Iterator<Item = &str> {
+    let names = possible_names(text);
+    // The shortest name decides where the folders end, because a comment may contain slashes.
+    let folders = names[2].rfind(['/', '\\']).map_or(0, |slash| slash + 1);
+    names.into_iter().chain(names.map(|name| &name[folders..]))
+}
+
 /// Returns a text up to the first word that begins with `#`, if `is_comment` accepts this word with all that follows.
 fn before_comment(text: &str, is_comment: impl Fn(&str) -> bool) -> &str {
     let begins_word =
@@ -322,15 +331,21 @@ mod tests {
             ("newmtl", "`newmtl NAME`"),
             ("", "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`"),
         ] {
-            let text = format!("# one\n{line}\n");
-            let source = |quotes| Source { name: "a.obj", text: text.as_bytes(), quotes };
-            let withheld = source(false).error(Mistake::new(6, "`x` is wrong"));
-            assert_eq!(withheld.to_string(), format!("a.obj:2: expected {expected}"));
-            let told = source(true).error(Mistake::new(6, "`x` is wrong"));
-            assert_eq!(told.to_string(), "a.obj:2: `x` is wrong");
-            assert_eq!(told.remedy(), format!("expected {expected}"));
-            let Error::Input(told) = told else { panic!("not an input error") };
-            assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
+            // Some programs indent the statements of a group.
+            for line in [line.to_owned(), format!("  {line}"), format!("\t{line}")] {
+                let text = format!("# one\n{line}\nvn 0 0 1\n");
+                let source = |quotes| Source { name: "a.obj", text: text.as_bytes(), quotes };
+                let mistake = || Mistake::new(6, "`x` is wrong");
+                let withheld = source(false).error(mistake());
+                assert_eq!(withheld.to_string(), format!("a.obj:2: expected {expected}"));
+                let note = format!("line 2: the line is not valid; expected {expected}");
+                assert_eq!(source(false).told(&mistake()), note);
+                let told = source(true).error(mistake());
+                assert_eq!(told.to_string(), "a.obj:2: `x` is wrong");
+                assert_eq!(told.remedy(), format!("expected {expected}"));
+                let Error::Input(told) = told else { panic!("not an input error") };
+                assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
+            }
         }
     }
 

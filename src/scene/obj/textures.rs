@@ -2,7 +2,7 @@
 
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
-use super::text::{name_tokens, number, possible_names, quoted, words};
+use super::text::{name_tokens, number, possible_names, possible_paths, quoted, words};
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
@@ -142,15 +142,10 @@ impl Map {
     }
 
     /// Returns the paths, relative to the mesh's folder, at which the picture is searched, in this order. A picture may
-    /// lie beside the mesh or beside the material file. Many MTL files contain paths of their authors' disks, so each
-    /// name is also searched without its folders.
+    /// lie beside the mesh or beside the material file.
     fn paths(&self) -> impl Iterator<Item = String> {
-        let names = possible_names(&self.named);
-        // The shortest name decides where the folders end, because a comment may contain slashes.
-        let folders = names[2].rfind(['/', '\\']).map_or(0, |slash| slash + 1);
-        let all = names.into_iter().chain(names.map(|name| &name[folders..]));
         let folder = &self.folder;
-        all.flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
+        possible_paths(&self.named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
     }
 
     /// Returns the settings that decide where the picture is on a triangle.

@@ -24,15 +24,27 @@ fn the_papers_counts_are_exact() {
     }
 }
 
-#[test]
-fn the_ground_has_no_gaps() {
-    let mesh = generate(&Shape::Ground);
-    let area = |triangle: &Triangle| {
+/// Returns the area of each triangle.
+fn areas(mesh: &Mesh) -> impl Iterator<Item = f32> {
+    mesh.triangles.iter().map(move |triangle| {
         let [a, b, c] = mesh.corners(triangle);
         (b - a).cross(c - a).length() / 2.0
-    };
-    let whole: f32 = mesh.triangles.iter().map(area).sum();
+    })
+}
+
+#[test]
+fn the_ground_has_no_gaps() {
+    let whole: f32 = areas(&generate(&Shape::Ground)).sum();
     assert!((whole - 20.0 * 9.99).abs() < 1e-3, "{whole}");
+}
+
+#[test]
+fn a_sphere_of_eight_triangles_is_an_octahedron() {
+    let mesh = generate(&Shape::Sphere { triangles: 8 });
+    let areas: Vec<f32> = areas(&mesh).collect();
+    // Each side of a triangle is the square root of 2.
+    let is_right = |area: &f32| (area - 0.75_f32.sqrt()).abs() < 1e-6;
+    assert!(areas.len() == 8 && areas.iter().all(is_right), "{areas:?}");
 }
 
 #[test]

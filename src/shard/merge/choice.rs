@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::record::journals::RECORDS;
 use crate::record::{Outcome, Record};
 use crate::shard::Attempt;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 
 /// The chosen record of each point, and all outcomes of points with several records.
@@ -19,51 +20,85 @@ pub struct Chosen {
 
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
-/// time, `rank` orders the outcomes. Of records that are equal by these rules, the one with the most samples is chosen.
-/// Of records that also have equally many samples, the one of the attempt whose name sorts first is chosen. Times of
+/// time, [`Outcome::rank`] orders the outcomes. If these rules do not decide, all points of a block get the records of
+/// the same attempt, as far as possible: points of different attempts were not measured in the same rounds. This
+/// attempt is the one with the best records of the most points of the block. Of several such attempts, it is the one
+/// with the most samples of these points or, if that does not decide either, the one whose name sorts first. Times of
 /// day are never compared, since the clocks of two machines may differ. If an attempt has several records of a point,
 /// its last record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
-    let mut chosen = Chosen::default();
+    let mut offered = Offered::default();
     for (place, attempt) in attempts.iter().enumerate() {
         let mut own: HashMap<String, Record> = HashMap::new();
         for record in lines::<Record>(&attempt.folder.join(RECORDS))? {
             own.insert(record.key.clone(), record);
         }
-        own.into_values().for_each(|record| chosen.offer(place, record));
+        own.into_values().for_each(|record| offered.add(place, record));
     }
-    Ok(chosen)
+    Ok(offered.chosen())
 }
 
-/// Returns a record's rank. The record with the lowest rank is chosen.
-fn rank(record: &Record) -> (u8, usize) {
-    let kind = match record.outcome {
-        Outcome::WrongImage => 0,
-        Outcome::Measured => 1,
-        // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
-        Outcome::Infeasible | Outcome::BuildFailed => 2,
-        Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
-        // The point was not tried; another attempt may have been asked to try it.
-        Outcome::OtherKind => 4,
-    };
-    (kind, usize::MAX - record.samples_ms.len())
+/// All records of each point, by its key: at most one record of each attempt, in the order of the attempts.
+#[derive(Default)]
+struct Offered(BTreeMap<String, Vec<Measured>>);
+
+/// Points that an attempt measured together: those of a block on a device or, in records without a block, those of a
+/// scene and an image size on a device.
+#[derive(PartialEq, Eq, Hash)]
+struct Together {
+    device: String,
+    block: Option<u32>,
+    case: Option<(String, [u32; 2])>,
+}
+
+impl Together {
+    fn of(record: &Record) -> Self {
+        let case = record.block.is_none().then(|| (record.scene.clone(), record.image_size));
+        Self { device: record.device.clone(), block: record.block, case }
+    }
+}
+
+impl Offered {
+    fn add(&mut self, attempt: usize, record: Record) {
+        self.0.entry(record.key.clone()).or_default().push((attempt, record));
+    }
+
+    /// Chooses one record of each point.
+    fn chosen(self) -> Chosen {
+        let shares = self.shares();
+        let mut chosen = Chosen::default();
+        for (key, records) in self.0 {
+            if records.len() > 1 {
+                let outcomes = records.iter().map(|(attempt, record)| (*attempt, record.outcome));
+                chosen.several.insert(key.clone(), outcomes.collect());
+            }
+            let order = |(attempt, record): &Measured| {
+                let share = shares.get(&(*attempt, Together::of(record))).copied();
+                (record.outcome.rank(), Reverse(share.unwrap_or_default()))
+            };
+            // Of equal records, `min_by_key` returns the first.
+            chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
+        }
+        chosen
+    }
+
+    /// Returns how much each attempt has of the points that were measured together: the number of those points of which
+    /// no other attempt has a record of a lower rank, and the number of their samples.
+    fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
+        let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
+        for records in self.0.values() {
+            let lowest = records.iter().map(|(_, record)| record.outcome.rank()).min();
+            for (attempt, record) in records.iter().filter(|(_, one)| Some(one.outcome.rank()) == lowest) {
+                let (points, samples) = shares.entry((*attempt, Together::of(record))).or_default();
+                *points += 1;
+                *samples += record.samples_ms.len();
+            }
+        }
+        shares
+    }
 }
 
 impl Chosen {
-    /// Adds an attempt's record. Only a record of lower rank replaces the chosen record. Attempts are added in the
-    /// order of their names, so that among records of equal rank, the first attempt's record is chosen.
-    fn offer(&mut self, attempt: usize, record: Record) {
-        let Some((known, held)) = self.best.get_mut(&record.key) else {
-            self.best.insert(record.key.clone(), (attempt, record));
-            return;
-        };
-        let several = self.several.entry(record.key.clone()).or_insert_with(|| vec![(*known, held.outcome)]);
-        several.push((attempt, record.outcome));
-        if rank(&record) < rank(held) {
-            (*known, *held) = (attempt, record);
-        }
-    }
-
     /// Returns whether a point has a record.
     pub fn has(&self, key: &str) -> bool {
         self.best.contains_key(key)
@@ -146,22 +181,58 @@ mod tests {
             (vec![(OtherKind, 0), (Crashed, 0)], 1),
         ];
         for (offered, expected) in table {
-            let mut chosen = Chosen::default();
+            let mut all = Offered::default();
             for (attempt, (outcome, samples)) in offered.iter().enumerate() {
-                chosen.offer(attempt, record(*outcome, *samples));
+                all.add(attempt, record(*outcome, *samples));
             }
-            let found = chosen.of_keys(["k", "absent"].into_iter());
+            let found = all.chosen().of_keys(["k", "absent"].into_iter());
             assert_eq!((found.len(), found[0].0), (1, expected), "{offered:?}");
         }
+    }
+
+    /// Returns the attempts whose records of the points "a", "b", ... are chosen. Each attempt offers an outcome and a
+    /// number of samples for each of these points, in this order.
+    fn attempts_of(offered: &[&[(Outcome, usize)]], change: impl Fn(&str, Record) -> Record) -> Vec<usize> {
+        let keys = ["a", "b", "c"];
+        let mut all = Offered::default();
+        for (attempt, records) in offered.iter().enumerate() {
+            for (key, (outcome, samples)) in keys.into_iter().zip(*records) {
+                let record = Record { key: key.into(), ..record(*outcome, *samples) };
+                all.add(attempt, change(key, record));
+            }
+        }
+        all.chosen().of_keys(keys.into_iter()).iter().map(|(attempt, _)| *attempt).collect()
+    }
+
+    #[test]
+    fn all_points_of_a_block_are_of_one_attempt_if_it_measured_all_of_them() {
+        use Outcome::{Crashed, Measured};
+        let block = |_: &str, record| Record { block: Some(1), ..record };
+        let apart = |key: &str, record| Record { block: Some(u32::from(key == "a")), ..record };
+        let unequal: [&[(Outcome, usize)]; 2] =
+            [&[(Measured, 40), (Measured, 39)], &[(Measured, 38), (Measured, 40)]];
+        assert_eq!(attempts_of(&unequal, block), [0, 0]);
+        assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
+        assert_eq!(attempts_of(&unequal, apart), [0, 1]);
+        // An attempt with more points is preferred to one with more samples. Only the point that it lacks is of the
+        // other attempt.
+        let lacking: [&[(Outcome, usize)]; 2] =
+            [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
+        assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);
+        let both: [&[(Outcome, usize)]; 2] = [
+            &[(Measured, 30), (Crashed, 0), (Measured, 40)],
+            &[(Measured, 35), (Measured, 30), (Crashed, 0)],
+        ];
+        assert_eq!(attempts_of(&both, block), [0, 1, 0]);
     }
 
     #[test]
     fn both_attempts_are_told_where_one_saw_a_wrong_image() {
         let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
-        let mut chosen = Chosen::default();
-        chosen.offer(0, record(Outcome::Measured, 5));
-        chosen.offer(1, record(Outcome::WrongImage, 0));
-        let notes = chosen.notes(&[attempt("one"), attempt("two")]);
+        let mut offered = Offered::default();
+        offered.add(0, record(Outcome::Measured, 5));
+        offered.add(1, record(Outcome::WrongImage, 0));
+        let notes = offered.chosen().notes(&[attempt("one"), attempt("two")]);
         assert!(notes[0].contains("measured in one, wrong-image in two"), "{notes:?}");
         assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
     }
@@ -170,10 +241,11 @@ mod tests {
     fn points_of_several_attempts_are_counted_and_only_contradictions_are_named() {
         let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
         let of = |key: &str, outcome| Record { key: key.into(), ..record(outcome, 5) };
-        let mut chosen = Chosen::default();
+        let mut offered = Offered::default();
         for (attempt, key) in [(2, "a"), (0, "a"), (0, "b"), (1, "b"), (1, "c")] {
-            chosen.offer(attempt, of(key, Outcome::Measured));
+            offered.add(attempt, of(key, Outcome::Measured));
         }
+        let chosen = offered.chosen();
         let notes = chosen.notes(&["one", "two", "three"].map(attempt));
         assert_eq!(
             notes,

@@ -14,7 +14,7 @@ use super::{Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines};
+use crate::record::{AnchorSample, CurrentPlan, Lines, MERGE, Record, RoundLoad, Sample, read_lines};
 use crate::record::{write_whole, write_whole_by};
 use crate::words::counted;
 use choice::choose;
@@ -59,6 +59,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut notes = chosen.notes(&attempts);
     notes.extend(again::attempted_again(&attempts));
     notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
+    notes.extend(damage(&attempts)?);
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
@@ -123,6 +124,25 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
         .map(|(count, one, several)| format!("{count} {}", if count == 1 { one } else { several }))
         .collect();
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
+}
+
+/// Returns a note on each journal of an attempt that has damaged lines. The merged journals do not have these lines, so
+/// nothing else would tell of them.
+fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
+    let mut notes = Vec::new();
+    for attempt in attempts {
+        notes.extend(damage_to::<Record>(attempt, RECORDS)?);
+        notes.extend(damage_to::<Sample>(attempt, SAMPLES)?);
+        notes.extend(damage_to::<RoundLoad>(attempt, ROUNDS)?);
+        notes.extend(damage_to::<AnchorSample>(attempt, ANCHORS)?);
+        notes.extend(damage_to::<Record>(attempt, CONTROLS)?);
+    }
+    Ok(notes)
+}
+
+fn damage_to<T: DeserializeOwned>(attempt: &Attempt, journal: &str) -> Result<Option<String>> {
+    let read = read::<T>(&attempt.folder.join(journal))?;
+    Ok(read.damage(&format!("parts/{}/{journal}", attempt.name)))
 }
 
 /// Returns all attempts' records of control points that a block measured although they belong to another block.
@@ -226,9 +246,14 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
     file.write_all(&text)
 }
 
-/// Reads the lines of a journal. A missing journal counts as empty, since an attempt that was killed early has none.
+/// Returns the lines of a journal that can be read.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+    Ok(read(path)?.lines)
+}
+
+/// Reads a journal. A missing journal counts as empty, since an attempt that was killed early has none.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
+    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
 }
 
 #[cfg(test)]
@@ -375,6 +400,21 @@ mod tests {
             ..Record::default()
         };
         JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+    }
+
+    #[test]
+    fn damaged_lines_of_an_attempts_journals_are_noted() {
+        let place = tempfile::tempdir().unwrap();
+        write_attempt(place.path(), "n1", "k", "gpu");
+        let attempts = Attempt::all(place.path());
+        assert!(damage(&attempts).unwrap().is_empty());
+        for journal in [SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
+            std::fs::write(attempts[0].folder.join(journal), "nonsense\n").unwrap();
+        }
+        let notes = damage(&attempts).unwrap();
+        let first =
+            "raycl ignores 1 damaged line of parts/shard-00001.n1..r00/samples.jsonl; the first is line 1.";
+        assert!(notes.len() == 4 && notes[0].starts_with(first), "{notes:?}");
     }
 
     /// Two shards measured devices of the same name with different drivers.

@@ -172,8 +172,7 @@ impl Screen for Terminal {
         }
         self.enter()?;
         self.line = line.to_owned();
-        let shown: String = line.chars().take(usize::from(self.cells[0])).collect();
-        self.write(&format!("\x1b[{};1H\x1b[0m{shown}\x1b[K", self.cells[1]))
+        self.write(&last_line(line, self.cells))
     }
 
     fn input(&mut self) -> Result<Input> {
@@ -212,6 +211,15 @@ impl Drop for Terminal {
 /// Ends the reports of the mouse, and shows the cursor and the terminal's usual screen again.
 pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
     execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
+}
+
+/// Returns the codes that write a text into the last line of a terminal of this size. Some characters are two columns
+/// wide, so a text may be wider than the terminal although it has no more characters than the terminal has columns.
+/// Therefore the terminal's line wrapping is off while the text is written: the last line would otherwise wrap, and the
+/// picture would be scrolled up.
+fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
+    let shown: String = text.chars().take(usize::from(across)).collect();
+    format!("\x1b[{down};1H\x1b[0m\x1b[K\x1b[?7l{shown}\x1b[?7h")
 }
 
 /// Returns the form in which the terminal can show pictures. Asking needs raw mode, which ends with the answer.
@@ -317,6 +325,11 @@ mod tests {
     #[test]
     fn a_terminal_that_does_not_know_its_size_has_the_usual_one() {
         assert_eq!([[0, 0], [0, 30], [120, 0], [1, 2]].map(known), [[80, 24], [80, 30], [120, 24], [1, 2]]);
+    }
+
+    #[test]
+    fn the_last_line_has_at_most_a_character_per_column_and_never_wraps() {
+        assert_eq!(last_line("abcdef", [4, 24]), "\x1b[24;1H\x1b[0m\x1b[K\x1b[?7labcd\x1b[?7h");
     }
 
     #[test]

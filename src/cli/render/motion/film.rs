@@ -3,9 +3,10 @@
 use super::super::Args;
 use crate::error::{Error, Result};
 use crate::program::Sources;
-use crate::scene::{Animation, Camera, Display, Loaded, Mesh, Orbit, Sampling, Scene};
+use crate::scene::{Animation, Camera, Display, Loaded, Mesh, Orbit, Sampling, Scene, Sky, SkyPicture};
 use crate::strategy::Strategy;
 use glam::Vec3;
+use std::mem::replace;
 use std::sync::Arc;
 
 /// The kind of movement from frame to frame.
@@ -85,8 +86,21 @@ impl Film {
 /// film (for a turntable, with its number of frames), the frame's number, raycl's version and the kernels.
 pub struct Keys {
     shared: String,
-    /// The last mesh, and its hash.
-    mesh: Option<(Arc<Mesh>, String)>,
+    mesh: LastHash<Mesh>,
+    /// The texels of the sky's picture.
+    texels: LastHash<[[f32; 3]]>,
+}
+
+/// The last large part of a scene, such as its mesh, and the part's hash. The hash is computed once for consecutive
+/// frames that share the part.
+struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
+
+impl<T: ?Sized> LastHash<T> {
+    /// Returns the hash of a part. If the part is not the last one, `hash` computes its hash.
+    fn of(&mut self, part: &Arc<T>, hash: impl FnOnce() -> String) -> &str {
+        let known = self.0.take().filter(|(known, _)| Arc::ptr_eq(known, part));
+        &self.0.insert(known.unwrap_or_else(|| (Arc::clone(part), hash()))).1
+    }
 }
 
 impl Keys {
@@ -99,31 +113,41 @@ impl Keys {
             film.kind(),
             kernels.hash().unwrap_or_default()
         );
-        Self { shared, mesh: None }
+        Self { shared, mesh: LastHash(None), texels: LastHash(None) }
     }
 
     /// Returns the key of a frame that shows a scene.
     pub fn key(&mut self, scene: &Scene, number: u32) -> String {
-        let view = Scene { mesh: Arc::default(), ..scene.clone() }.content_hash();
-        let mesh = self.mesh_hash(&scene.mesh).to_owned();
-        let text = format!("{} {mesh} {view} frame {number}", self.shared);
+        let mut view = Scene { mesh: Arc::default(), ..scene.clone() };
+        let picture = view.sky.as_mut().and_then(|sky| sky.picture.as_mut());
+        let taken =
+            |picture: &mut Arc<SkyPicture>| replace(&mut Arc::make_mut(picture).texels, Arc::from([]));
+        let texels = picture.map(taken);
+        let view = view.content_hash();
+        let mesh = self.mesh.of(&scene.mesh, || alone(&scene.mesh, None).content_hash());
+        let texels = match &texels {
+            Some(texels) => {
+                self.texels.of(texels, || alone(&Arc::default(), Some(Arc::clone(texels))).content_hash())
+            }
+            None => "no picture",
+        };
+        let text = format!("{} {mesh} {texels} {view} frame {number}", self.shared);
         blake3::hash(text.as_bytes()).to_hex().to_string()
-    }
-
-    /// Returns the hash of a mesh. The hash is computed once for consecutive frames that share the mesh.
-    fn mesh_hash(&mut self, mesh: &Arc<Mesh>) -> &str {
-        let known = self.mesh.take().filter(|(known, _)| Arc::ptr_eq(known, mesh));
-        &self.mesh.insert(known.unwrap_or_else(|| (Arc::clone(mesh), alone(mesh).content_hash()))).1
     }
 }
 
-/// Returns a scene that contains nothing but a mesh.
-fn alone(mesh: &Arc<Mesh>) -> Scene {
+/// Returns a scene that contains nothing but a mesh and, if there are texels, a picture of the sky with these texels.
+fn alone(mesh: &Arc<Mesh>, texels: Option<Arc<[[f32; 3]]>>) -> Scene {
+    let sky = |texels| {
+        let picture = SkyPicture { size: [0, 0], texels, ahead: Vec3::ZERO, is_seen: false };
+        let [zenith, horizon, up] = [Vec3::ZERO; 3];
+        Sky { zenith, horizon, up, reach: 0.0, picture: Some(Arc::new(picture)) }
+    };
     Scene {
         name: String::new(),
         mesh: Arc::clone(mesh),
         lights: Vec::new(),
-        sky: None,
+        sky: texels.map(sky),
         camera: Camera::PAPER,
         background: Vec3::ZERO,
         transparent: false,
@@ -199,5 +223,35 @@ mod tests {
         let mut keys_of_film = usual();
         keys_of_film.key(&Scene { mesh: Arc::default(), ..scene.clone() }, 1);
         assert_eq!(keys_of_film.key(&scene, 1), keys[0]);
+    }
+
+    /// Returns a scene under a sky, whose picture has these texels and this middle.
+    fn under_sky(texels: &Arc<[[f32; 3]]>, ahead: Vec3) -> Scene {
+        let picture = SkyPicture { size: [2, 1], texels: Arc::clone(texels), ahead, is_seen: true };
+        let [zenith, horizon, up] = [Vec3::ZERO, Vec3::ZERO, Vec3::Y];
+        let sky = Sky { zenith, horizon, up, reach: 1.0, picture: Some(Arc::new(picture)) };
+        Scene { sky: Some(sky), ..fixtures::single_triangle() }
+    }
+
+    #[test]
+    fn the_picture_of_the_sky_belongs_to_the_key_and_is_hashed_once() {
+        let args = Command::parse_from(["render", "a.toml"]).args;
+        let strategy = crate::strategy::preset("naive").unwrap().strategy;
+        let mut keys = Keys::of(&args, &turntable(4), Sampling::ONE, &strategy, &Sources::Embedded);
+        let [dark, bright]: [Arc<[[f32; 3]]>; 2] = [0.25, 4.0].map(|value| Arc::from([[value; 3]; 2]));
+        let scenes = [
+            under_sky(&dark, Vec3::X),
+            under_sky(&bright, Vec3::X),
+            under_sky(&dark, Vec3::Z),
+            fixtures::single_triangle(),
+        ];
+        let all: Vec<String> = scenes.iter().map(|scene| keys.key(scene, 1)).collect();
+        let distinct: std::collections::HashSet<_> = all.iter().collect();
+        assert_eq!(distinct.len(), all.len(), "{all:?}");
+        assert_eq!(keys.key(&scenes[0], 1), all[0], "a key does not depend on the frames before");
+        let last = keys.texels.0.as_mut().unwrap();
+        assert!(Arc::ptr_eq(&last.0, &dark));
+        last.1 = "another hash".to_owned();
+        assert_ne!(keys.key(&scenes[2], 1), all[2], "the same texels are not hashed again");
     }
 }

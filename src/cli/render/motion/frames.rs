@@ -67,7 +67,7 @@ impl Numbered {
     /// Returns the numbered files whose names follow from the path of `target`. The folder of this path must exist.
     pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
         let digits = count.to_string().len().max(4);
-        let choice = Choice { force, elsewhere: "-o FILE" };
+        let choice = Choice::new(force, "-o FILE");
         let numbered = Self { path: target.path().to_owned(), digits, choice, wanted };
         numbered.target(wanted.first).check_folder()?;
         Ok(numbered)
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn one_frame_has_one_name_and_several_are_named_by_their_ends() {
         let named = |first, last| {
-            let choice = Choice { force: false, elsewhere: "-o FILE" };
+            let choice = Choice::new(false, "-o FILE");
             Numbered { path: "turn/a.png".into(), digits: 4, choice, wanted: Frames { first, last } }.name()
         };
         assert_eq!(named(3, 3), "turn/a-0003.png");
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn names_have_as_many_digits_as_the_last_frame_but_at_least_four() {
         let place = tempfile::tempdir().unwrap();
-        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let choice = Choice::new(false, "-o FILE");
         let of = |folder: &str, count| {
             let target = Target::new(place.path().join(folder).join("a.png"), choice);
             let numbered = Numbered::new(&target, false, Frames { first: 7, last: 7 }, count)?;

@@ -174,7 +174,8 @@ impl<'a> Numbers<'a> {
         let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
         let range = start.saturating_add(offset).min(end) as usize..end as usize;
         let size = bytes_of(component) * components;
-        let stride = view.byte_stride.map_or(size, |stride| stride.0);
+        // In glTF 1.0, a stride of 0 means that there is nothing between elements, and some converters keep the 0.
+        let stride = view.byte_stride.map(|stride| stride.0).filter(|stride| *stride > 0).unwrap_or(size);
         if stride < size {
             return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
         }

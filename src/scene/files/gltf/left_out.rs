@@ -57,7 +57,7 @@ impl LeftOut {
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.empty, "accessor without data", "read as zeros"),
             (self.dangling, "triangle with a position that does not exist", "left out"),
-            (self.odd_coordinates, "texture coordinate that is not finite", "ignored"),
+            (self.odd_coordinates, "texture coordinate with a number that is not finite", "ignored"),
         ];
         notes
             .into_iter()
@@ -73,4 +73,25 @@ pub(super) fn other_scenes(root: &Root) -> Option<String> {
         None => "the first is shown".to_owned(),
     };
     (root.scenes.len() > 1).then(|| format!("of {} scenes, {shown}", root.scenes.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn several_parts_of_a_kind_are_counted_in_the_plural() {
+        let notes = |count| -> Vec<String> {
+            LeftOut { odd_coordinates: count, dangling: count, ..LeftOut::default() }.notes().collect()
+        };
+        let one = [
+            "1 triangle with a position that does not exist is left out",
+            "1 texture coordinate with a number that is not finite is ignored",
+        ];
+        let two = [
+            "2 triangles with a position that does not exist are left out",
+            "2 texture coordinates with a number that is not finite are ignored",
+        ];
+        assert_eq!([notes(1), notes(2)], [one, two]);
+    }
 }

@@ -1,6 +1,6 @@
 //! glTF materials: the base colour of each, and their unsupported features.
 
-use super::textures::colour_texture;
+use super::textures::{colour_texture, has_hard_texels};
 use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
 use glam::Vec3;
@@ -22,7 +22,7 @@ pub(super) fn read(root: &Root) -> Materials {
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
         materials.list.push(Material::lambertian(base_colour(wire)));
-        materials.asked.push(asked(wire));
+        materials.asked.push(asked(root, wire));
     }
     let is_white = |primitive: &Primitive| primitive.material.is_none() && has_colours(primitive);
     if root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(is_white) {
@@ -49,8 +49,7 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        Checked::Valid(AlphaMode::Mask) if !is_hidden(wire) => cutoff(wire) / factor(wire),
-        Checked::Valid(AlphaMode::Blend) => BLENDED,
+        Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
     }
 }
@@ -60,8 +59,12 @@ pub(super) fn uses_alpha(wire: &Wire) -> bool {
     matches!(wire.alpha_mode, Checked::Valid(AlphaMode::Mask | AlphaMode::Blend))
 }
 
+/// Returns the smallest alpha, from 0 to 1, of a point that is not in a hole.
 fn cutoff(wire: &Wire) -> f32 {
-    wire.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0.max(0.0))
+    match wire.alpha_mode {
+        Checked::Valid(AlphaMode::Blend) => BLENDED,
+        _ => wire.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0.max(0.0)),
+    }
 }
 
 /// Returns the factor by which the texture's alpha is multiplied.
@@ -71,7 +74,8 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns whether a mask hides all of the surface, whatever the texture is.
+/// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a surface
+/// without holes.
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -98,7 +102,7 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
 }
 
 /// Counts a material's unsupported features.
-fn asked(wire: &Wire) -> Asked {
+fn asked(root: &Root, wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
     let textures = [
@@ -112,17 +116,24 @@ fn asked(wire: &Wire) -> Asked {
         (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {
             asked.add(Wish::Transparency, b"alphaMode MASK");
         }
-        (Checked::Valid(AlphaMode::Blend), Some(_)) => asked.add(Wish::Blending, b"alphaMode BLEND"),
-        (Checked::Valid(AlphaMode::Blend), None) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
+        (Checked::Valid(AlphaMode::Blend), Some(_)) if !is_hidden(wire) => {
+            asked.add(Wish::Blending, b"alphaMode BLEND");
+        }
+        (Checked::Valid(AlphaMode::Blend), _) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
         _ => {}
+    }
+    if has_hard_texels(root, wire) {
+        asked.add(Wish::TextureOption, b"magFilter NEAREST");
     }
     if wire.emissive_factor.0 != [0.0; 3] {
         asked.add(Wish::Emission, b"emissiveFactor");
     }
-    let replaced = ["KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"];
-    if pbr.metallic_factor.0 > 0.0 && extension(wire, replaced[0]).is_none() {
+    // With these extensions, the two factors have no effect. Without `metallicFactor`, a material is metal.
+    let replacing = ["KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"];
+    let is_replaced = replacing.iter().any(|name| extension(wire, name).is_some());
+    if pbr.metallic_factor.0 > 0.0 && !is_replaced {
         asked.add(Wish::Metal, b"metallicFactor");
-    } else if pbr.roughness_factor.0 < 1.0 && replaced.iter().all(|name| extension(wire, name).is_none()) {
+    } else if pbr.roughness_factor.0 < 1.0 && !is_replaced {
         asked.add(Wish::Shine, b"roughnessFactor");
     }
     for (name, _) in others(wire) {
@@ -156,7 +167,23 @@ mod tests {
         assert_eq!(of("MASK", 0.25, 0.25), (1.0, false, true));
         assert_eq!(of("MASK", 0.25, 0.5), (0.0, true, true), "no texel reaches the cutoff");
         assert_eq!(of("MASK", 0.0, 0.0), (0.0, true, true));
-        assert_eq!(of("BLEND", 0.25, 0.125).0, 0.5);
+        assert_eq!(of("BLEND", 1.0, 0.125), (0.5, false, true), "blending has no cutoff");
+        assert_eq!(of("BLEND", 0.5, 0.125), (1.0, false, true));
+        assert_eq!(of("BLEND", 0.25, 0.125), (0.0, true, true), "no texel is half opaque");
         assert_eq!((of("OPAQUE", 0.5, 0.25).0, of("OPAQUE", 0.5, 0.25).2), (0.0, false));
+    }
+
+    #[test]
+    fn a_material_without_light_or_of_the_older_extension_asks_for_no_metal() {
+        let notes = |extensions: &str| {
+            let root: Root = serde_json::from_str(r#"{"asset": {"version": "2.0"}}"#).unwrap();
+            let wire: Wire = serde_json::from_str(&format!("{{\"extensions\": {{{extensions}}}}}")).unwrap();
+            asked(&root, &wire).notes("material", true).collect::<Vec<_>>().concat()
+        };
+        assert!(notes("").contains("(metallicFactor)"), "{}", notes(""));
+        let unlit = notes("\"KHR_materials_unlit\": {}");
+        assert!(unlit.contains("KHR_materials_unlit") && !unlit.contains("metal"), "{unlit}");
+        let older = notes("\"KHR_materials_pbrSpecularGlossiness\": {}");
+        assert!(!older.contains("metal"), "{older}");
     }
 }

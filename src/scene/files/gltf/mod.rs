@@ -35,10 +35,11 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     extensions::refuse(named, &root)?;
     let buffers = buffers::load(&root, reach, binary).map_err(|what| named.error(what).with_help(BUFFERS))?;
     let materials = materials::read(&root);
-    let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
-    let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&mut pictures, &mut notes);
-    let numbers = Numbers::of_file(&root, &buffers);
     let placed = nodes::placed(&root).map_err(|what| named.error(what))?;
+    let used = nodes::materials_of(&root, &placed);
+    let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
+    let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&used, &mut pictures, &mut notes);
+    let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
     let walk = Walk::of(numbers, &placed, &maps).map_err(|what| named.error(what))?;
     let settled = walk.settled((materials.list, pictures.list), &mut |mesh, all| {

@@ -3,7 +3,7 @@
 use super::accessors::Numbers;
 use super::left_out::{self, LeftOut};
 use super::materials::uses_alpha;
-use super::primitives::{Part, Shape};
+use super::primitives::{Part, Shape, mode_of};
 use super::textures::ColourMap;
 use super::{Flaw, MeshFile, Parsed};
 use crate::scene::files::{FileLight, Placement, colours, origin};
@@ -20,6 +20,7 @@ use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
+use std::collections::HashSet;
 
 /// A node of the scene, with its transform to the scene's coordinates.
 pub(super) type Placed = (Index<Node>, DMat4);
@@ -40,8 +41,9 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
     starts: Vec<u32>,
-    /// Each perspective camera, placed at the origin, and its position in double precision.
-    cameras: Vec<(DVec3, Camera)>,
+    /// Each perspective camera, placed at the origin, its position in double precision, and the depth beyond which it
+    /// sees nothing (zfar), if the file states one.
+    cameras: Vec<(DVec3, Camera, Option<f32>)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
 }
@@ -178,7 +180,7 @@ impl<'a> Walk<'a> {
         let degrees = if valid { degrees } else { 45.0 };
         let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
         let z_near = if lens.znear.is_finite() { lens.znear.max(0.0) } else { 0.0 };
-        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking })));
+        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens.zfar)));
         Ok(())
     }
 
@@ -224,9 +226,23 @@ impl<'a> Walk<'a> {
     /// the mesh is not scaled. A camera beyond the limits is at least 1e11 radii away from the mesh, and sees the mesh
     /// as less than a pixel anyway.
     fn seen_fits(&self, placement: &Placement) -> bool {
-        let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
+        let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
             && self.lights.iter().all(|light| light.placed_by(placement).is_valid())
+    }
+
+    /// Returns notes on the first camera, for a user who looks through it.
+    fn camera_notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let cameras = self.cameras.len();
+        notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
+        if let Some((eye, camera, Some(far))) = self.cameras.first() {
+            let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
+            let is_deeper = self.positions.iter().any(|position| depth(position) > f64::from(*far));
+            let note = || format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
+            notes.extend(is_deeper.then(note));
+        }
+        notes
     }
 
     /// Returns the mesh in single precision, with the file's camera and lights.
@@ -237,6 +253,7 @@ impl<'a> Walk<'a> {
     ) -> Result<MeshFile, Flaw> {
         let (positions, placement) =
             origin::settle_if(&self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
+        let camera_notes = self.camera_notes();
         let textures = Textures::of(pictures, self.mapped);
         let mut mesh =
             Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
@@ -249,12 +266,10 @@ impl<'a> Walk<'a> {
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
-        let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
-        let cameras = self.cameras.len();
-        let camera_note = (cameras > 1).then(|| format!("of {cameras} cameras, the first is used"));
+        let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
-        Ok(MeshFile { mesh, placement, more_starts, camera, camera_note, lights, notes })
+        Ok(MeshFile { mesh, placement, more_starts, camera, camera_notes, lights, notes })
     }
 }
 
@@ -289,6 +304,16 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<Placed>> {
 pub(super) fn meshes_of(root: &Root, placed: &[Placed]) -> Vec<Index<GltfMesh>> {
     let of_nodes: Vec<_> = placed.iter().filter_map(|(node, _)| root.get(*node)?.mesh).collect();
     if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }
+}
+
+/// Returns the indices of the materials of the triangles in these nodes' meshes.
+pub(super) fn materials_of(root: &Root, placed: &[Placed]) -> HashSet<usize> {
+    // Each mesh is looked at once, however many nodes place it.
+    let meshes: HashSet<usize> = meshes_of(root, placed).iter().map(Index::value).collect();
+    let meshes = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh));
+    let primitives = meshes.flat_map(|mesh| &mesh.primitives);
+    let materials = primitives.filter_map(|primitive| mode_of(primitive).and(primitive.material));
+    materials.map(|material| material.value()).collect()
 }
 
 fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {

@@ -194,7 +194,7 @@ impl Part {
 }
 
 /// Returns the mode of a primitive of triangles.
-fn mode_of(primitive: &Primitive) -> Option<Mode> {
+pub(super) fn mode_of(primitive: &Primitive) -> Option<Mode> {
     match primitive.mode {
         Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => Some(mode),
         _ => None,

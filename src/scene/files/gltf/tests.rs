@@ -136,6 +136,13 @@ fn sparse_elements_are_normalised_like_the_others() {
 }
 
 #[test]
+fn a_stride_of_zero_means_that_nothing_lies_between_elements() {
+    let text = triangle().replacen(r#""byteLength": 36}"#, r#""byteLength": 36, "byteStride": 0}"#, 1);
+    assert!(text.contains("byteStride"), "{text}");
+    assert_eq!(read(&text).unwrap().mesh, read(&triangle()).unwrap().mesh);
+}
+
+#[test]
 fn a_far_node_is_centred() {
     let file = read(&triangle().replace("[0, 0, 5]", "[500000, 5400000, 0]")).unwrap();
     assert!(file.placement.origin.distance(DVec3::new(500_000.5, 5_400_000.5, 0.0)) < 1e-9);
@@ -176,6 +183,26 @@ fn materials_cameras_and_lights() {
         "1 animation is",
     ] {
         assert!(notes.contains(part), "{part} is not in:\n{notes}");
+    }
+}
+
+#[test]
+fn the_end_of_a_cameras_sight_is_noted_if_the_mesh_reaches_beyond_it() {
+    let notes = |far: &str| {
+        let lens = format!(r#"{{"yfov": 1, "znear": 0.1{far}}}"#);
+        let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
+        let text = triangle()
+            .replace(r#""scenes": ["#, &camera)
+            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+            .replace("[0, 0, 5]}", "[0, 0, -5]}, {\"camera\": 0}");
+        let file = read(&text).unwrap();
+        assert!(file.camera.is_some() && file.notes.is_empty(), "{:?}", file.notes);
+        file.camera_notes
+    };
+    let expected = "the camera's zfar of 1 is not used: surfaces beyond it are drawn";
+    assert_eq!(notes(r#", "zfar": 1"#), [expected]);
+    for far in ["", r#", "zfar": 6"#] {
+        assert_eq!(notes(far), [""; 0], "{far}");
     }
 }
 

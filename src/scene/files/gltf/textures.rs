@@ -8,9 +8,10 @@ use crate::scene::obj::{Reach, quoted};
 use crate::scene::{Mapped, Wrap};
 use glam::{Affine2, Vec2};
 use gltf::json::material::Material as Wire;
-use gltf::json::texture::{Info, Texture, WrappingMode};
+use gltf::json::texture::{Info, MagFilter, Sampler, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
+use std::collections::HashSet;
 
 /// The texture of a material's colour.
 #[derive(Clone, Copy, Debug)]
@@ -43,10 +44,15 @@ pub(super) struct Files<'a> {
 
 impl Files<'_> {
     /// Returns the texture of each material, in the file's order; `None` for a material without a
-    /// texture. Each texture that cannot be read adds a note.
-    pub fn colour_maps(self, pictures: &mut Pictures, notes: &mut Vec<String>) -> Vec<Option<ColourMap>> {
-        let map = |wire: &Wire| {
-            let info = colour_texture(wire)?;
+    /// texture, and for a material whose index is not in `used`. Each texture that cannot be read adds a note.
+    pub fn colour_maps(
+        self,
+        used: &HashSet<usize>,
+        pictures: &mut Pictures,
+        notes: &mut Vec<String>,
+    ) -> Vec<Option<ColourMap>> {
+        let map = |(index, wire): (usize, &Wire)| {
+            let info = colour_texture(wire).filter(|_| used.contains(&index))?;
             let number = info.index.value();
             self.map(&info, least_alpha(wire), pictures)
                 .map_err(|why| {
@@ -61,7 +67,7 @@ impl Files<'_> {
                 })
                 .ok()
         };
-        self.root.materials.iter().map(map).collect()
+        self.root.materials.iter().enumerate().map(map).collect()
     }
 
     fn map(self, info: &Info, least_alpha: f32, pictures: &mut Pictures) -> Parsed<ColourMap> {
@@ -78,13 +84,13 @@ impl Files<'_> {
     }
 
     fn wrap(self, texture: &Texture) -> [Wrap; 2] {
-        let sampler = texture.sampler.and_then(|sampler| self.root.get(sampler));
         let of = |mode| match mode {
             Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
             Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
             _ => Wrap::Repeat,
         };
-        sampler.map_or([Wrap::Repeat; 2], |sampler| [of(sampler.wrap_s), of(sampler.wrap_t)])
+        let wrap = |sampler: &Sampler| [of(sampler.wrap_s), of(sampler.wrap_t)];
+        sampler_of(self.root, texture).map_or([Wrap::Repeat; 2], wrap)
     }
 
     fn picture(
@@ -118,6 +124,17 @@ impl Files<'_> {
             (None, None) => Err("has neither a file nor bytes".to_owned()),
         }
     }
+}
+
+fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
+    root.get(texture.sampler?)
+}
+
+/// Returns whether the texture of a material's colour is to have hard edges between texels.
+pub(super) fn has_hard_texels(root: &Root, wire: &Wire) -> bool {
+    let texture = colour_texture(wire).and_then(|info| root.get(info.index));
+    let sampler = texture.and_then(|texture| sampler_of(root, texture));
+    sampler.is_some_and(|sampler| matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest))))
 }
 
 /// Returns the texture of a material's colour. Files with the older extension KHR_materials_pbrSpecularGlossiness store

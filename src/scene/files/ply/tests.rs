@@ -172,6 +172,9 @@ fn what_a_header_needs_is_held_against_the_memory() {
         Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap()
     };
     assert!(hold("a.ply", &header(1000, 1000)).is_ok());
+    // The list of a face's corners is a block of memory of its own.
+    let (face, list, triangle) = (size_of::<Face>() as u64, 32, 28);
+    assert_eq!(FACE_BYTES, face + list + triangle);
     for (vertices, faces) in [(1 << 50, 0), (0, 1 << 50)] {
         let message = hold("a.ply", &header(vertices, faces)).unwrap_err().to_string();
         let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");

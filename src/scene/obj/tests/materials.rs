@@ -61,16 +61,18 @@ fn a_material_file_that_is_something_else_is_named() {
     let notes = notes_of("usemtl a", "\u{89}not a PNG");
     assert!(!notes.is_empty());
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("m.mtl"), b"\x89PNG\r\n\x1a\n").unwrap();
     let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
-    let notes = parse(
-        "test.obj",
-        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } },
-        text.as_bytes(),
-    )
-    .unwrap()
-    .notes;
-    assert!(notes[0].contains("`m.mtl` is a PNG picture and is not read"), "{notes:?}");
+    let utf16: Vec<u8> = "\u{feff}newmtl a\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    for (bytes, expected) in [
+        (&b"\x89PNG\r\n\x1a\n"[..], "`m.mtl` is a PNG picture and is not read"),
+        (&utf16[..], "`m.mtl` is UTF-16 or UTF-32 text and is not read; save it as UTF-8: "),
+    ] {
+        std::fs::write(folder.path().join("m.mtl"), bytes).unwrap();
+        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+        let reach = Reach { folder: folder.path(), permitted };
+        let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
+        assert!(notes[0].contains(expected), "{notes:?}");
+    }
 }
 
 #[test]

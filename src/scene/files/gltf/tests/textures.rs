@@ -2,13 +2,18 @@
 
 use super::*;
 
-/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six numbers of
-/// the positions. Texture 0 is one texel with an alpha of 0.7.
-fn textured(material: &str) -> String {
+/// Returns a picture of one texel, which is white with an alpha of 0.7.
+fn png() -> Vec<u8> {
     let mut png = Vec::new();
     let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
     picture.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
-    let png = STANDARD.encode(png);
+    png
+}
+
+/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six numbers of
+/// the positions. Texture 0 is the picture of [`png`].
+fn textured(material: &str) -> String {
+    let png = STANDARD.encode(png());
     let lists = format!(
         r#"{{"materials": [{material}],
 "textures": [{{"source": 0}}], "images": [{{"uri": "data:image/png;base64,{png}"}}], "#
@@ -46,6 +51,22 @@ fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
 }
 
 #[test]
+fn a_picture_may_lie_in_a_buffer_behind_other_data() {
+    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
+    let image = format!(r#"{{"uri": "data:image/png;base64,{}"}}"#, STANDARD.encode(png()));
+    let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
+    let views = format!(r#"{view}, {{"buffer": 0, "byteOffset": 42, "byteLength": {}}}"#, png().len());
+    let behind = text
+        .replace(&image, r#"{"bufferView": 2, "mimeType": "image/png"}"#)
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode([bytes(), png()].concat()))
+        .replace(view, &views);
+    assert!(!behind.contains("data:image/png"), "{behind}");
+    let (file, expected) = (read(&behind).unwrap(), read(&text).unwrap());
+    assert_eq!((&file.mesh.textures, &file.notes), (&expected.mesh.textures, &expected.notes));
+    assert_eq!(file.mesh.textures.list[0].texels[..], [0xb2ff_ffff]);
+}
+
+#[test]
 fn corners_of_a_mirrored_triangle_keep_their_texture_coordinates() {
     let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
     let mesh = read(&text.replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "scale": [-1, 1, 1],"#)).unwrap().mesh;
@@ -77,9 +98,10 @@ fn a_texture_coordinate_that_is_not_finite_counts_as_missing() {
         let file = with(odd);
         assert_eq!(file.mesh.textures.mapped, []);
         let notes = file.notes.join("\n");
-        for note in
-            ["1 texture coordinate that is not finite is ignored", "1 triangle has a texture but no texture"]
-        {
+        for note in [
+            "1 texture coordinate with a number that is not finite is ignored",
+            "1 triangle has a texture but no texture",
+        ] {
             assert!(notes.contains(note), "{notes}");
         }
     }
@@ -99,4 +121,59 @@ fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
     assert_eq!(wrap(r#"{"wrapS": 33071, "wrapT": 33648}"#), [Wrap::Clamp, Wrap::Mirror]);
     assert_eq!(wrap(r#"{"wrapS": 33648, "wrapT": 10497}"#), [Wrap::Mirror, Wrap::Repeat]);
     assert_eq!(wrap("{}"), [Wrap::Repeat; 2]);
+}
+
+#[test]
+fn a_sampler_that_asks_for_hard_edges_between_texels_is_noted() {
+    let material = r#"{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}"#;
+    let notes = |filter: &str| {
+        let samplers = format!(r#""samplers": [{{{filter}}}], "textures": [{{"source": 0, "sampler": 0}}]"#);
+        read(&textured(material).replace(r#""textures": [{"source": 0}]"#, &samplers)).unwrap().notes
+    };
+    let expected = "1 material asks for options of textures (magFilter NEAREST), which raycl does not support: \
+         they are ignored";
+    assert_eq!(notes(r#""magFilter": 9728"#), [expected]);
+    for filter in [r#""magFilter": 9729"#, r#""minFilter": 9728"#] {
+        assert_eq!(notes(filter), [""; 0], "{filter}");
+    }
+}
+
+/// The alpha of the picture is 0.7.
+#[test]
+fn blending_makes_holes_where_a_point_is_less_than_half_opaque_unless_all_of_them_are() {
+    let of = |factor: f32| {
+        let material = format!(
+            r#"{{"alphaMode": "BLEND", "pbrMetallicRoughness": {{"metallicFactor": 0,
+"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}"#
+        );
+        let file = read(&textured(&material)).unwrap();
+        (file.mesh.textures.have_holes(), file.notes.join("\n"))
+    };
+    for (factor, expected) in [(0.8, false), (0.6, true)] {
+        let (has_holes, notes) = of(factor);
+        assert_eq!(has_holes, expected, "{factor}");
+        assert!(notes.contains("half opaque"), "{notes}");
+    }
+    let (has_holes, notes) = of(0.2);
+    assert!(!has_holes && !notes.contains("half opaque"), "{notes}");
+    assert!(notes.contains("(alphaMode BLEND)") && notes.contains("every surface is opaque"), "{notes}");
+}
+
+#[test]
+fn the_texture_of_a_material_that_no_triangle_uses_is_neither_read_nor_noted() {
+    let material = |texture: u32| {
+        format!(
+            r#"{{"pbrMetallicRoughness": {{"metallicFactor": 0, "baseColorTexture": {{"index": {texture}}}}}}}"#
+        )
+    };
+    // The second texture has no picture.
+    let text = textured(&format!("{}, {}", material(1), material(0)))
+        .replace(r#""textures": [{"source": 0}]"#, r#""textures": [{"source": 0}, {}]"#);
+    let read_with = |number: u32| {
+        let file = read(&text.replace(r#""material": 0"#, &format!("\"material\": {number}"))).unwrap();
+        (file.mesh.textures.list.len(), file.notes)
+    };
+    assert_eq!(read_with(1), (1, Vec::new()));
+    let note = "texture 1 has no picture of a format that raycl reads: its material's own colour is used";
+    assert_eq!(read_with(0), (0, vec![note.to_owned()]));
 }

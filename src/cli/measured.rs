@@ -1,0 +1,54 @@
+//! What a command that measures several things keeps if an error ends it before all of them are measured.
+
+use crate::error::Result;
+use crate::output::Target;
+use crate::printer;
+use serde::Serialize;
+
+/// Returns the values before the first error, and this error.
+pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, Result<()>) {
+    let mut values = Vec::new();
+    let end = results.try_for_each(|result| result.map(|value| values.push(value)));
+    (values, end)
+}
+
+/// Writes what was measured, unless an error ended the measurement and there is a file of an earlier one, which may be
+/// complete.
+pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
+    if end.is_ok() || target.is_standard_output() || !target.path().exists() {
+        return target.write_json(measured);
+    }
+    let file = target.path().display();
+    printer::tell(format!("note: '{file}' keeps its earlier measurements, since an error ended these"));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Error;
+
+    #[test]
+    fn what_was_measured_before_an_error_is_kept() {
+        let (values, end) = until_error([Ok(1), Ok(2), Err(Error::run("it broke")), Ok(3)].into_iter());
+        assert_eq!(values, [1, 2]);
+        assert_eq!(end.unwrap_err().to_string(), "it broke");
+        let (values, end) = until_error([Ok(1), Ok(2)].into_iter());
+        assert!(values == [1, 2] && end.is_ok());
+    }
+
+    #[test]
+    fn an_error_leaves_an_earlier_file_and_otherwise_what_was_measured_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = Target::of_results(folder.path().join("a.json"));
+        let stored_after = |value: u64, end: Result<()>| -> Option<u64> {
+            store(&serde_json::json!([{ "value": value }]), &end, &target).unwrap();
+            let text = std::fs::read_to_string(target.path()).unwrap();
+            serde_json::from_str::<serde_json::Value>(&text).unwrap()[0]["value"].as_u64()
+        };
+        let broken = || Err(Error::run("it broke"));
+        assert_eq!(stored_after(1, broken()), Some(1));
+        assert_eq!(stored_after(2, broken()), Some(1));
+        assert_eq!(stored_after(3, Ok(())), Some(3));
+    }
+}

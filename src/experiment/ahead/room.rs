@@ -1,0 +1,61 @@
+//! How many builders fit into memory.
+
+use crate::device::DeviceLimits;
+use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
+
+/// Returns how many builders may build programs for a workload at the same time. The result is at least 1.
+///
+/// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process for
+/// each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together may use
+/// half of the `available_bytes` of the host's memory, and half of a device's memory. The other half is left for the
+/// workers that measure, and for the few builders that need second processes, without the driver's cache.
+pub fn most_builders(
+    strategy: &Strategy,
+    workload: &Workload,
+    limits: &DeviceLimits,
+    available_bytes: u64,
+    [devices, folders]: [usize; 2],
+) -> usize {
+    let host_bytes = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default()).bytes();
+    let device_bytes = Requirements::scene_bytes(strategy, workload);
+    let fit = |all_bytes: u64, bytes: u64, processes: usize| {
+        all_bytes / 2 / bytes.saturating_mul(processes as u64).max(1)
+    };
+    let on_host = fit(available_bytes, host_bytes, devices * folders);
+    let on_device = fit(limits.global_bytes, device_bytes, folders);
+    usize::try_from(on_host.min(on_device)).unwrap_or(usize::MAX).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::EXAMPLE_LIMITS;
+    use crate::strategy::preset;
+
+    #[test]
+    fn builders_use_at_most_half_of_the_hosts_and_of_the_devices_memory() {
+        let strategy = preset("bvh").unwrap().strategy;
+        let workload = Workload { triangles: 1_000_000, image_size: [1, 1], ..Workload::CUBE };
+        let host_bytes = HostNeeds::of(&strategy, &workload, false, Afterwards::default()).bytes();
+        let device_bytes = Requirements::scene_bytes(&strategy, &workload);
+        let most = |available_bytes: u64, global_bytes: u64, processes: [usize; 2]| {
+            let limits = DeviceLimits { global_bytes, ..EXAMPLE_LIMITS };
+            most_builders(&strategy, &workload, &limits, available_bytes, processes)
+        };
+        let all = u64::MAX;
+        assert_eq!([7, 8].map(|scenes| most(scenes * host_bytes, all, [1, 1])), [3, 4]);
+        assert_eq!([[2, 1], [2, 2]].map(|processes| most(8 * host_bytes, all, processes)), [2, 1]);
+        assert_eq!([5, 6].map(|scenes| most(all, scenes * device_bytes, [1, 1])), [2, 3]);
+        // The devices of a builder's processes have memories of their own.
+        assert_eq!([[2, 1], [1, 2]].map(|processes| most(all, 8 * device_bytes, processes)), [4, 2]);
+        assert_eq!([most(0, all, [1, 1]), most(all, 0, [1, 1])], [1, 1]);
+    }
+
+    #[test]
+    fn a_small_scene_limits_no_builders() {
+        let strategy = preset("bvh").unwrap().strategy;
+        let limits = DeviceLimits { global_bytes: 16 << 30, ..EXAMPLE_LIMITS };
+        let most = most_builders(&strategy, &Workload::CUBE, &limits, 8 << 30, [1, 1]);
+        assert!(most >= 16, "{most}");
+    }
+}

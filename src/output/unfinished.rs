@@ -1,0 +1,149 @@
+//! Holds what was written of a file until the file is complete.
+
+use crate::record::{TEMPORARY_PREFIX, temporary_in};
+use std::fs::File;
+use std::io::{Result as IoResult, Seek as _};
+use std::path::Path;
+use tempfile::NamedTempFile;
+
+/// A file that is not complete yet.
+#[derive(Debug)]
+pub(super) enum Unfinished {
+    /// A file without a name. The system removes it when this process ends, even if the process is killed. So a command
+    /// that writes a file for minutes leaves nothing behind when it is interrupted.
+    Unnamed(File),
+    /// A file with a temporary name, where the system or the file system has no files without names.
+    Named(NamedTempFile),
+}
+
+impl Unfinished {
+    /// Creates a file that will be put into this folder.
+    pub fn in_folder(folder: &Path) -> IoResult<Self> {
+        match unnamed_in(folder) {
+            Ok(file) => Ok(Self::Unnamed(file)),
+            // If no file at all can be created in the folder, the second attempt fails too, and its error says why.
+            Err(_) => temporary_in(folder).map(Self::Named),
+        }
+    }
+
+    /// Returns the file, to be written.
+    pub fn file(&mut self) -> &mut File {
+        match self {
+            Self::Unnamed(file) => file,
+            Self::Named(file) => file.as_file_mut(),
+        }
+    }
+
+    /// Gives the complete file a temporary name in its folder, so that it can be renamed and can replace another file.
+    pub fn named(self, folder: &Path) -> IoResult<NamedTempFile> {
+        match self {
+            Self::Unnamed(file) => linked(&file, folder).or_else(|_| copied(file, folder)),
+            Self::Named(file) => Ok(file),
+        }
+    }
+}
+
+/// Gives a file without a name a temporary name in a folder.
+fn linked(file: &File, folder: &Path) -> IoResult<NamedTempFile> {
+    let link_at = |path: &Path| -> IoResult<File> {
+        let file = file.try_clone()?;
+        link(&file, path)?;
+        Ok(file)
+    };
+    tempfile::Builder::new().prefix(TEMPORARY_PREFIX).make_in(folder, link_at)
+}
+
+/// Copies a file without a name to a file with a temporary name. The copy is needed where /proc is not mounted: without
+/// /proc, only the superuser may give a file a name.
+fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
+    let mut copy = temporary_in(folder)?;
+    file.rewind()?;
+    std::io::copy(&mut file, &mut copy)?;
+    // The caller may have waited until the first file was on the disk.
+    copy.as_file().sync_all()?;
+    Ok(copy)
+}
+
+/// Creates a file without a name on the file system of a folder.
+#[cfg(target_os = "linux")]
+fn unnamed_in(folder: &Path) -> IoResult<File> {
+    use rustix::fs::{Mode, OFlags, open};
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    // These are the permissions of every new file; the umask takes some of them away.
+    let file = open(folder, flags, Mode::from_raw_mode(0o666))?;
+    Ok(File::from(file))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn unnamed_in(_: &Path) -> IoResult<File> {
+    Err(std::io::ErrorKind::Unsupported.into())
+}
+
+/// Gives a file without a name this name. Fails if a file with this name exists.
+#[cfg(target_os = "linux")]
+fn link(file: &File, path: &Path) -> IoResult<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+    use std::os::fd::AsRawFd as _;
+    let open_file = format!("/proc/self/fd/{}", file.as_raw_fd());
+    linkat(CWD, open_file, CWD, path, AtFlags::SYMLINK_FOLLOW)?;
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn link(_: &File, _: &Path) -> IoResult<()> {
+    Err(std::io::ErrorKind::Unsupported.into())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use std::io::Write as _;
+
+    fn is_temporary(file: &NamedTempFile, folder: &Path) -> bool {
+        let name = file.path().file_name().unwrap().to_string_lossy().into_owned();
+        name.starts_with(TEMPORARY_PREFIX) && file.path().parent() == Some(folder)
+    }
+
+    #[test]
+    fn an_unfinished_file_has_a_name_only_where_it_needs_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = Unfinished::in_folder(folder.path()).unwrap();
+        file.file().write_all(b"whole").unwrap();
+        // Not every file system has files without names.
+        let named = usize::from(unnamed_in(folder.path()).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), named);
+        let file = file.named(folder.path()).unwrap();
+        assert!(is_temporary(&file, folder.path()), "{file:?}");
+        assert_eq!(std::fs::read(file.path()).unwrap(), b"whole");
+        drop(file);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_file_that_cannot_get_a_name_is_copied_and_one_that_has_a_name_keeps_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("removed");
+        let mut removed = File::options().read(true).write(true).create_new(true).open(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert!(linked(&removed, folder.path()).is_err(), "a file whose name was removed cannot get another");
+        removed.write_all(b"whole").unwrap();
+        let copy = Unfinished::Unnamed(removed).named(folder.path()).unwrap();
+        assert!(is_temporary(&copy, folder.path()), "{copy:?}");
+        assert_eq!(std::fs::read(copy.path()).unwrap(), b"whole");
+        let own = copy.path().to_owned();
+        assert_eq!(Unfinished::Named(copy).named(folder.path()).unwrap().path(), own);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_can_be_read_by_whom_the_system_lets() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let usual = folder.path().join("usual");
+        std::fs::write(&usual, "").unwrap();
+        let file = Unfinished::in_folder(folder.path()).unwrap().named(folder.path()).unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode();
+        assert_eq!(mode(file.path()), mode(&usual));
+    }
+}

@@ -1,0 +1,134 @@
+//! The scripts that install programs. In these tests, functions of bash take the place of programs that would change
+//! the machine or need the network: a function that is exported replaces the program of its name in each script that
+//! bash starts.
+
+use crate::binary::{Place, has, repository, run};
+use std::process::{Command, Output};
+
+/// Runs lines of bash in the folder. `$REPOSITORY` is the repository's folder.
+fn bash(place: &Place, lines: &str) -> Output {
+    let mut command = Command::new("bash");
+    command.args(["-euc", lines]).current_dir(place.path("")).env("REPOSITORY", env!("CARGO_MANIFEST_DIR"));
+    run(&mut command)
+}
+
+/// Runs lines of bash that must succeed, and returns what they print to standard output.
+#[track_caller]
+fn succeeds(place: &Place, lines: &str) -> String {
+    let output = bash(place, lines);
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+/// Runs lines of bash that must fail, and returns what they print to standard error.
+#[track_caller]
+fn fails(place: &Place, lines: &str) -> String {
+    let output = bash(place, lines);
+    assert!(!output.status.success(), "{output:?}");
+    String::from_utf8(output.stderr).expect("UTF-8")
+}
+
+/// In German, apt-cache prints "Installationskandidat" instead of "Candidate".
+#[test]
+fn packages_are_known_in_every_language() {
+    let lines = r#"
+        unset LC_ALL
+        apt-cache() { if [ "${LC_ALL-}" = C ]; then echo "  Candidate: 1.0"; else echo "  Installationskandidat: 1.0"; fi; }
+        eval "$(grep '^knows()' "$REPOSITORY/.ci/setup")"
+        knows oclgrind"#;
+    succeeds(&Place::new(), lines);
+}
+
+#[test]
+fn a_missing_folder_for_temporary_files_is_named() {
+    let lines = r#"
+        cargo() { :; }
+        sudo() { false; }
+        export -f cargo sudo
+        TMPDIR=$PWD/nowhere "$REPOSITORY/.ci/setup""#;
+    has(&fails(&Place::new(), lines), &["/nowhere/"]);
+}
+
+/// `PATH=/none` hides the programs of this machine, among them a Slurm.
+#[test]
+fn slurm_is_installed_as_root_and_without_questions() {
+    let place = Place::new();
+    let install = r#"
+        id() { echo 1000; }
+        export -f id
+        PATH=/none "$BASH" "$REPOSITORY/tests/slurm/setup""#;
+    let said = succeeds(&place, &format!("sudo() {{ echo \"sudo $*\"; }}; export -f sudo; {install}"));
+    has(&said, &["sudo env DEBIAN_FRONTEND=noninteractive apt-get -q install ", " slurm-wlm "]);
+    has(&fails(&place, install), &["Install them as root"]);
+}
+
+/// A program that fails takes the place of a Python without pip, and one that succeeds that of a whole one.
+#[test]
+fn an_unfinished_virtual_environment_is_made_again() {
+    for script in [r#"python/run" "$PWD/made""#, r#"mitsuba/run" . "$PWD/made""#] {
+        let lines = r#"
+            mkdir -p made/venv/bin
+            program() { printf '#!/bin/sh\nexit %s\n' "$1" >"$2"; chmod +x "$2"; }
+            program 1 made/venv/bin/python
+            python3() { program 0 "$4/bin/python"; }
+            export -f program python3
+            "$REPOSITORY/tests/"#;
+        succeeds(&Place::new(), &format!("{lines}{script}"));
+    }
+}
+
+#[test]
+fn intels_runtime_is_not_installed_without_its_library() {
+    let place = Place::new();
+    let lines = r#"
+        mkdir .ci
+        cp "$REPOSITORY/.ci/test-intel" .ci
+        python3() { mkdir -p "$3/bin"; printf '#!/bin/sh\n' >"$3/bin/pip"; chmod +x "$3/bin/pip"; }
+        cargo() { :; }
+        export -f python3 cargo
+        INTEL_VERSION=1.0 .ci/test-intel"#;
+    has(&fails(&place, lines), &["1.0", "libintelocl.so"]);
+    assert!(!place.path("target/intel-opencl/installed-1.0").exists());
+}
+
+#[test]
+fn a_packaged_rust_is_not_copied_to_a_bare_system() {
+    let require = |sysroot: &str| {
+        format!(
+            r#"
+            id() {{ echo 0; }}
+            debootstrap() {{ :; }}
+            rustc() {{ echo {sysroot}; }}
+            eval "$(sed -n '/^require()/,/^}}/p' "$REPOSITORY/.ci/bare")"
+            require"#
+        )
+    };
+    has(&fails(&Place::new(), &require("/usr")), &["rustup"]);
+    succeeds(&Place::new(), &require("/root/.rustup/toolchains/stable"));
+}
+
+#[test]
+fn fuzzing_names_a_missing_compiler() {
+    let lines = r#"
+        unset CXX
+        dirname() { echo "$PWD"; }
+        cargo-fuzz() { :; }
+        export -f dirname cargo-fuzz
+        PATH=/none "$BASH" "$REPOSITORY/.ci/fuzz""#;
+    has(&fails(&Place::new(), lines), &["a C++ compiler (c++) is missing"]);
+}
+
+/// cargo's settings may name another folder for builds than `target`, and a folder's name may have blanks.
+#[test]
+fn the_makefile_starts_the_binary_that_it_has_built() {
+    let makefile = std::fs::read_to_string(repository("Makefile")).expect("the Makefile");
+    has(
+        &makefile,
+        &["\nTARGET_DIR = \"$${CARGO_TARGET_DIR:-target}\"\nRAYCL = $(TARGET_DIR)/release/raycl\n"],
+    );
+    assert_eq!(makefile.matches("CARGO_TARGET_DIR").count(), 1, "{makefile}");
+    let builds = makefile.lines().filter(|line| line.contains("cargo build") || line.contains("--no-run"));
+    for build in builds {
+        assert!(build.ends_with(" --target-dir $(TARGET_DIR)"), "{build}");
+    }
+}
