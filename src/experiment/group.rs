@@ -271,7 +271,7 @@ impl OpenGroup {
             casts,
             latency,
         };
-        let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
+        let end = measure(points.len(), &run.stopping_rule(), launch, timing.seed, &mut timed)?;
         let Timed { taken, failed, .. } = timed;
         let is_whole = matches!(end, End::Enough(_));
         let left = (timing.launches as usize).saturating_sub(self.whole.len());

@@ -47,20 +47,32 @@ type Timed = (f64, bool);
 /// stands for a point that failed.
 type Samples = [Option<Vec<Timed>>];
 
+/// Returns a number that no other round of any launch has. Each launch has orders of its own, so that the effect of an
+/// order on a point, such as that of the frame before it, differs from launch to launch and widens the intervals.
+fn in_launch(launch: u32, round: u32) -> u64 {
+    u64::from(launch) << 32 | u64::from(round)
+}
+
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
 /// number after which the launch would end if all samples counted. Samples that do not count are taken again in the
 /// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that count after
 /// the usual number of rounds, the launch continues until every point has enough, or until the launch has taken
 /// [`MOST`] times as many samples as there are in the usual number of rounds. If no sample of a point counts, the
 /// launch ends after the usual number of rounds.
-pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
+pub fn measure(
+    points: usize,
+    rule: &StoppingRule,
+    launch: u32,
+    seed: u64,
+    rounds: &mut impl Rounds,
+) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let (mut elapsed_ms, mut casts) = (0.0, 0);
     // The number of rounds after which the launch would end if all samples counted, and the reason.
     let mut usual: Option<(u32, StopReason)> = None;
     for round in 0.. {
         let active: Vec<usize> = (0..points).filter(|&point| samples[point].is_some()).collect();
-        let order = round_order(active.len(), u64::from(round), seed);
+        let order = round_order(active.len(), in_launch(launch, round), seed);
         let order = order.into_iter().map(|place| active[place]).collect();
         let Some(round_ms) = sample_round(round, order, &mut samples, rounds)? else {
             return Ok(End::Broken);
@@ -202,8 +214,21 @@ mod tests {
     /// count. Returns the number of rounds, and why the launch ended.
     fn rounds_if_far(far: impl IntoIterator<Item = u32>) -> Result<(usize, End)> {
         let mut fake = Fake { far: far.into_iter().collect(), ..Fake::default() };
-        let end = measure(2, &RULE, 1, &mut fake)?;
+        let end = measure(2, &RULE, 0, 1, &mut fake)?;
         Ok((fake.order.len() / 2, end))
+    }
+
+    #[test]
+    fn every_launch_has_orders_of_its_own() -> Result<()> {
+        let order = |launch| {
+            let mut fake = Fake::default();
+            measure(9, &RULE, launch, 1, &mut fake)?;
+            Ok::<_, crate::error::Error>(fake.order)
+        };
+        assert_eq!(order(2)?, order(2)?);
+        assert_ne!(order(2)?, order(3)?);
+        assert!(in_launch(1, 0) > in_launch(0, u32::MAX));
+        Ok(())
     }
 
     #[test]
@@ -227,7 +252,7 @@ mod tests {
     #[test]
     fn a_sample_that_does_not_count_is_taken_again_at_the_end_of_its_round() -> Result<()> {
         let mut fake = Fake { lost: vec![3], ..Fake::default() };
-        assert_eq!(measure(2, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
         // The second round begins with the third cast.
         assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
         // The repeated sample replaces the one that does not count.
@@ -240,7 +265,7 @@ mod tests {
         // Of three samples of a round, two do not count, so they are not taken again, and the launch needs an eighth
         // round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
-        measure(3, &RULE, 1, &mut fake)?;
+        measure(3, &RULE, 0, 1, &mut fake)?;
         assert_eq!(fake.order.len(), 3 * 8);
         Ok(())
     }
@@ -249,7 +274,7 @@ mod tests {
     fn samples_are_repeated_up_to_twice_the_number_of_frames() -> Result<()> {
         let casts = |counting| -> Result<usize> {
             let mut fake = Fake { counting: Some(counting), ..Fake::default() };
-            assert_eq!(measure(2, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+            assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
             Ok(fake.order.len())
         };
         // The first round has two casts, and each other round three, until there are at least 28.
@@ -262,7 +287,7 @@ mod tests {
     #[test]
     fn the_time_limit_counts_the_samples_of_all_rounds() -> Result<()> {
         let rule = StoppingRule { max_samples: 100, time_limit_ms: 20.0, ..RULE };
-        assert_eq!(measure(3, &rule, 1, &mut Fake::default())?, End::Enough(StopReason::TimeLimit));
+        assert_eq!(measure(3, &rule, 0, 1, &mut Fake::default())?, End::Enough(StopReason::TimeLimit));
         Ok(())
     }
 
@@ -270,16 +295,16 @@ mod tests {
     fn the_time_limit_counts_every_frame_of_a_batch() -> Result<()> {
         let rule = StoppingRule { time_limit_ms: 1000.0, ..RULE };
         let mut batches = Fake { batch: Some(1000), ..Fake::default() };
-        let end = measure(1, &rule, 1, &mut batches)?;
+        let end = measure(1, &rule, 0, 1, &mut batches)?;
         assert_eq!((end, batches.order.len()), (End::Enough(StopReason::TimeLimit), 5));
-        assert_eq!(measure(1, &rule, 1, &mut Fake::default())?, End::Enough(StopReason::MaxSamples));
+        assert_eq!(measure(1, &rule, 0, 1, &mut Fake::default())?, End::Enough(StopReason::MaxSamples));
         Ok(())
     }
 
     #[test]
     fn each_round_takes_one_sample_of_every_point() -> Result<()> {
         let mut fake = Fake::default();
-        assert_eq!(measure(3, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        assert_eq!(measure(3, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
         assert_eq!(fake.order.len(), 3 * 7);
         for round in fake.order.chunks(3) {
             let mut points = round.to_vec();
@@ -293,21 +318,21 @@ mod tests {
     #[test]
     fn a_failing_point_is_not_cast_again_and_costs_the_others_nothing() -> Result<()> {
         let mut fake = Fake { failing: Some(1), ..Fake::default() };
-        assert_eq!(measure(3, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        assert_eq!(measure(3, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
         let casts = |point| fake.order.iter().filter(|&&cast| cast == point).count();
         assert_eq!([casts(0), casts(1), casts(2)], [7, 3, 7]);
         let mut alone = Fake { failing: Some(0), ..Fake::default() };
-        assert_eq!(measure(1, &RULE, 1, &mut alone)?, End::AllFailed);
+        assert_eq!(measure(1, &RULE, 0, 1, &mut alone)?, End::AllFailed);
         Ok(())
     }
 
     #[test]
     fn a_lost_process_ends_the_launch() -> Result<()> {
         let mut fake = Fake { breaks_after: Some(4), ..Fake::default() };
-        assert_eq!((measure(3, &RULE, 1, &mut fake)?, fake.order.len()), (End::Broken, 5));
+        assert_eq!((measure(3, &RULE, 0, 1, &mut fake)?, fake.order.len()), (End::Broken, 5));
         // The anchor may lose the process even after the last sample.
         let mut last = Fake { breaks_at_sample: Some(3 * 7), ..Fake::default() };
-        assert_eq!((measure(3, &RULE, 1, &mut last)?, last.order.len()), (End::Broken, 3 * 7));
+        assert_eq!((measure(3, &RULE, 0, 1, &mut last)?, last.order.len()), (End::Broken, 3 * 7));
         Ok(())
     }
 }

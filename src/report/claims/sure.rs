@@ -36,7 +36,7 @@ impl Ratio {
             Some(found) => Ok((found.middle, [found.low, found.high])),
             None => Err(why_unsure_of_passes(times)),
         };
-        (!times.is_empty()).then(|| Self { sure, n: ratios.len() })
+        (!times.is_empty()).then_some(Self { sure, n: ratios.len() })
     }
 
     /// Returns the ratio; infinite if it is not known.
