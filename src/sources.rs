@@ -2,11 +2,13 @@
 //! built-in file of the same name, or is an additional file.
 
 mod lines;
+mod places;
 
 use crate::error::{Error, Result, nearest};
 use crate::reader::{self, Kind};
 use include_dir::{Dir, include_dir};
 pub use lines::lines;
+use places::in_files;
 use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
@@ -109,11 +111,11 @@ impl Sources {
     }
 
     /// Returns a compiler's messages with the paths of kernel files instead of their names, and whether an error is
-    /// known to be in a file of the folder. The compiler names the files of a program, `files`, relative to `cl/` or to
-    /// the folder.
-    pub fn located(&self, log: &str, files: &[String]) -> (String, bool) {
+    /// known to be in a file of the folder. The program's text, `text`, consists of the files `files`. The compiler names
+    /// them relative to `cl/` or to the folder, or names lines of the whole text.
+    pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
-        let log = with_paths(log, path);
+        let log = with_paths(&in_files(log, text), path);
         let own = self.own_files().unwrap_or_default();
         let of_own = |line: &str| own.iter().any(|file| line.contains(&format!("{}:", self.path_of(file))));
         let in_own_file = log.lines().any(|line| line.contains("error") && of_own(line));

@@ -144,7 +144,7 @@ fn fastest(
         }
         match (try_out(operations, &probe(&Sources::Embedded)?.0), trial) {
             (Trial::Right, Trial::Refused(log)) => {
-                return Err(does_not_compile(&sources.located(&log, &files).0));
+                return Err(does_not_compile(&sources.located(&log, &source, &files).0));
             }
             (Trial::Right, _) => {
                 let paths: Vec<_> = own.into_iter().map(|file| sources.path_of(file)).collect();

@@ -279,7 +279,7 @@ impl Session {
         }
         let Queue { context, device, .. } = &self.queue;
         let program = BuiltProgram::build(context, *device, spec, &self.kept)
-            .map_err(|error| Refused::Build(error.located(&self.sources, &spec.files)))?;
+            .map_err(|error| Refused::Build(error.located(&self.sources, spec)))?;
         let build_ms = program.build_ms;
         Ok((program, build_ms))
     }

@@ -59,7 +59,7 @@ impl ShowProgram {
     ) -> Result<Option<Self>> {
         let error = match Self::build(queue, spec, kept) {
             Ok(program) => return Ok(Some(program)),
-            Err(error) => error.blamed(sources, &spec.files)?,
+            Err(error) => error.blamed(sources, spec)?,
         };
         if error.in_own_file { Err(Refused::Build(error).into_error(device)) } else { Ok(None) }
     }

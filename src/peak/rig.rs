@@ -80,7 +80,7 @@ impl<'a> Rig<'a> {
         let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
         let error = match built {
             Ok(built) => return Ok(built.program),
-            Err(error) => error.blamed(self.sources, &spec.files)?,
+            Err(error) => error.blamed(self.sources, &spec)?,
         };
         Err(match error.in_own_file {
             true => Refused::Build(error).into_error(&self.device.info),

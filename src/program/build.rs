@@ -31,18 +31,18 @@ pub struct BuildError {
 
 impl BuildError {
     /// Replaces the names of kernel files in the log by their paths. The compiler names these files relative to `cl/`
-    /// or to the user's folder.
-    pub(crate) fn located(self, sources: &Sources, files: &[String]) -> Self {
-        let (log, in_own_file) = sources.located(&self.log, files);
+    /// or to the user's folder, or names lines of the whole program.
+    pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
+        let (log, in_own_file) = sources.located(&self.log, &spec.source, &spec.files);
         Self { log, in_own_file }
     }
 
-    /// Replaces names like [`located`](Self::located), for a program of few files, `files`. If any of these is the
-    /// user's, the mistake is the user's too, even if the compiler names no file: raycl's own files compile.
-    pub(crate) fn blamed(self, sources: &Sources, files: &[String]) -> OrError<Self> {
+    /// Replaces names like [`located`](Self::located), for a program of few files. If any of these is the user's, the
+    /// mistake is the user's too, even if the compiler names no file: raycl's own files compile.
+    pub(crate) fn blamed(self, sources: &Sources, spec: &ProgramSpec) -> OrError<Self> {
         let own = sources.own_files()?;
-        let in_own_file = files.iter().any(|file| own.contains(file));
-        Ok(Self { in_own_file, ..self.located(sources, files) })
+        let in_own_file = spec.files.iter().any(|file| own.contains(file));
+        Ok(Self { in_own_file, ..self.located(sources, spec) })
     }
 }
 
@@ -206,8 +206,19 @@ mod tests {
         std::fs::write(folder.path().join("cast/shade.cl"), "").expect("a file");
         let sources = Sources::Folder(folder.path().to_owned());
         let files = ["cast/shade.cl".to_owned(), "cast/scene.cl".to_owned()];
-        let located =
-            |log: &str| BuildError { log: log.to_owned(), in_own_file: false }.located(&sources, &files);
+        let source = "#line 1 \"cast/shade.cl\"\none\ntwo\n#line 1 \"cast/scene.cl\"\n";
+        let spec = |files: &[String]| ProgramSpec {
+            source: source.to_owned(),
+            options: String::new(),
+            files: files.to_vec(),
+        };
+        let located = |log: &str| {
+            BuildError { log: log.to_owned(), in_own_file: false }.located(&sources, &spec(&files))
+        };
+        // NVIDIA's compiler names no file.
+        let unnamed = located("<kernel>:3:1: error: no");
+        assert_eq!(unnamed.log, format!("{}/cast/shade.cl:2:1: error: no", folder.path().display()));
+        assert!(unnamed.in_own_file);
         let own = located("error: cast/shade.cl:1:1: no");
         assert_eq!(own.log, format!("error: {}/cast/shade.cl:1:1: no", folder.path().display()));
         assert!(own.in_own_file);
@@ -217,7 +228,7 @@ mod tests {
         // A compiler may name no file. The mistake in a program of few files is then in the user's file.
         let blamed = |files: &[String]| {
             let error = BuildError { log: "error: no".to_owned(), in_own_file: false };
-            error.blamed(&sources, files).expect("the folder").in_own_file
+            error.blamed(&sources, &spec(files)).expect("the folder").in_own_file
         };
         assert!(!located("error: no").in_own_file && blamed(&files) && !blamed(&files[1..]));
     }
