@@ -1,11 +1,11 @@
 //! Finds out, by a test on the device, how the 32 work-items that share a tile can exchange values.
 
 use super::errors::{compiler_log, may_pass};
-use super::{DeviceInfo, quieting};
+use super::{DeviceInfo, compile, quieting};
 use crate::error::{Error, Result};
 use crate::manifest::{GROUP_LANES, PROBE_LANES, parameter_macro};
 use crate::sources::{Sources, does_not_compile};
-use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
+use ocl::{Buffer, Context, Kernel, MemFlags, Queue};
 use serde::{Deserialize, Serialize};
 
 /// The implementations of the operations in cl/common/lanes.cl, by which work-items exchange values. The slowest comes
@@ -215,7 +215,7 @@ fn ask(
         quieting(device)
     );
     let context = Context::builder().platform(platform).devices(device).build()?;
-    let program = Program::builder().src(source).cmplr_opt(options).devices(device).build(&context)?;
+    let program = compile(&context, device, source, &options)?;
     let queue = Queue::new(&context, device, None)?;
     let answers = Buffer::<u32>::builder()
         .queue(queue.clone())

@@ -2,6 +2,7 @@
 
 mod alike;
 mod asked;
+mod compiling;
 mod discover;
 pub mod drivers;
 mod errors;
@@ -18,6 +19,7 @@ mod threads;
 pub mod variables;
 
 pub use alike::check_alike;
+pub(crate) use compiling::compile;
 pub use discover::{Survey, discover, survey};
 pub(crate) use errors::{compiler_log, lacks_resources};
 pub use hardware::Hardware;

@@ -3,7 +3,7 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
-use crate::device::{compiler_log, quieting};
+use crate::device::{compile, compiler_log, quieting};
 use crate::error::Result as OrError;
 use crate::sources::Sources;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
@@ -81,7 +81,7 @@ impl BuiltProgram {
         let found = kept.find(&key).and_then(|found| Some((load(context, device, &found, &options)?, found)));
         let (program, kept_log) = match found {
             Some((program, found)) => (program, Some(found.log)),
-            None => (compile(context, device, &spec.source, &options)?, None),
+            None => (compile(context, device, &spec.source, &options).map_err(refusal)?, None),
         };
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         let from_cache = kept_log.is_some();
@@ -171,13 +171,8 @@ fn options(device: Device, spec: &ProgramSpec) -> String {
     format!("{} {more}", spec.options).trim_end().to_owned()
 }
 
-/// Compiles a program from source.
-fn compile(context: &Context, device: Device, source: &str, options: &str) -> Result<Program, BuildError> {
-    let mut builder = Program::builder();
-    let builder = builder.src(source).cmplr_opt(options).devices(device);
-    builder
-        .build(context)
-        .map_err(|error| BuildError { log: compiler_log(&error.to_string()), in_own_file: false })
+fn refusal(error: ocl::Error) -> BuildError {
+    BuildError { log: compiler_log(&error.to_string()), in_own_file: false }
 }
 
 /// Loads a program from a stored binary; `None` if the driver does not accept it.
