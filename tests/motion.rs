@@ -209,8 +209,9 @@ fn mistakes_are_told_before_anything_is_cast() {
         (vec!["--turntable", "4", "--shard", "3/2"], "there is no shard 3 of 2"),
         (
             vec!["--turntable", "4", "--shard", "1/2", "-o", "a.apng"],
-            "two processes cannot write to one file",
+            "two processes cannot write to one file or stream",
         ),
+        (vec!["--turntable", "4", "--shard", "1/2", "-o", "-"], "cannot write to one file or stream"),
     ] {
         has(&place.mistake(&[&["render", "mesh.obj"], &options[..]].concat(), 2), &[message]);
     }

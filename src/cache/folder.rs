@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// Returns the limit of the cache's size in bytes, from the environment. Commands refuse a value that is not a number
-/// ([`check_limit`]); for other programs, the default applies.
+/// Returns the limit of the cache's size in bytes, from the environment. If the environment variable is not a whole
+/// number of MiB, commands refuse it ([`check_limit`]); for other programs, the default applies.
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
 
-/// Returns an input error if the environment's limit of the cache's size is not a number.
+/// Returns an input error if the environment variable that limits the cache's size is not a whole number of MiB.
 pub fn check_limit() -> Result<()> {
     limit_of(std::env::var_os(LIMIT).as_deref()).map(|_| ())
 }

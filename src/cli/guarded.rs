@@ -36,7 +36,8 @@ pub fn is_inside() -> bool {
 /// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
 /// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
 /// processes of `raycl run` do not use huge pages either. If `uses_terminal` is true (for `raycl view --terminal`), the
-/// terminal is restored however the child process ends.
+/// terminal is restored however the child process ends, but only on Unix, and only if standard input and standard
+/// output are a terminal.
 ///
 /// # Errors
 ///
@@ -100,8 +101,8 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
     }
 }
 
-/// Runs the same command line once, with these environment variables. If the command may use the terminal, `terminal`
-/// is given.
+/// Runs the same command line once, with these environment variables. If `terminal` is given (for
+/// `raycl view --terminal`), the terminal is restored after the child process has ended.
 fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());

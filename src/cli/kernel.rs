@@ -45,8 +45,8 @@ pub struct Args {
     #[arg(long)]
     all: bool,
     /// Print only the text that affects compilation: comments are removed, macros are replaced by their expansions, and
-    /// blanks become uniform. Two sources that differ only in comments, in blanks, or in the macros that produce the
-    /// same text give the same output
+    /// all blanks are written in the same way. Two sources that differ only in comments, in blanks, or in the macros
+    /// that produce the same text give the same output
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names

@@ -13,7 +13,7 @@ use std::path::PathBuf;
   raycl man render | man -l -
   raycl man --out ~/.local/share/man/man1
 
-Packagers can write all pages with --out, and completions with `raycl completions`.")]
+Packagers can write all pages with --out, and print completions with `raycl completions`.")]
 pub struct Args {
     /// The command whose page to print [default: raycl itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]

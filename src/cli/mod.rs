@@ -116,8 +116,8 @@ enum Command {
     Peak(peak::Args),
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
-    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in Figure 5 of the student paper that raycl
-    /// repeats
+    /// Predict how many work-groups and threads an NVIDIA multiprocessor holds, as in Figure 5 of the student paper
+    /// that raycl repeats
     Occupancy(occupancy::Args),
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]

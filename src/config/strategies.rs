@@ -12,6 +12,9 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
+/// Where the key `local_sizes` applies to every strategy without local sizes of its own.
+const TOP: &str = "at the top of the experiment's file";
+
 /// A strategy that is being made. It begins as a copy of the preset of a `[[strategy]]` entry, and then gets the values
 /// of the entry, axis by axis.
 #[derive(Clone)]
@@ -29,7 +32,7 @@ pub fn expand(
     sizes: &[[u32; 2]],
 ) -> Result<Vec<NamedStrategy>> {
     let mut all: Vec<NamedStrategy> = Vec::new();
-    let mut add = |found: Vec<NamedStrategy>, span: Range<usize>| {
+    let mut add = |found: Vec<NamedStrategy>, span: Range<usize>, place: &str| {
         for strategy in found {
             if all.iter().any(|other| other.name == strategy.name) {
                 let message = format!("two strategies have the name '{}'", strategy.name);
@@ -39,7 +42,8 @@ pub fn expand(
             if strategy.local_sizes.is_empty() {
                 let message = format!("strategy '{}' has no local sizes", strategy.name);
                 let error = document.error(span, message, "it would never run");
-                return Err(error.with_help("add local_sizes = [8, 16] to the config or to the strategy"));
+                let setting = "set local_sizes = [8, 16] (8 x 8 and 16 x 16 work-items)";
+                return Err(error.with_help(format!("{setting} {place}")));
             }
             all.push(strategy);
         }
@@ -47,10 +51,11 @@ pub fn expand(
     };
     for name in &config.strategies {
         let preset = find(document, name)?;
-        add(vec![whole_preset(preset, sizes, meant_for(document, config, name))], name.span())?;
+        add(vec![whole_preset(preset, sizes, meant_for(document, config, name))], name.span(), TOP)?;
     }
+    let in_entry = format!("in this [[strategy]] table, or {TOP}");
     for entry in &config.strategy {
-        add(product(document, config, entry, sizes)?, entry.span())?;
+        add(product(document, config, entry, sizes)?, entry.span(), &in_entry)?;
     }
     Ok(all)
 }

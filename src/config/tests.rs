@@ -290,6 +290,17 @@ fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
     refuses(&GOOD.replace("local_sizes", "#"), &["strategy 'naive' has no local sizes", "test.toml:6:15"]);
 }
 
+/// An entry of `strategies` is only a name, so it cannot set local sizes of its own.
+#[test]
+fn missing_local_sizes_are_asked_for_where_they_can_be_set() {
+    let preset = GOOD.replace("local_sizes", "#");
+    let table = preset.replace("strategies", "#") + "[[strategy]]\npreset = \"naive\"\n";
+    let sizes = "set local_sizes = [8, 16] (8 x 8 and 16 x 16 work-items)";
+    let top = "at the top of the experiment's file";
+    refuses(&preset, &[&format!("{sizes} {top}")]);
+    refuses(&table, &[&format!("{sizes} in this [[strategy]] table, or {top}")]);
+}
+
 #[test]
 fn broken_toml_and_a_missing_file_are_input_errors() {
     refuses(&GOOD.replace("[[800, 500]]", "[[800, 500"), &["this is not TOML", "test.toml:"]);

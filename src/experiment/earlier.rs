@@ -26,8 +26,9 @@ pub struct Before {
     pub rounds: Vec<RoundLoad>,
 }
 
-/// Reads the folders of earlier attempts.
-pub fn read(folders: &[PathBuf]) -> Result<Before> {
+/// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
+/// core-to-core latency.
+pub fn read(folders: &[PathBuf], keeps_moved_samples: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let done: HashSet<&str> = before.records.iter().map(|record| record.key.as_str()).collect();
     let mut next = 0;
@@ -35,7 +36,7 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
         let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
         let mut latencies_ns: Vec<f64> = rounds.iter().filter_map(|line| line.core_to_core_ns).collect();
         latencies_ns.sort_unstable_by(f64::total_cmp);
-        let near_ns = near_ns(&latencies_ns);
+        let near_ns = if keeps_moved_samples { f64::INFINITY } else { near_ns(&latencies_ns) };
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
         // What an attempt copied from an earlier attempt is dropped, since the earlier attempt's folder contains it
         // too.
@@ -167,7 +168,7 @@ mod tests {
                 JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
             }
         }
-        let before = read(&[one, two, place.path().join("gone")]).unwrap();
+        let before = read(&[one, two, place.path().join("gone")], false).unwrap();
         assert_eq!(before.records.len(), 2);
         let samples: Vec<_> = before
             .samples
@@ -187,7 +188,7 @@ mod tests {
 
     /// The second attempt ran on a machine whose cores are 2.3 times as far from each other as those of the first.
     #[test]
-    fn whether_samples_count_depends_on_the_latency_in_their_own_attempt() {
+    fn whether_samples_count_depends_on_the_latency_in_their_own_attempt_unless_the_user_keeps_all() {
         let place = tempfile::tempdir().unwrap();
         let of = |name: &str, near_ns: f64, other_ns: f64| {
             let folder = attempt(&place.path().join(name), "done", &[]);
@@ -198,10 +199,14 @@ mod tests {
             JsonLines::append_to(&folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
             folder
         };
-        let before = read(&[of("one", 57.0, 131.0), of("two", 131.0, 57.0)]).unwrap();
-        let launches: Vec<u32> = before.samples.iter().map(|sample| sample.launch).collect();
-        assert_eq!(launches, [0, 0, 1, 1]);
-        assert!(before.samples.iter().all(|sample| sample.core_to_core_ns.is_none()));
+        let folders = [of("one", 57.0, 131.0), of("two", 131.0, 57.0)];
+        let launches = |keeps_moved_samples| {
+            let before = read(&folders, keeps_moved_samples).unwrap();
+            assert!(before.samples.iter().all(|sample| sample.core_to_core_ns.is_none()));
+            before.samples.iter().map(|sample| sample.launch).collect::<Vec<u32>>()
+        };
+        assert_eq!(launches(false), [0, 0, 1, 1]);
+        assert_eq!(launches(true), [0, 0, 0, 1, 1, 1]);
     }
 
     #[test]
@@ -216,7 +221,7 @@ mod tests {
         };
         let [crashed, measured] = [of("9999", Outcome::Crashed), of("10000", Outcome::Measured)];
         for folders in [[crashed.clone(), measured.clone()], [measured, crashed]] {
-            let records = read(&folders).unwrap().records;
+            let records = read(&folders, false).unwrap().records;
             let outcomes: Vec<Outcome> = records.iter().map(|record| record.outcome).collect();
             assert_eq!(outcomes, [Outcome::Measured]);
         }
@@ -229,7 +234,7 @@ mod tests {
         let folder = attempt(place.path(), "done", &samples[..2]);
         let record = Record { key: "control".into(), sample_launches: vec![0; 5], ..Record::default() };
         JsonLines::append_to(&folder.join(CONTROLS)).unwrap().append(&record).unwrap();
-        let taken = |folder: &PathBuf| read(std::slice::from_ref(folder)).unwrap().samples.len();
+        let taken = |folder: &PathBuf| read(std::slice::from_ref(folder), false).unwrap().samples.len();
         assert_eq!(taken(&folder), 0);
         // A launch of the control point without a record in the journal is not finished.
         let more = attempt(&place.path().join("more"), "done", &samples);

@@ -322,9 +322,10 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether a group leaves out the samples during which the host moved this virtual machine's processors to
-/// other cores. This is true if the rays of all points are cast on processors, by a caster on the host or by an OpenCL
-/// driver, unless the run keeps these samples.
+/// Returns whether a group leaves out the samples whose core-to-core latency was far from the run's usual latency,
+/// because the host of this virtual machine had moved the machine's processors to other cores. This is true if the rays
+/// of all points are cast on processors, by a caster on the host or by an OpenCL driver, unless the run keeps these
+/// samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);

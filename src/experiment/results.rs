@@ -108,17 +108,20 @@ impl Results {
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
     /// attempts ended. Points with a record in an earlier attempt count as finished. If a launch has samples of
-    /// unfinished points, all its samples, the anchor's times and the load of its rounds are copied. Each copied sample
-    /// names the attempt and launch that took it. The earlier folders are not changed.
+    /// unfinished points, all its samples that count, the anchor's times and the load of its rounds are copied. Each
+    /// copied sample names the attempt and launch that took it. Unless `keeps_moved_samples` is true, samples whose
+    /// core-to-core latency was far from their attempt's usual latency do not count. The earlier folders are not
+    /// changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
         host: &str,
         earlier: &[PathBuf],
+        keeps_moved_samples: bool,
     ) -> Result<Self> {
         let mut results = Self::create(folder, environment)?;
         results.host = Some(host.to_owned());
-        let before = earlier::read(earlier)?;
+        let before = earlier::read(earlier, keeps_moved_samples)?;
         results.samples.append_all(&before.samples)?;
         results.anchors.append_all(&before.anchors)?;
         results.rounds.append_all(&before.rounds)?;
@@ -429,7 +432,8 @@ mod tests {
         let load = RoundLoad { launch: 4, ms: 3.5, core_to_core_ns, ..RoundLoad::default() };
         earlier.load(&load).unwrap();
         drop(earlier);
-        let results = Results::of_attempt(&second, &Environment::default(), "node7", &[first]).unwrap();
+        let results =
+            Results::of_attempt(&second, &Environment::default(), "node7", &[first], false).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
         // The earlier attempt may have run on another machine.
         let taken = &results.past().samples["a"][0];

@@ -44,16 +44,16 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked; with `None`, each program is built during
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
-    /// True if samples count even if a virtual machine's processors were moved to other cores during them.
+    /// True if all samples count, even those whose core-to-core latency was far from the run's usual latency, because
+    /// the host of a virtual machine had moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count, even those during which a virtual machine's processors
-/// were moved to other cores.
+/// If this environment variable is `keep`, all samples count, even those whose core-to-core latency was far from the
+/// run's usual latency, because the host of a virtual machine had moved the machine's processors to other cores.
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
-/// Returns whether the user wants to keep all samples, even those during which a virtual machine's processors were
-/// moved.
+/// Returns whether the user wants all samples to count, whatever their core-to-core latency.
 pub fn keeps_moved_samples() -> bool {
     std::env::var_os(MOVED_SAMPLES).is_some_and(|value| value == "keep")
 }

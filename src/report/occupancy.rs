@@ -25,6 +25,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
     let mut ranks = Vec::new();
+    let mut assumed = 0;
     for strategy in names(group) {
         let of_strategy: Vec<&Record> = group
             .records
@@ -33,7 +34,10 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
             .filter(|record| record.name == strategy && interval(record).is_some())
             .collect();
         let best = of_strategy.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
-        let marks: Vec<Mark> = of_strategy.iter().filter_map(|record| mark(record, sm, best)).collect();
+        let shown: Vec<(&Record, Mark)> =
+            of_strategy.into_iter().filter_map(|record| Some((record, mark(record, sm, best)?))).collect();
+        assumed += shown.iter().filter(|(record, _)| known(record).0.is_none()).count();
+        let marks: Vec<Mark> = shown.into_iter().map(|(_, mark)| mark).collect();
         ranks.extend(spearman(&marks));
         if !marks.is_empty() {
             series.push(Series {
@@ -47,6 +51,8 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     if series.iter().all(|one| one.marks.len() < 3) {
         return None;
     }
+    let all: usize = series.iter().map(|one| one.marks.len()).sum();
+    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability, assumed, all), ranking(&ranks));
     let chart = Chart {
         title: format!("Does predicted occupancy rank local sizes? {}", group_title(group)),
         x_label: format!(
@@ -59,19 +65,24 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
         diagonal: false,
         series,
     };
-    let told = group.records.iter().any(|record| known(record).0.is_some());
-    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability, told), ranking(&ranks));
     Some(Plot::of(name, caption, &chart))
 }
 
 const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
     work-groups are resident. The prediction is compared with the measured speed instead.";
 
-fn whose(compute_capability: Option<&str>, told: bool) -> String {
+/// Says for which multiprocessor the occupancy is predicted, and from which registers. Of `all` points, `assumed` have
+/// a kernel whose number of registers is unknown.
+fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String {
     match compute_capability {
-        Some(cc) if told => format!(
+        Some(cc) if assumed == 0 => format!(
             "The prediction is for this device's compute capability, {cc}, and uses the registers and `__local` bytes of each \
              compiled kernel."
+        ),
+        Some(cc) if assumed < all => format!(
+            "The prediction is for this device's compute capability, {cc}, and uses the registers and `__local` bytes of the \
+             compiled kernels. For {assumed} of the {all} points, the registers are unknown, and the prediction \
+             assumes the paper's {REGISTERS} registers per thread."
         ),
         Some(cc) => format!(
             "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
@@ -97,7 +108,10 @@ fn ranking(ranks: &[f64]) -> String {
         m if m > -0.3 => "the prediction says almost nothing about which local size is fast",
         _ => "local sizes with a lower predicted occupancy tend to be faster",
     };
-    format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
+    format!(
+        "Rank correlation (Spearman) of predicted occupancy and measured speed, mean over strategies: {mean:.2}; \
+         {verdict}."
+    )
 }
 
 /// Returns the mark of a record; `None` if the point's main kernel does not have work-groups of the point's local size.
@@ -182,6 +196,7 @@ mod tests {
         ] {
             assert!(ranking(ranks).contains(expected), "{ranks:?}: {}", ranking(ranks));
         }
+        assert!(ranking(&[0.8]).contains("(Spearman) of predicted occupancy and measured speed"));
     }
 
     /// Uses a work-group of 16 x 16 work-items with 63 registers each: 512 of at most 1536 threads are resident.
@@ -204,14 +219,16 @@ mod tests {
 
     #[test]
     fn the_caption_says_whose_occupancy_is_predicted_and_from_which_registers() {
-        let own = whose(Some("9.0"), true);
+        let own = whose(Some("9.0"), 0, 12);
         assert!(own.contains("compute capability, 9.0, and uses the registers"), "{own}");
-        let assumed = whose(Some("9.0"), false);
+        let some = whose(Some("9.0"), 3, 12);
+        assert!(some.contains("For 3 of the 12 points, the registers are unknown"), "{some}");
+        let assumed = whose(Some("9.0"), 12, 12);
         assert!(
             assumed.contains("compute capability, 9.0, and assumes the paper's 63 registers"),
             "{assumed}"
         );
-        let of_paper = whose(None, false);
+        let of_paper = whose(None, 12, 12);
         assert!(of_paper.contains("Figure 5 (compute capability 2.0), corrected"), "{of_paper}");
     }
 }

@@ -3,7 +3,7 @@
 use super::{Camera, Light, Scene};
 use glam::{DQuat, DVec3, Vec3};
 
-/// The axis of the turntable, and whether lights move with the camera.
+/// The axis of the turntable, the radius of the scene, and whether lights move with the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// A point on the axis.
@@ -12,8 +12,8 @@ pub struct Orbit {
     pub up: DVec3,
     /// The radius of the scene.
     pub radius: f64,
-    /// True if lights move with the camera. Lights move if they were added to a mesh without a scene file; lights of a
-    /// scene file stay in place.
+    /// True if lights move with the camera. Lights move if raycl added them to a mesh without a scene file. Lights of a
+    /// scene file or of the mesh's own file (glTF), and a light or a sky that the user sets, stay in place.
     pub with_lights: bool,
 }
 

@@ -19,8 +19,9 @@ pub struct Look {
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh: 21]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
-    /// The background: a display colour (such as '#203040', black or white), or transparent, which adds an alpha
-    /// channel to a PNG, APNG or EXR
+    /// The background: a colour as it appears on the screen (such as '#203040', black or white), or transparent. If
+    /// transparent, a PNG, APNG or EXR that `raycl render` writes has an alpha channel; `raycl view` shows black
+    /// instead
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this [default for a

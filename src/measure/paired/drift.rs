@@ -4,7 +4,7 @@ use super::sample::PairedSample;
 use crate::measure::summary::median_of;
 
 /// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
-const SWEEPS: usize = 5;
+const ITERATIONS: usize = 5;
 /// The machine's speed at a sample is estimated from at most this many samples before it and as many after it. A
 /// machine stays at one speed for tens of samples.
 const MOST_NEIGHBOURS: usize = 6;
@@ -12,17 +12,19 @@ const MOST_NEIGHBOURS: usize = 6;
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
 /// sample.
 ///
-/// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
-/// time. The drift at a sample is the median of (log time - level) over this sample and its neighbours in time, which
-/// may belong to any point. The drift is not one value per round, so it also follows a change of speed within a round.
-/// Every sample is thus compared with samples taken just before and after it, and a change that slows all points
-/// equally cancels.
+/// The logarithm of a sample's time is taken as a sum: the level of the sample's point (the same for all samples of
+/// this point in the launch) plus the machine's drift at the moment of the sample. A median polish (Tukey 1977)
+/// separates the two terms: in turn, it computes each level as the median of the point's samples without drift, and the
+/// drift as a running median of what remains without the levels. The running median at a sample includes this sample
+/// and its neighbours in time, which may belong to any point. The drift is not one value per round, so it also follows
+/// a change of speed within a round. Every sample is thus compared with samples taken just before and after it, and a
+/// change that slows all points equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();
     let reach = present.clamp(2, MOST_NEIGHBOURS);
     let mut left = logs.clone();
-    for _ in 0..SWEEPS {
+    for _ in 0..ITERATIONS {
         let levels = levels(samples, &left, points);
         let residuals: Vec<f64> =
             samples.iter().zip(&logs).map(|(sample, log)| log - levels[sample.point]).collect();

@@ -125,7 +125,7 @@ fn the_broken_gourd_has_the_same_facets_turned_on_every_machine() {
     let [whole, broken] = ["gourd", "broken-gourd"].map(|name| generate(&Shape::from_name(name).unwrap()));
     let is_turned = |at: &usize| whole.triangles[*at].positions != broken.triangles[*at].positions;
     let turned: Vec<usize> = (0..648).filter(is_turned).collect();
-    // About one facet in six is turned.
+    // About one facet in six is turned inwards (two of its corners are swapped).
     assert_eq!((turned.len(), &turned[..8]), (115, &[1, 3, 8, 21, 22, 36, 44, 46][..]));
 }
 

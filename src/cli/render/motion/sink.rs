@@ -30,7 +30,7 @@ impl Sink {
         let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
         if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
             return Err(Error::input(
-                "--shard needs numbered pictures, since two processes cannot write to one file",
+                "--shard needs numbered pictures, since two processes cannot write to one file or stream",
             )
             .with_help("`-o NAME.png` writes NAME-0001.png and so on, which video encoders can read"));
         }

@@ -32,7 +32,8 @@ pub struct Series {
 }
 
 impl Series {
-    /// Draws the series; `place` is its index among the series that have a name.
+    /// Draws the series; `place` is its index among the series that have a name. For a series without a name, `place`
+    /// is the index of the last named series before it.
     pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, place: usize) {
         let class = format!("series {}", self.look.class());
         svg.open("g", &[("class", &class), ("data-series", &place)]);

@@ -85,8 +85,8 @@ impl Part {
     /// primitive's material uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let used = Used::of(primitive, set);
-        // A primitive without positions is left out. (An extension may provide positions, but extensions are
-        // not read here.)
+        // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans. (An
+        // extension may provide positions, but extensions are not read here.)
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
