@@ -191,7 +191,7 @@ void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varyin
         if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
 }
 
-// Returns the numbers that store_nearest has stored for these pixels.
+// Returns the number of each pixel's nearest triangle, as store_nearest has stored it, or NO_HIT.
 varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

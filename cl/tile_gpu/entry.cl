@@ -108,8 +108,9 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
-    // All lanes must agree on one leader. The leader is in the middle of the tile if possible, because the middle is
-    // closest to the other rays.
+    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. This is the lane in the
+    // middle of the tile if it still has a ray, because its rays are closest to the other rays; otherwise it is the
+    // first lane that has a ray.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // The bit of the leader: the first remaining ray of the leader's lane. In each other lane, `own` is the lane's own
