@@ -24,7 +24,7 @@ setup-tests:
 	@.ci/setup --test
 
 # Tests run on one thread more than the machine has cores, since some tests only wait.
-TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked
+TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked --target-dir $(TARGET_DIR)
 
 test: setup-tests ## run the tests
 	$(TEST)

@@ -84,10 +84,7 @@ pub fn run(args: Args) -> Result<()> {
 fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     match pattern {
         None => one_device(None, sources).map(|device| vec![device]),
-        Some(pattern) => {
-            let devices = discover(sources)?;
-            Ok(select(&devices, &[pattern.to_owned()])?.into_iter().cloned().collect())
-        }
+        Some(pattern) => select(&discover(sources)?, &[pattern.to_owned()], sources),
     }
 }
 

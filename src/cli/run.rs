@@ -19,11 +19,11 @@ pub(crate) use interruption::forget_interruption;
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
-use crate::device::{DeviceInfo, check_alike, select_infos};
+use crate::device::{DeviceInfo, check_alike, places};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{
-    Fault, Observer, Past, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
+    Fault, Listed, Observer, Past, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::peak::Peak;
@@ -224,9 +224,9 @@ fn run_of<'a>(
 }
 
 /// Returns all devices of this machine. For tests with `--asleep`, returns only a stand-in for a device.
-fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
+fn listed(args: &Args) -> Result<Vec<Listed>> {
     match args.asleep {
-        Some(frame_ms) => Ok(vec![asleep::device(frame_ms)]),
+        Some(frame_ms) => Ok(vec![asleep::device(frame_ms).into()]),
         None => find_devices(args.cl_dir.first().map(PathBuf::as_path)),
     }
 }
@@ -351,7 +351,7 @@ fn choice(args: &Args) -> Choice {
 }
 
 /// Returns the number of points and of steps in a run; a step is one launch (worker process) of one point.
-pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
+pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     let experiment = config::load(&args.config, &args.set)?;
     let infos = chosen(args, &experiment, devices)?;
     let points = Plan::new(&experiment, infos.len()).points.len();
@@ -359,14 +359,12 @@ pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
 }
 
 /// Returns the devices to measure on.
-fn chosen<'d>(
-    args: &Args,
-    experiment: &Experiment,
-    devices: &'d [DeviceInfo],
-) -> Result<Vec<&'d DeviceInfo>> {
+fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
     let named = !args.device.is_empty() || !experiment.devices.is_empty();
-    let found = select_infos(devices, &patterns(args, experiment));
-    found.map_err(|error| if named { error } else { settings::blame_device(error) })
+    let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
+    let found = places(&infos, &patterns(args, experiment));
+    let found = found.map_err(|error| if named { error } else { settings::blame_device(error) })?;
+    found.into_iter().map(|place| devices[place].chosen()).collect()
 }
 
 /// Returns the words by which devices are selected: those from the arguments, else from the config, else from the
@@ -550,7 +548,7 @@ mod tests {
              timing.launches = 3\n"
         );
         std::fs::write(&config, text).unwrap();
-        let devices = [asleep::device(1.0), asleep::device(2.0)];
+        let devices = [1.0, 2.0].map(|ms| Listed::from(asleep::device(ms)));
         // Each picture is cast by the baseline and, on each device, with two local sizes.
         let config = config.to_str().unwrap();
         assert_eq!(

@@ -25,6 +25,17 @@ pub struct Survey {
     pub empty_platforms: Vec<String>,
 }
 
+impl Survey {
+    /// Tests the lane operations of every device. Ignores mistakes in kernel files of the user, since such a mistake
+    /// must not stop a command that uses another device. A device on which a file is wrong stays untested; if it is
+    /// chosen, [`Device::test_lanes`] is called again and returns the error.
+    pub(super) fn test_lanes(&mut self, sources: &Sources) {
+        for device in &mut self.devices {
+            let _ = device.test_lanes(sources);
+        }
+    }
+}
+
 /// Lists every device of every platform. An unusable device states why it is unusable. `sources` contains the kernel
 /// that tests how the work-items that share a tile exchange values on a device.
 ///
@@ -55,7 +66,7 @@ fn with_devices(survey: Survey) -> Result<Survey> {
 /// Lists every device, and every platform without devices. Returns an error if there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let mut survey = survey_untested()?;
-    survey.devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+    survey.test_lanes(sources);
     Ok(survey)
 }
 

@@ -6,13 +6,16 @@ use super::asked::may_be_usable_soon;
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;
 use super::lanes::probe;
-use super::{Device, DeviceInfo, LaneTest, Survey, variables};
+use super::variables::{self, Setting};
+use super::{Device, DeviceInfo, LaneTest, Survey};
 use crate::cache::Cache;
 use crate::error::Result;
 use crate::reader::may_write;
 use crate::sources::Sources;
+use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 /// The kind of the cache entries that contain lists of devices.
 const KIND: &str = "devices";
@@ -22,16 +25,47 @@ const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// A note on an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
-/// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
-/// these accelerators. The drivers of other platforms, such as rusticl, list only devices that the user names, or their
-/// platforms are not there without a device.
-const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
+/// Platforms whose drivers list every accelerator of a vendor. The drivers of other platforms, such as rusticl, list
+/// only devices that the user names, or their platforms are not there without a device.
+const VENDORS_PLATFORMS: [VendorsPlatform; 2] = [
+    VendorsPlatform { name: "nvidia", shown_as: "nvidia", hidden_by: &["CUDA_VISIBLE_DEVICES="] },
+    VendorsPlatform {
+        name: "amd accelerated parallel processing",
+        shown_as: "kfd",
+        hidden_by: &["GPU_DEVICE_ORDINAL=", "HIP_VISIBLE_DEVICES=", "ROCR_VISIBLE_DEVICES="],
+    },
+];
+/// A list that may soon be another one is used for this long. Without this time, every process would start all drivers
+/// and query all devices, even while another process measures.
+const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
+
+/// A platform whose driver lists every accelerator of a vendor.
+struct VendorsPlatform {
+    /// A part of the platform's name, in lower case.
+    name: &'static str,
+    /// The start of the names under which the system shows the accelerators.
+    shown_as: &'static str,
+    /// The variables that hide accelerators from the driver, each with `=`.
+    hidden_by: &'static [&'static str],
+}
+
+/// What the cache stores.
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    devices: Vec<DeviceInfo>,
+    /// The time of the list, in seconds since the epoch, if the list may soon be another one; else `None`.
+    listed_at: Option<u64>,
+}
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
 /// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
 /// all devices are listed, and `lane_test` says when their lane operations are tested.
+///
+/// # Errors
+///
+/// Fails if `choose` fails, if no device can be listed, or if a kernel file of the user is wrong on the chosen device.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -39,8 +73,7 @@ pub fn pick_one(
     choose: impl Fn(&[DeviceInfo]) -> Result<Option<usize>>,
 ) -> Result<Option<Device>> {
     let key = key(sources)?;
-    let known =
-        cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
+    let known = stored(cache, &key);
     // A device that is not in the stored list may be new. If the stored list lacks the device, all devices are listed
     // anew, and messages refer to the new list.
     let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
@@ -49,11 +82,27 @@ pub fn pick_one(
         return Ok(found);
     }
     let devices = listed(cache, &key, sources, lane_test)?;
-    let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
+    chosen(devices, sources, lane_test, choose)
 }
 
-/// Lists all devices, and stores the list for [`pick_one`] in this and other processes.
+/// Returns the device whose index `choose` returns. If its lane operations should be tested now but their test failed,
+/// the test is repeated, and its error is returned.
+fn chosen(
+    devices: Vec<Device>,
+    sources: &Sources,
+    lane_test: LaneTest,
+    choose: impl Fn(&[DeviceInfo]) -> Result<Option<usize>>,
+) -> Result<Option<Device>> {
+    let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
+    let mut chosen = choose(&infos)?.and_then(|place| devices.into_iter().nth(place));
+    if lane_test == LaneTest::Now {
+        chosen.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+    }
+    Ok(chosen)
+}
+
+/// Lists all devices, and stores the list for [`pick_one`] in this and other processes. A device stays untested if a
+/// kernel file of the user is wrong on it; [`Device::test_lanes`] then returns the error.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources, LaneTest::Now)
 }
@@ -61,37 +110,63 @@ pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
 fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> Result<Vec<Device>> {
     let mut survey = discover_untested()?;
     if lane_test == LaneTest::Now {
-        survey.devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+        survey.test_lanes(sources);
     }
     let hardware: Vec<String> = HARDWARE.iter().flat_map(|folder| accelerators(Path::new(folder))).collect();
-    store(cache, key, &survey, &hardware);
+    store(cache, key, &survey, &hardware, &variables::all());
     Ok(survey.devices)
 }
 
-/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
-/// with assumed lane operations, since later runs would take the assumptions for facts. Does not store a list that may
-/// soon be another one either, since its key may not change then.
-fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
+/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows, and `variables` the
+/// drivers' variables. Does not store a list with untested lane operations, since later runs would take the
+/// assumptions for facts. A list that may soon be another one is stored with the time, since its key may not change
+/// then.
+fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String], variables: &[Setting]) {
     let Survey { devices, empty_platforms } = survey;
-    let infos: Vec<&DeviceInfo> = devices.iter().map(|device| &device.info).collect();
-    if devices.iter().all(|device| device.lanes_are_tested)
-        && is_lasting(&infos, empty_platforms, hardware)
-        && let Ok(bytes) = serde_json::to_vec(&infos)
-    {
+    if !devices.iter().all(|device| device.lanes_are_tested) {
+        return;
+    }
+    let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
+    let lasts = is_lasting(&infos, empty_platforms, hardware, variables);
+    put(cache, key, &Entry { devices: infos, listed_at: (!lasts).then(now) });
+}
+
+fn put(cache: &Cache, key: &str, entry: &Entry) {
+    if let Ok(bytes) = serde_json::to_vec(entry) {
         cache.put(KIND, key, &bytes);
     }
 }
 
+/// Returns the stored list of devices; `None` if there is none, or if it was stored only for a while and is too old.
+fn stored(cache: &Cache, key: &str) -> Option<Vec<DeviceInfo>> {
+    let entry: Entry = serde_json::from_slice(&cache.get(KIND, key)?).ok()?;
+    // A clock that was ahead has stored a time that still lies in the future.
+    let is_new = |listed_at: u64| now().abs_diff(listed_at) <= BRIEFLY.as_secs();
+    entry.listed_at.is_none_or(is_new).then_some(entry.devices)
+}
+
+/// Returns the number of seconds since the epoch.
+fn now() -> u64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs()
+}
+
 /// Returns whether a list probably stays the same until the system starts again. It does not if a device may be usable
-/// soon, or if a driver lists no device although the system shows some: perhaps a GPU is being reset, or the driver's
-/// module is being loaded again.
-fn is_lasting(infos: &[&DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
+/// soon, or if a driver lists no device although the system shows some and no variable hides any: perhaps a GPU is
+/// being reset, or the driver's module is being loaded again.
+fn is_lasting(
+    infos: &[DeviceInfo],
+    empty_platforms: &[String],
+    hardware: &[String],
+    variables: &[Setting],
+) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
         |start: &str| hardware.iter().any(|name| name.starts_with(start) && !name.ends_with(FORBIDDEN));
+    let is_set = |name: &&str| variables.iter().any(|variable| variable.starts_with(name));
     let lacks = |platform: &String| {
         let platform = platform.to_lowercase();
-        LISTED_BY.iter().any(|&(name, start)| platform.contains(name) && shows(start))
+        let mut own = VENDORS_PLATFORMS.iter().filter(|own| platform.contains(own.name));
+        own.any(|own| shows(own.shown_as) && !own.hidden_by.iter().any(is_set))
     };
     !recovers && !empty_platforms.iter().any(lacks)
 }
@@ -169,6 +244,8 @@ fn accelerators(folder: &Path) -> Vec<String> {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
+    use crate::device::tests::example;
+    use crate::device::{DeviceKind, select};
 
     fn first_usable(infos: &[DeviceInfo]) -> Result<Option<usize>> {
         Ok(infos.iter().position(|info| info.unusable.is_none()))
@@ -192,11 +269,11 @@ mod tests {
         assert_eq!(picked(&cache), listed, "from the stored list");
         // After a driver was replaced, its version differs from the stored one.
         let key = key(&Sources::Embedded).unwrap();
-        let mut kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
-        kept.iter_mut().for_each(|info| info.driver = "0.1".into());
-        cache.put(KIND, &key, &serde_json::to_vec(&kept).unwrap());
+        let mut devices = stored(&cache, &key).unwrap();
+        devices.iter_mut().for_each(|info| info.driver = "0.1".into());
+        put(&cache, &key, &Entry { devices, listed_at: None });
         assert_eq!(picked(&cache), listed);
-        let kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
+        let kept = stored(&cache, &key).unwrap();
         assert!(kept.contains(&listed), "the cache holds the device as it is now");
     }
 
@@ -206,15 +283,14 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
         let key = key(&Sources::Embedded).unwrap();
-        cache.put(KIND, &key, b"[]");
+        put(&cache, &key, &Entry { devices: Vec::new(), listed_at: None });
         let named = |infos: &[DeviceInfo]| match first_usable(infos) {
             Ok(None) => Err(crate::error::Error::input("no device has this name")),
             other => other,
         };
         let found = pick_one(&cache, &Sources::Embedded, LaneTest::Now, named).unwrap().unwrap();
         assert!(found.lanes_are_tested);
-        let stored: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
-        assert!(stored.contains(&found.info));
+        assert!(stored(&cache, &key).unwrap().contains(&found.info));
     }
 
     #[test]
@@ -269,36 +345,104 @@ mod tests {
         let mut survey = discover_untested().unwrap();
         // Another device of this machine may be unusable, or its lane operations may be assumed.
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
-        store(&cache, "a", &survey, &[]);
+        store(&cache, "a", &survey, &[], &[]);
         survey.devices[0].lanes_are_tested = false;
-        store(&cache, "b", &survey, &[]);
+        store(&cache, "b", &survey, &[], &[]);
         assert_eq!([cache.get(KIND, "a"), cache.get(KIND, "b")].map(|list| list.is_some()), [true, false]);
     }
 
     #[test]
-    fn a_list_that_lacks_a_device_for_a_while_is_not_stored() {
+    fn a_list_that_lacks_a_device_for_a_while_is_used_only_for_a_while() {
+        let infos = |unusable: Option<&str>| {
+            let unusable = unusable.map(str::to_owned);
+            [DeviceInfo { unusable, ..example("PoCL", "cpu", DeviceKind::Cpu, 2) }]
+        };
+        let owned = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
+        let lasts = |unusable: Option<&str>, empty: &[&str], hardware: &[&str], variables: &[&str]| {
+            is_lasting(&infos(unusable), &owned(empty), &owned(hardware), &owned(variables))
+        };
+        assert!(lasts(None, &[], &["nvidia0"], &[]));
+        assert!(!lasts(Some("its driver says that it is not available"), &[], &[], &[]));
+        assert!(lasts(Some("its driver has no compiler for OpenCL C"), &[], &[], &[]));
+        let nvidias =
+            |hardware: &str, variable: &str| lasts(None, &["NVIDIA CUDA"], &[hardware], &[variable]);
+        assert!(
+            !nvidias("nvidia0", "") && nvidias("renderD128", "") && nvidias("nvidia0 (may not be used)", "")
+        );
+        assert!(nvidias("nvidia0", "CUDA_VISIBLE_DEVICES="), "the user hides the devices");
+        assert!(
+            !nvidias("nvidia0", "CUDA_VISIBLE_DEVICES_OF=") && !nvidias("nvidia0", "HIP_VISIBLE_DEVICES=0")
+        );
+        let amds = |variable: &str| {
+            let (platform, hardware) = ("AMD Accelerated Parallel Processing", ["kfd", "renderD128"]);
+            lasts(None, &[platform], &hardware, &[variable])
+        };
+        assert!(!amds("") && !amds("CUDA_VISIBLE_DEVICES="));
+        for name in ["ROCR_VISIBLE_DEVICES", "HIP_VISIBLE_DEVICES", "GPU_DEVICE_ORDINAL"] {
+            assert!(amds(&format!("{name}=-1")), "{name}");
+        }
+        assert!(lasts(None, &["rusticl"], &["renderD128"], &[]));
+    }
+
+    #[test]
+    fn a_list_for_a_while_is_stored_with_its_time_and_a_lasting_one_without() {
         let place = tempfile::tempdir().unwrap();
         let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
-        let usable = discover_untested().unwrap().devices.into_iter();
-        let usable: Vec<Device> =
-            usable.filter(|device| device.lanes_are_tested && device.info.unusable.is_none()).collect();
-        let stored = |unusable: Option<&str>, empty: &[&str], hardware: &[&str]| {
-            let mut devices = usable.clone();
-            devices[0].info.unusable = unusable.map(str::to_owned);
-            let [empty_platforms, hardware] =
-                [empty, hardware].map(|names| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
-            let key = format!("{unusable:?} {empty:?} {hardware:?}");
-            store(&cache, &key, &Survey { devices, empty_platforms }, &hardware);
-            cache.get(KIND, &key).is_some()
+        let mut survey = discover_untested().unwrap();
+        survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
+        let time = |key: &str| {
+            let entry: Entry = serde_json::from_slice(&cache.get(KIND, key).unwrap()).unwrap();
+            entry.listed_at
         };
-        assert!(stored(None, &[], &["nvidia0"]));
-        assert!(!stored(Some("its driver says that it is not available"), &[], &[]));
-        assert!(stored(Some("its driver has no compiler for OpenCL C"), &[], &[]));
-        assert!(!stored(None, &["NVIDIA CUDA"], &["nvidia0"]));
-        assert!(!stored(None, &["AMD Accelerated Parallel Processing"], &["kfd", "renderD128"]));
-        assert!(stored(None, &["NVIDIA CUDA"], &[]) && stored(None, &["NVIDIA CUDA"], &["renderD128"]));
-        assert!(stored(None, &["NVIDIA CUDA"], &["nvidia0 (may not be used)"]));
-        assert!(stored(None, &["rusticl"], &["renderD128"]));
+        store(&cache, "lasting", &survey, &[], &[]);
+        assert_eq!(time("lasting"), None);
+        survey.devices[0].info.unusable = Some("its driver says that it is not available".to_owned());
+        store(&cache, "brief", &survey, &[], &[]);
+        assert!(time("brief").is_some_and(|time| time <= now()));
+        assert!(["lasting", "brief"].iter().all(|key| stored(&cache, key).is_some()));
+    }
+
+    #[test]
+    fn a_list_with_a_time_is_used_for_ten_minutes() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let is_used = |listed_at: Option<u64>| {
+            put(&cache, "key", &Entry { devices: Vec::new(), listed_at });
+            stored(&cache, "key").is_some()
+        };
+        let now = now();
+        assert!(is_used(None) && is_used(Some(now)) && is_used(Some(now - 300)));
+        assert!(!is_used(Some(now - 601)) && !is_used(Some(0)));
+        assert!(!is_used(Some(now + 3600)), "the clock was ahead");
+    }
+
+    #[test]
+    fn a_mistake_on_one_device_stops_only_commands_that_use_this_device() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("probe")).unwrap();
+        std::fs::write(folder.path().join("probe/lanes.cl"), "#include \"missing.cl\"\n").unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let mut survey = discover_untested().unwrap();
+        survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
+        survey.devices.truncate(1);
+        // The second device claims to be a GPU, so its lane operations are tested.
+        let mut gpu = survey.devices[0].clone();
+        gpu.info.extensions.push("cl_nv_compiler_options".to_owned());
+        gpu.info.limits.is_cpu = false;
+        gpu.info.limits.work_group_size = 1024;
+        gpu.lanes_are_tested = false;
+        survey.devices.push(gpu);
+        survey.test_lanes(&sources);
+        assert_eq!([0, 1].map(|place| survey.devices[place].lanes_are_tested), [true, false]);
+        let of = |place, lane_test| {
+            chosen(survey.devices.clone(), &sources, lane_test, |_: &[DeviceInfo]| Ok(Some(place)))
+        };
+        assert!(of(0, LaneTest::Now).unwrap().is_some() && of(1, LaneTest::Later).unwrap().is_some());
+        let error = of(1, LaneTest::Now).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("missing.cl"), "{error}");
+        let all = ["all".to_owned()];
+        assert!(select(&survey.devices[..1], &all, &sources).is_ok());
+        assert_eq!(select(&survey.devices, &all, &sources).unwrap_err().exit_code(), 2);
     }
 
     #[test]

@@ -373,6 +373,24 @@ mod tests {
     }
 
     #[test]
+    fn a_device_that_could_not_be_tested_gets_barriers_and_is_tested_again() {
+        let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        device.info.extensions.push("cl_nv_compiler_options".into());
+        device.info.limits = DeviceLimits { is_cpu: false, work_group_size: 1024, ..device.info.limits };
+        let hints = hinted(&device.info);
+        for (found, lanes, is_tested) in [
+            (None, LaneOperations::Barriers, false),
+            (Some(LaneOperations::Ptx), LaneOperations::Ptx, true),
+            (Some(LaneOperations::Barriers), LaneOperations::Barriers, true),
+        ] {
+            device.info.limits.lane_operations = LaneOperations::Ptx;
+            device.take_lanes(found);
+            assert_eq!((device.info.limits.lane_operations, device.lanes_are_tested), (lanes, is_tested));
+            assert_eq!(hinted(&device.info), hints, "the next test tries the same operations");
+        }
+    }
+
+    #[test]
     fn what_a_device_has_was_tried() {
         for device in discover(&Sources::Embedded).expect("the tests need PoCL: make setup") {
             let has = device.info.limits.lane_operations;

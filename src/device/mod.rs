@@ -31,7 +31,7 @@ pub(crate) use limits::power_of_two;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub(crate) use quieting::{Hush, quieting};
-pub use select::{default_place, places, select, select_infos};
+pub use select::{default_place, places, select};
 pub use threads::{pinning_variables, thread_variables};
 
 use crate::error::Result;
@@ -274,14 +274,15 @@ pub struct Device {
     pub platform: ocl::Platform,
     /// The device's own handle.
     pub device: ocl::Device,
-    /// False if `info.limits.lane_operations` is only assumed.
+    /// False if `info.limits.lane_operations` is not the result of a test: it is assumed or, if the device could not be
+    /// tested, barriers.
     pub lanes_are_tested: bool,
 }
 
 impl Device {
     /// Finds by a test how the device's work-items exchange values (its lane operations), unless this is known already.
-    /// If the device cannot be used now, for example because its memory is full, the assumption stays as it is, and
-    /// the next call tests the device again.
+    /// If the device cannot be used now, for example because its memory is full, it gets barriers, which work on any
+    /// device, and the next call tests it again.
     ///
     /// # Errors
     ///
@@ -289,12 +290,16 @@ impl Device {
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
             let _patience = patience::Patience::of_guarded();
-            if let Some(found) = LaneOperations::find(&self.info, self.platform, self.device, sources)? {
-                self.info.limits.lane_operations = found;
-                self.lanes_are_tested = true;
-            }
+            let found = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
+            self.take_lanes(found);
         }
         Ok(())
+    }
+
+    /// Sets the lane operations to those that the test found; `None` if the device could not be tested.
+    fn take_lanes(&mut self, found: Option<LaneOperations>) {
+        self.info.limits.lane_operations = found.unwrap_or(LaneOperations::Barriers);
+        self.lanes_are_tested = found.is_some();
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};
+use crate::sources::Sources;
 
 /// The patterns that select a kind of device.
 const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
@@ -11,16 +12,14 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), any part of a platform's name or version or of a device's
 /// name or vendor, or a device's whole name for files (`slug`), which is the label of each of several devices with the
-/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error.
-pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
+/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error. So is
+/// a mistake in a kernel file of the user because of which a selected device fails the test of its lane operations.
+pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
-    Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
-}
-
-/// Selects like [`select`], among devices that another process found.
-pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<Vec<&'a DeviceInfo>> {
-    let all: Vec<_> = infos.iter().collect();
-    Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
+    let places = selected(&infos, patterns)?;
+    let mut chosen: Vec<Device> = places.into_iter().map(|place| devices[place].clone()).collect();
+    chosen.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+    Ok(chosen)
 }
 
 /// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators, and
@@ -249,10 +248,8 @@ mod tests {
         let machine = machine();
         let labels = |patterns: &[&str]| -> Vec<String> {
             let patterns: Vec<_> = patterns.iter().map(|&pattern| pattern.to_owned()).collect();
-            let by_place = super::places(&machine, &patterns).unwrap();
-            let infos = select_infos(&machine, &patterns).unwrap();
-            assert!(infos.iter().copied().eq(by_place.iter().map(|&place| &machine[place])));
-            infos.into_iter().map(|info| info.label.clone()).collect()
+            let places = super::places(&machine, &patterns).unwrap();
+            places.into_iter().map(|place| machine[place].label.clone()).collect()
         };
         assert_eq!(labels(&["nvidia", "cpu"]), ["NVIDIA H200", "NVIDIA H200", "pthread-skylake"]);
     }

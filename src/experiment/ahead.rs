@@ -8,7 +8,7 @@ mod room;
 mod tests;
 
 pub use builder::Builder;
-pub(super) use room::most_builders;
+pub(super) use room::Room;
 
 use super::protocol::Built;
 use crate::accel::FINGERPRINT;
@@ -23,8 +23,9 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Idle builders keep their processes if scenes of this many times as many builders fit into memory, since new
-/// processes would have to start their drivers.
+/// Idle builders keep their processes if the scenes of this many times as many builders would fit into the builders'
+/// share of memory, since new processes would have to start their drivers. The processes' programs and drivers do not
+/// count here: they need the same memory for every scene, so they do not make a small scene large.
 const PLENTY: usize = 4;
 /// A program, identified by its device and the hash of its source and options. A program that traverses a tree also
 /// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
@@ -53,9 +54,8 @@ pub struct Order {
     pub program: Program,
     /// The point's index in the plan.
     pub point: usize,
-    /// The largest number of builders that may hold the point's scene at the same time, since more do not fit into
-    /// memory.
-    pub most_builders: usize,
+    /// How many builders with the point's scene fit into memory.
+    pub room: Room,
 }
 
 /// A point that needs a program.
@@ -223,7 +223,7 @@ impl Ahead {
         let mut is_tight = false;
         while self.has_next(number) {
             while let Some(order) = self.next(number) {
-                is_tight |= order.most_builders < PLENTY * count;
+                is_tight |= order.room.scenes < PLENTY * count;
                 let mut built = usual.build(&order, patience);
                 // If `lacks_log` is set, the driver took the program from the driver's own cache, and no compiler
                 // printed the program's number of registers. A process without this cache then compiles the program
@@ -262,7 +262,7 @@ impl Ahead {
     /// many builders, and no other process measures on the device.
     fn place_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
-            |order: &Order| number < order.most_builders && self.is_free(state, order.program.device);
+            |order: &Order| number < order.room.builders && self.is_free(state, order.program.device);
         state.waiting.iter().position(may_begin)
     }
 

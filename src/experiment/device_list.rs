@@ -2,11 +2,11 @@
 //! run itself never starts a driver, so that its workers inherit no driver state. For example, after a process has
 //! started NVIDIA's driver (version 580), the driver lists no device in the process's children.
 
-use super::protocol::DeviceList;
+use super::protocol::{DeviceList, Listed};
 use crate::cache::Cache;
 use crate::child::output_within;
+use crate::device;
 use crate::device::patience::Patience;
-use crate::device::{self, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
 use crate::sources::Sources;
@@ -20,7 +20,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 
 /// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second one is
 /// started, since something outside the first process may have ended it.
-pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
+pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<Listed>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,
         Err(_) => ask(cl_dir)?.map_err(failed)?,
@@ -85,7 +85,7 @@ pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
     // The list is stored in the user's cache, where the run's other processes find it.
     let devices = device::list(&Cache::of_user(), sources);
-    let infos: Result<Vec<DeviceInfo>> =
-        devices.map(|devices| devices.into_iter().map(|device| device.info).collect());
-    serde_json::to_string(&DeviceList::from(infos)).map_err(|error| Error::fault(error.to_string()))
+    let listed: Result<Vec<Listed>> =
+        devices.map(|devices| devices.into_iter().map(|device| Listed::of(device, sources)).collect());
+    serde_json::to_string(&DeviceList::from(listed)).map_err(|error| Error::fault(error.to_string()))
 }

@@ -24,7 +24,8 @@ pub struct Forecast {
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
-    /// True if the point already has a record, so that a resumed run does not measure it again.
+    /// True if the point already has a record, so that a resumed run does not measure it again. The record of a skipped
+    /// point (see `not_for`) does not count.
     pub done: bool,
 }
 

@@ -129,7 +129,8 @@ impl Run<'_> {
     }
 
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
-        if earlier.outcome == Outcome::Infeasible && point(earlier) == point(draft) {
+        // A point that lacked memory only at an earlier moment may fit now, and then takes time.
+        if earlier.outcome == Outcome::Infeasible && earlier.is_final() && point(earlier) == point(draft) {
             return Some(Known::default());
         }
         let pixels = |record: &Record| record.image_size.iter().map(|side| f64::from(*side)).product::<f64>();
@@ -595,6 +596,9 @@ mod tests {
         assert_eq!(run.known(&smaller, &earlier).unwrap().check_ms, [13.0, 100.0]);
         let refused = Record { outcome: Outcome::Infeasible, host_median_ms: None, ..earlier.clone() };
         assert_eq!(run.known(&refused, &refused).unwrap().sample_ms, 0.0);
+        let reason = Some("the host's memory (casting): 2 B > 1 B according to a test".to_owned());
+        let lacked = Record { reason, ..refused.clone() };
+        assert!(run.known(&lacked, &lacked).is_none(), "the point may fit at another moment");
         let crashed = Record { outcome: Outcome::Crashed, ..refused };
         assert!(run.known(&crashed, &crashed).is_none());
     }

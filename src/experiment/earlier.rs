@@ -12,7 +12,7 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// The results of earlier attempts: one record of each point that has one, and everything that was measured in each
-/// launch in which a point without a record was measured.
+/// launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// If several attempts have a record of a point, the one with the lowest rank, as in a merge.
@@ -27,10 +27,12 @@ pub struct Before {
 }
 
 /// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
-/// core-to-core latency.
-pub fn read(folders: &[PathBuf], keeps_moved_samples: bool) -> Result<Before> {
+/// core-to-core latency. Points with a record are finished. If `retry_failed` is true, points whose record is not final
+/// are unfinished too, since they are measured again.
+pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
-    let done: HashSet<&str> = before.records.iter().map(|record| record.key.as_str()).collect();
+    let finished = before.records.iter().filter(|record| !retry_failed || record.is_final());
+    let done: HashSet<&str> = finished.map(|record| record.key.as_str()).collect();
     let mut next = 0;
     for folder in folders {
         let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
@@ -78,7 +80,7 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
         for record in lines::<Record>(&folder.join(RECORDS))? {
             let place = *places.entry(record.key.clone()).or_insert(records.len());
             match records.get_mut(place) {
-                Some(held) if record.outcome.rank() < held.outcome.rank() => *held = record,
+                Some(held) if record.rank() < held.rank() => *held = record,
                 Some(_) => {}
                 None => records.push(record),
             }
@@ -168,7 +170,7 @@ mod tests {
                 JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
             }
         }
-        let before = read(&[one, two, place.path().join("gone")], false).unwrap();
+        let before = read(&[one, two, place.path().join("gone")], false, false).unwrap();
         assert_eq!(before.records.len(), 2);
         let samples: Vec<_> = before
             .samples
@@ -186,6 +188,21 @@ mod tests {
         assert_eq!(rounds, anchors);
     }
 
+    #[test]
+    fn launches_of_a_failed_point_are_taken_over_only_if_failed_points_are_measured_again() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = attempt(place.path(), "failed", &[("failed", 0, None), ("measured", 1, None)]);
+        let measured = Record { key: "measured".into(), outcome: Outcome::Measured, ..Record::default() };
+        JsonLines::append_to(&folder.join(RECORDS)).unwrap().append(&measured).unwrap();
+        let keys = |retry_failed| {
+            let before = read(std::slice::from_ref(&folder), false, retry_failed).unwrap();
+            assert_eq!(before.records.len(), 2);
+            before.samples.into_iter().map(|sample| sample.key).collect::<Vec<String>>()
+        };
+        assert_eq!(keys(true), ["failed"]);
+        assert!(keys(false).is_empty());
+    }
+
     /// The second attempt ran on a machine whose cores are 2.3 times as far from each other as those of the first.
     #[test]
     fn whether_samples_count_depends_on_the_latency_in_their_own_attempt_unless_the_user_keeps_all() {
@@ -201,7 +218,7 @@ mod tests {
         };
         let folders = [of("one", 57.0, 131.0), of("two", 131.0, 57.0)];
         let launches = |keeps_moved_samples| {
-            let before = read(&folders, keeps_moved_samples).unwrap();
+            let before = read(&folders, keeps_moved_samples, false).unwrap();
             assert!(before.samples.iter().all(|sample| sample.core_to_core_ns.is_none()));
             before.samples.iter().map(|sample| sample.launch).collect::<Vec<u32>>()
         };
@@ -221,7 +238,7 @@ mod tests {
         };
         let [crashed, measured] = [of("9999", Outcome::Crashed), of("10000", Outcome::Measured)];
         for folders in [[crashed.clone(), measured.clone()], [measured, crashed]] {
-            let records = read(&folders, false).unwrap().records;
+            let records = read(&folders, false, false).unwrap().records;
             let outcomes: Vec<Outcome> = records.iter().map(|record| record.outcome).collect();
             assert_eq!(outcomes, [Outcome::Measured]);
         }
@@ -234,7 +251,8 @@ mod tests {
         let folder = attempt(place.path(), "done", &samples[..2]);
         let record = Record { key: "control".into(), sample_launches: vec![0; 5], ..Record::default() };
         JsonLines::append_to(&folder.join(CONTROLS)).unwrap().append(&record).unwrap();
-        let taken = |folder: &PathBuf| read(std::slice::from_ref(folder), false).unwrap().samples.len();
+        let taken =
+            |folder: &PathBuf| read(std::slice::from_ref(folder), false, false).unwrap().samples.len();
         assert_eq!(taken(&folder), 0);
         // A launch of the control point without a record in the journal is not finished.
         let more = attempt(&place.path().join("more"), "done", &samples);

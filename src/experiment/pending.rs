@@ -1,6 +1,6 @@
 //! The points of a plan that still have to be measured, each with its data so far.
 
-use super::ahead::{Needs, Order, Program, most_builders};
+use super::ahead::{Needs, Order, Program, Room};
 use super::check::SMALLEST;
 use super::complete::Taken;
 use super::draft::{Drafter, Hashed};
@@ -35,8 +35,8 @@ pub struct PendingPoint {
     /// True if the point fits on the device, as far as that is known before a tree is built. If false, the point's
     /// program is not built, and the point's check reports the reason.
     pub fits: bool,
-    /// The largest number of builders that may hold the point's scene at the same time.
-    pub most_builders: usize,
+    /// How many builders with the point's scene fit into memory.
+    pub room: Room,
     /// The result of building the point's program, if the program was built for this point.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
@@ -56,7 +56,7 @@ impl PendingPoint {
             record,
             not_for: None,
             fits: true,
-            most_builders: usize::MAX,
+            room: Room::UNLIMITED,
             built: None,
             verified: None,
             taken: Vec::new(),
@@ -86,7 +86,7 @@ impl Needs for PendingPoint {
         let hash = self.record.program_hash.clone().filter(|_| self.fits && !self.record.is_baseline())?;
         let scene = self.record.scene_hash.clone().filter(|_| self.record.walks_tree());
         let program = Program { device: self.device, hash, scene };
-        Some(Order { program, point: self.point, most_builders: self.most_builders })
+        Some(Order { program, point: self.point, room: self.room })
     }
 
     fn hears(&mut self, built: Option<Built>) {
@@ -133,21 +133,15 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
-    /// Returns how many builders may hold a point's scene at the same time, if the host has this much available memory.
-    fn most_builders(
-        &self,
-        point: &Point,
-        device: Option<&DeviceInfo>,
-        scene: &Scene,
-        available_bytes: u64,
-    ) -> usize {
+    /// Returns how many builders with a point's scene fit into memory, if the host has this much available memory.
+    fn room(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene, available_bytes: u64) -> Room {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {
-            return usize::MAX;
+            return Room::UNLIMITED;
         };
         let workload = Workload::of(scene, SMALLEST, local_size);
         let strategy = &self.experiment.strategies[strategy].strategy;
         let processes = [self.devices.len(), self.all_sources().count()];
-        most_builders(strategy, &workload, &device.limits, available_bytes, processes)
+        Room::of(strategy, &workload, &device.limits, available_bytes, processes)
     }
 
     /// Returns whether the point is measured on devices of every kind.
@@ -181,8 +175,8 @@ impl Run<'_> {
                     let drafter = &kernels.drafter;
                     let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
                     let (record, fits) = kernels.during(draft);
-                    let room = |bytes| self.most_builders(point, device, &at.scene, bytes);
-                    let most_builders = kernels.during(|| available_bytes.map_or(usize::MAX, room));
+                    let room_of = |bytes| self.room(point, device, &at.scene, bytes);
+                    let room = kernels.during(|| available_bytes.map_or(Room::UNLIMITED, room_of));
                     let mut record = record?;
                     record.block = piece.block;
                     record.is_control = piece.borrows(number);
@@ -193,7 +187,7 @@ impl Run<'_> {
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
-                    (drafted.fits, drafted.most_builders) = (fits, most_builders);
+                    (drafted.fits, drafted.room) = (fits, room);
                     points.push(drafted);
                 }
                 held = Some((point.scene, at));
@@ -432,14 +426,15 @@ mod tests {
             let run = fixtures::run(&experiment, &devices, &locks);
             let run = Run { ahead, ..run };
             let groups = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
-            groups.iter().flatten().map(|pending| pending.most_builders).collect::<Vec<_>>()
+            groups.iter().flatten().map(|pending| pending.room.builders).collect::<Vec<_>>()
         };
         assert_eq!(told(&tiny, Some(&ahead)), [usize::MAX, 1]);
         assert_eq!(told(&tiny, None), [usize::MAX; 2], "without builders, memory is not looked at");
         assert!(told(&small, Some(&ahead))[1] < usize::MAX);
         let record = Record { program_hash: Some("a".into()), ..Record::default() };
-        let pending = PendingPoint { most_builders: 3, ..PendingPoint::new([0; 3], String::new(), record) };
-        assert_eq!(pending.order().map(|order| order.most_builders), Some(3));
+        let room = Room { builders: 3, scenes: 4 };
+        let pending = PendingPoint { room, ..PendingPoint::new([0; 3], String::new(), record) };
+        assert_eq!(pending.order().map(|order| order.room), Some(room));
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use super::fault::{Fault, Step};
 use super::point_failure::PointFailure;
-use crate::device::{DeviceInfo, Hardware};
+use crate::device::{Device, DeviceInfo, Hardware};
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::Record;
+use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -46,39 +47,82 @@ pub struct Job {
 #[serde(rename_all = "kebab-case")]
 pub enum DeviceList {
     /// Every device there is.
-    Devices(Vec<DeviceInfo>),
+    Devices(Vec<Listed>),
     /// There is no device, or an error occurred.
-    Failed {
-        /// The reason.
-        message: String,
-        /// The remedy.
-        help: String,
-        /// True if the user made a mistake, for example in a kernel file.
-        is_mistake: bool,
-    },
+    Failed(Failure),
+}
+
+/// A device that another process listed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Listed {
+    /// The device's properties.
+    pub info: DeviceInfo,
+    /// The mistake in a kernel file of the user because of which the device cannot be used; `None` if there is none.
+    mistake: Option<Failure>,
+}
+
+impl Listed {
+    /// Returns a device in the form for another process. Its lane operations are tested, if they are not yet.
+    pub fn of(mut device: Device, sources: &Sources) -> Self {
+        let mistake = device.test_lanes(sources).err().map(|error| Failure::of(&error));
+        Self { info: device.info, mistake }
+    }
+
+    /// Returns the properties of a device that is chosen.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a kernel file of the user is wrong on this device.
+    pub fn chosen(&self) -> Result<&DeviceInfo> {
+        self.mistake.clone().map_or(Ok(&self.info), |mistake| Err(mistake.into_error()))
+    }
+}
+
+impl From<DeviceInfo> for Listed {
+    fn from(info: DeviceInfo) -> Self {
+        Self { info, mistake: None }
+    }
+}
+
+/// An error that occurred in the process that lists devices.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// The reason.
+    message: String,
+    /// The remedy.
+    help: String,
+    /// True if the user made a mistake, for example in a kernel file.
+    is_mistake: bool,
+}
+
+impl Failure {
+    fn of(error: &Error) -> Self {
+        Self {
+            message: error.to_string(),
+            help: error.remedy().to_owned(),
+            is_mistake: matches!(error, Error::Input(_)),
+        }
+    }
+
+    fn into_error(self) -> Error {
+        let error = if self.is_mistake { Error::input(self.message) } else { Error::run(self.message) };
+        error.with_help(self.help)
+    }
 }
 
 impl DeviceList {
     /// Returns the devices, or the error that occurred.
-    pub fn result(self) -> Result<Vec<DeviceInfo>> {
+    pub fn result(self) -> Result<Vec<Listed>> {
         match self {
             Self::Devices(devices) => Ok(devices),
-            Self::Failed { message, help, is_mistake: true } => Err(Error::input(message).with_help(help)),
-            Self::Failed { message, help, is_mistake: false } => Err(Error::run(message).with_help(help)),
+            Self::Failed(failure) => Err(failure.into_error()),
         }
     }
 }
 
-impl From<Result<Vec<DeviceInfo>>> for DeviceList {
-    fn from(result: Result<Vec<DeviceInfo>>) -> Self {
-        match result {
-            Ok(devices) => Self::Devices(devices),
-            Err(error) => Self::Failed {
-                message: error.to_string(),
-                help: error.remedy().to_owned(),
-                is_mistake: matches!(error, Error::Input(_)),
-            },
-        }
+impl From<Result<Vec<Listed>>> for DeviceList {
+    fn from(result: Result<Vec<Listed>>) -> Self {
+        result.map_or_else(|error| Self::Failed(Failure::of(&error)), Self::Devices)
     }
 }
 
@@ -176,6 +220,8 @@ impl Reply {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::DeviceKind;
+    use crate::device::tests::example;
 
     #[test]
     fn what_is_sent_arrives() {
@@ -197,10 +243,23 @@ mod tests {
     fn the_process_that_lists_devices_tells_a_users_mistake_from_a_failure() {
         for (error, code) in [(Error::input("a mistake"), 2), (Error::run("a failure"), 1)] {
             let message = error.to_string();
-            let failed: Result<Vec<DeviceInfo>> = Err(error.with_help("a remedy"));
+            let failed: Result<Vec<Listed>> = Err(error.with_help("a remedy"));
             let line = serde_json::to_string(&DeviceList::from(failed)).unwrap();
             let told = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap_err();
             assert_eq!((told.exit_code(), told.to_string(), told.remedy()), (code, message, "a remedy"));
         }
+    }
+
+    #[test]
+    fn a_mistake_on_one_device_is_told_only_if_this_device_is_chosen() {
+        let [cpu, gpu] = [("a cpu", DeviceKind::Cpu), ("a gpu", DeviceKind::Gpu)]
+            .map(|(name, kind)| Listed::from(example("A", name, kind, 1)));
+        let mistake = Some(Failure::of(&Error::input("a mistake").with_help("a remedy")));
+        let list: Result<Vec<Listed>> = Ok(vec![cpu, Listed { mistake, ..gpu }]);
+        let line = serde_json::to_string(&DeviceList::from(list)).unwrap();
+        let told = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap();
+        assert_eq!(told[0].chosen().unwrap().name, "a cpu");
+        let error = told[1].chosen().unwrap_err();
+        assert_eq!((error.exit_code(), error.remedy()), (2, "a remedy"));
     }
 }

@@ -209,7 +209,8 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("attempt");
         let peak = Peak { device: "gpu".into(), fma_per_s: Figure::of(&[3e12]), ..Peak::default() };
-        let mut results = Results::of_attempt(&folder, &Environment::default(), "node7", &[], false).unwrap();
+        let mut results =
+            Results::of_attempt(&folder, &Environment::default(), "node7", &[], false, false).unwrap();
         results.keep_peak(vec![peak.clone()]).unwrap();
         let mut counting = Counting::default();
         let mut sink = FolderSink { results: &mut results, observer: &mut counting, done: 4 };

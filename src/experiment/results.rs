@@ -107,21 +107,22 @@ impl Results {
     }
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
-    /// attempts ended. Points with a record in an earlier attempt count as finished. If a launch has samples of
-    /// unfinished points, all its samples that count, the anchor's times and the load of its rounds are copied. Each
-    /// copied sample names the attempt and launch that took it. Unless `keeps_moved_samples` is true, samples whose
-    /// core-to-core latency was far from their attempt's usual latency do not count. The earlier folders are not
-    /// changed.
+    /// attempts ended. Points with a record in an earlier attempt count as finished; if `retry_failed` is true, only
+    /// points with a final record do. If a launch has samples of unfinished points, all its samples that count, the
+    /// anchor's times and the load of its rounds are copied. Each copied sample names the attempt and launch that took
+    /// it. Unless `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual
+    /// latency do not count. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
         host: &str,
         earlier: &[PathBuf],
         keeps_moved_samples: bool,
+        retry_failed: bool,
     ) -> Result<Self> {
         let mut results = Self::create(folder, environment)?;
         results.host = Some(host.to_owned());
-        let before = earlier::read(earlier, keeps_moved_samples)?;
+        let before = earlier::read(earlier, keeps_moved_samples, retry_failed)?;
         results.samples.append_all(&before.samples)?;
         results.anchors.append_all(&before.anchors)?;
         results.rounds.append_all(&before.rounds)?;
@@ -433,7 +434,7 @@ mod tests {
         earlier.load(&load).unwrap();
         drop(earlier);
         let results =
-            Results::of_attempt(&second, &Environment::default(), "node7", &[first], false).unwrap();
+            Results::of_attempt(&second, &Environment::default(), "node7", &[first], false, false).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
         // The earlier attempt may have run on another machine.
         let taken = &results.past().samples["a"][0];

@@ -113,8 +113,19 @@ pub(super) fn put(
             ErrorKind::AlreadyExists => appeared(path, choice),
             _ => failed(error),
         }),
-        _ => replace(file, path).map_err(failed),
+        Name::Free => replace(file, path).map_err(failed),
+        Name::Replaceable => replace(file, path).map_err(|error| match error.kind() {
+            ErrorKind::PermissionDenied => irreplaceable(path, choice, &error),
+            _ => failed(error),
+        }),
     }
+}
+
+/// Returns the error for a file that cannot be replaced although new files can be created in its folder. For example,
+/// the file belongs to another user, and the folder has the sticky bit.
+fn irreplaceable(path: &Path, choice: Choice, error: &IoError) -> Error {
+    Error::run(format!("cannot replace '{}': {}", path.display(), error.kind()))
+        .with_help(format!("write elsewhere with `{}`", choice.elsewhere))
 }
 
 /// Checks whether this process may create files in the folder of `path`.
@@ -253,6 +264,14 @@ mod tests {
             assert!(message.starts_with("cannot write '/proc/a.png': "), "{message}");
             assert!(!message.contains(".raycl-"), "{message}");
         }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_replaced_is_named_without_its_folder() {
+        let choice = Choice::new(true, "-o FILE");
+        let error = irreplaceable(Path::new("/tmp/a.png"), choice, &ErrorKind::PermissionDenied.into());
+        assert_eq!(error.to_string(), "cannot replace '/tmp/a.png': permission denied");
+        assert_eq!((error.exit_code(), error.remedy()), (1, "write elsewhere with `-o FILE`"));
     }
 
     #[cfg(unix)]

@@ -60,21 +60,6 @@ impl Outcome {
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
-
-    /// Returns the rank of a record with this outcome among the records of a point that several attempts have. The
-    /// record with the lowest rank is the point's result.
-    pub fn rank(self) -> u8 {
-        match self {
-            // An error must not be hidden by another attempt.
-            Self::WrongImage => 0,
-            Self::Measured => 1,
-            // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
-            Self::Infeasible | Self::BuildFailed => 2,
-            Self::LaunchFailed | Self::TimedOut | Self::Crashed => 3,
-            // The point was not tried; another attempt may have been asked to try it.
-            Self::OtherKind => 4,
-        }
-    }
 }
 
 /// The result of one point. An optional field is null or absent if its value is unknown, or if the field does not apply
@@ -326,6 +311,23 @@ impl Record {
         let is_of_the_moment = self.outcome == Outcome::Infeasible
             && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
         self.outcome.is_fine() && !is_of_the_moment
+    }
+
+    /// Returns the record's rank among the records of a point that several attempts have. The record with the lowest
+    /// rank is the point's result.
+    pub fn rank(&self) -> u8 {
+        match self.outcome {
+            // An error must not be hidden by another attempt.
+            Outcome::WrongImage => 0,
+            Outcome::Measured => 1,
+            // A lack of memory at one moment must not hide that another attempt had enough memory and failed.
+            Outcome::Infeasible if !self.is_final() => 4,
+            // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
+            Outcome::Infeasible | Outcome::BuildFailed => 2,
+            Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
+            // The point was not tried; another attempt may have been asked to try it.
+            Outcome::OtherKind => 5,
+        }
     }
 
     /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis. An axis

@@ -6,7 +6,7 @@ use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
 use crate::memory::Available;
-use crate::scene::{Mapped, Mesh};
+use crate::scene::{Mapped, Material, Mesh};
 
 /// Bytes of the program, its libraries and a driver. With PoCL 3.1, 93 MB were measured if the kernels were cached, and
 /// 239 MB if LLVM 15 compiled them (one triangle, 64 x 40 pixels; 2026-11-20).
@@ -19,6 +19,9 @@ const REFERENCE_BYTES: u64 = 80 + 72;
 const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 4 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
+
+/// Bytes of a material. A mesh with vertex colours may have millions of them.
+const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 
 /// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light and hits,
 /// two half pictures with their hits and ratios, and the picture that is expected from these parts.
@@ -101,6 +104,11 @@ impl HostNeeds {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
 
+    /// Returns the same number of bytes as [`Self::bytes`], but without the program, its libraries and the driver.
+    pub fn bytes_beside_program(&self) -> u64 {
+        self.bytes().saturating_sub(PROGRAM_BYTES)
+    }
+
     /// Returns an error if the needs exceed the available memory plus `own_bytes`. `own_bytes` is the part of the needs
     /// that this process has already allocated, such as the program and the mesh.
     pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
@@ -117,6 +125,7 @@ fn kept(w: &Workload) -> Sum {
     let mut kept = Sum::default();
     kept.add("program and driver", &[(PROGRAM_BYTES, " B")]);
     kept.add("mesh", &[(mesh_bytes(w), " B")]);
+    kept.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
     if w.is_textured() {
         kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
         kept.add(
@@ -196,6 +205,8 @@ mod tests {
         assert!(bytes(&workload(1_000_000, 8000), true, false) > base + 63_000_000 * 20);
         assert!(bytes(&small, true, true) > base);
         assert!(bytes(&small, false, false) <= base);
+        let colourful = bytes(&Workload { materials: 10_000_001, ..small }, false, false);
+        assert_eq!(colourful, bytes(&small, false, false) + 10_000_000 * MATERIAL_BYTES);
     }
 
     #[test]
@@ -208,7 +219,8 @@ mod tests {
         assert_eq!(
             reason,
             "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
-             + tree being built 936000064 B = 1576000064 B > 1000000000 B according to a test"
+             + materials 32 B x 1 \
+             + tree being built 936000064 B = 1576000096 B > 1000000000 B according to a test"
         );
         assert!(needs.check(&available, 600_000_000).is_ok());
     }
@@ -240,7 +252,7 @@ mod tests {
             let afterwards = Afterwards { layers: true, ..Afterwards::default() };
             let of_device = if shared { Requirements::scene_bytes(&strategy, w) } else { 0 };
             let needs = HostNeeds::of(&strategy, w, shared, afterwards);
-            needs.bytes() - PROGRAM_BYTES - mesh_bytes(w) - of_device
+            needs.bytes() - PROGRAM_BYTES - mesh_bytes(w) - MATERIAL_BYTES - of_device
         };
         for shared in [false, true] {
             // Of many triangles, the tree counts most; of many pixels, the copy of the layers.

@@ -232,10 +232,11 @@ impl Live {
     ///
     /// Fails if there is no other usable device, or if the next device cannot be opened or cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
-        match after(&self.device.info, &discover(&self.sources)?) {
-            Some(device) => self.move_to(device.clone()),
-            None => Err(Error::input(format!("{} is the only usable device", self.device.info.name))),
-        }
+        let Some(mut device) = after(&self.device.info, &discover(&self.sources)?).cloned() else {
+            return Err(Error::input(format!("{} is the only usable device", self.device.info.name)));
+        };
+        device.test_lanes(&self.sources)?;
+        self.move_to(device)
     }
 
     fn move_to(&mut self, device: Device) -> Result<()> {

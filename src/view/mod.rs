@@ -16,6 +16,7 @@ mod sum;
 mod title;
 
 use crate::error::{Error, Result};
+use crate::words::counted;
 use camera::{Pose, elevation};
 use heat::Heat;
 use image::RgbImage;
@@ -63,8 +64,8 @@ pub struct Viewer<S: Screen> {
     picker: Picker,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// A note for the user, such as why a key had no effect. At the start and after the scene was read again, the note
-    /// consists of the notes about the scene.
+    /// A note for the user, such as why a key had no effect. At the start and after the scene was read again, it is the
+    /// first note about the scene, with the number of the others.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
@@ -270,8 +271,8 @@ impl<S: Screen> Viewer<S> {
         self.stale = true;
     }
 
-    /// Reads changed files. If this succeeds, the notes about the scene are shown again, since the change may have
-    /// added or removed some.
+    /// Reads changed files. If this succeeds, the first note about the scene is shown again, since the change may
+    /// have added or removed notes.
     fn reload(&mut self) {
         self.tried(Live::reload);
         self.note = self.note.take().or_else(|| of_scene(&self.live));
@@ -304,10 +305,14 @@ impl<S: Screen> Viewer<S> {
     }
 }
 
-/// Returns the notes about the scene as one text; `None` if there are none.
+/// Returns the first note about the scene, with the number of the others; `None` if there are no notes. All notes would
+/// be too long for a line. The report at the end has all of them.
 fn of_scene(live: &Live) -> Option<String> {
-    let notes = &live.loaded().notes;
-    (!notes.is_empty()).then(|| notes.join("; "))
+    let (first, others) = live.loaded().notes.split_first()?;
+    match others.len() {
+        0 => Some(first.clone()),
+        count => Some(format!("{first} (and {})", counted(count, "more note"))),
+    }
 }
 
 /// Returns how the eye goes around the scene if the pointer is dragged. The eye goes to the left if the pointer goes to

@@ -206,7 +206,7 @@ fn a_change_that_fails_is_told_until_the_next_change() {
 }
 
 #[test]
-fn notes_about_the_scene_are_told_until_something_is_chosen_and_after_it_was_read_again() {
+fn the_first_note_about_the_scene_is_told_until_something_is_chosen_and_after_it_was_read_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mesh.obj");
     let mesh = "usemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -218,6 +218,10 @@ fn notes_about_the_scene_are_told_until_something_is_chosen_and_after_it_was_rea
         viewer.note.as_ref().is_some_and(|note| note.contains(part))
     };
     assert!(tells(&viewer, "no.mtl"), "{:?}", viewer.note);
+    // Another note is that the material `red` is in no material file.
+    let others = viewer.live.loaded().notes.len() - 1;
+    assert!(others > 0 && tells(&viewer, &format!(" (and {others} more note")), "{:?}", viewer.note);
+    assert!(!tells(&viewer, "usemtl"), "{:?}", viewer.note);
     viewer.tried(|_| Ok(()));
     assert_eq!(viewer.note, None);
     std::fs::write(&path, format!("mtllib other.mtl\n{mesh}")).expect("a file");

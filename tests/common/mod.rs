@@ -25,8 +25,8 @@ pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
     let devices = discover(&Sources::Embedded).expect("an OpenCL platform; `make setup` installs PoCL");
-    let chosen = select(&devices, &[pattern]).expect("the test device");
-    (*chosen.first().expect("a usable test device")).clone()
+    let chosen = select(&devices, &[pattern], &Sources::Embedded).expect("the test device");
+    chosen.into_iter().next().expect("a usable test device")
 }
 
 /// The local size of all tests that work with any local size. PoCL then compiles kernels for only one size.

@@ -103,8 +103,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     }
     let scene = Arc::new(scene);
     let sources = Sources::of(args.subject.cl_dir.clone())?;
-    let found = discover(&sources)?;
-    let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
+    let devices = select(&discover(&sources)?, &[pattern.to_owned()], &sources)?;
     let image_size = args.subject.size();
     let sampling = super::sampling(args, false);
     let castings = castings(args, &devices, args.subject.task(&scene, sampling.most))?;

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::experiment::{Expected, Past, Run};
-use crate::record::{Record, read_lines};
+use crate::record::{Outcome, Record, read_lines};
 use std::path::{Path, PathBuf};
 
 /// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `past`
@@ -12,9 +12,11 @@ pub fn foreseen(run: &Run<'_>, out: &Path, past: &Past) -> Result<Expected> {
 }
 
 /// Returns the keys of the points that the run does not measure again: those with a record. With `--retry-failed`,
-/// failed points are measured again, and so are points that lacked memory only at that moment.
+/// failed points are measured again, and so are points that lacked memory only at that moment. The record of a skipped
+/// point (its preset is meant for another kind of device) does not count: the config may now ask for the point.
 pub fn finished(run: &Run<'_>, done: &[Record]) -> Vec<String> {
     done.iter()
+        .filter(|record| record.outcome != Outcome::OtherKind)
         .filter(|record| !run.retry_failed || record.is_final())
         .map(|record| record.key.clone())
         .collect()
@@ -40,7 +42,6 @@ mod tests {
     use crate::experiment::{Taken, asleep};
     use crate::launch::FrameTimes;
     use crate::program::Sources;
-    use crate::record::Outcome;
     use std::time::{Duration, SystemTime};
 
     #[test]
@@ -117,5 +118,6 @@ mod tests {
         assert_eq!(counts(Outcome::BuildFailed, "no"), [0, 1]);
         assert_eq!(counts(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B"), [0, 1]);
         assert_eq!(counts(Outcome::Infeasible, "global memory: 2 B > 1 B"), [0, 0]);
+        assert_eq!(counts(Outcome::OtherKind, "meant for CPUs"), [1, 1], "now the point is asked for");
     }
 }

@@ -141,8 +141,8 @@ impl Part<'_> {
         let run = Run { blocks: Some(&blocks), ..self.run };
         self.write_kinds(&blocks.iter().flat_map(|block| block.points.clone()).collect::<Vec<_>>())?;
         let earlier = attempt.earlier(&self.out);
-        let (folder, keeps) = (&attempt.folder, run.keeps_moved_samples);
-        let mut results = Results::of_attempt(folder, &self.environment, host, &earlier, keeps)?;
+        let (folder, keeps, retries) = (&attempt.folder, run.keeps_moved_samples, run.retry_failed);
+        let mut results = Results::of_attempt(folder, &self.environment, host, &earlier, keeps, retries)?;
         super::keep_peak(self.args, &run, self.peak.clone(), &mut results, observer, interrupted)?;
         if !self.args.quiet {
             let again = match earlier.len() {

@@ -86,7 +86,7 @@ impl Patience<'_> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
-    use super::super::Program;
+    use super::super::{Program, Room};
     use super::*;
     use crate::error::Result;
     use crate::experiment::supervisor::Death;
@@ -134,7 +134,7 @@ mod tests {
     }
 
     fn order(device: usize, point: usize) -> Order {
-        Order { program: Program { device, hash: "a".into(), scene: None }, point, most_builders: 1 }
+        Order { program: Program { device, hash: "a".into(), scene: None }, point, room: Room::UNLIMITED }
     }
 
     fn built(build_ms: f64) -> Wait {

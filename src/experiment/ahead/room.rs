@@ -3,31 +3,51 @@
 use crate::device::DeviceLimits;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 
-/// Returns how many builders may build programs for a workload at the same time. The result is at least 1.
-///
-/// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process for
-/// each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together may use
-/// half of the `available_bytes` of the host's memory, and half of a device's memory. The other half is left for the
-/// workers that measure, and for the few builders that need second processes, without the driver's cache.
-pub fn most_builders(
-    strategy: &Strategy,
-    workload: &Workload,
-    limits: &DeviceLimits,
-    available_bytes: u64,
-    [devices, folders]: [usize; 2],
-) -> usize {
-    let host_bytes = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default()).bytes();
-    let device_bytes = Requirements::scene_bytes(strategy, workload);
-    let fit = |all_bytes: u64, bytes: u64, processes: usize| {
-        all_bytes / 2 / bytes.saturating_mul(processes as u64).max(1)
-    };
-    let on_host = fit(available_bytes, host_bytes, devices * folders);
-    let on_device = fit(limits.global_bytes, device_bytes, folders);
-    usize::try_from(on_host.min(on_device)).unwrap_or(usize::MAX).max(1)
+/// How many builders with a point's scene fit into memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// The largest number of builders that may build programs for the scene at the same time. It is at least 1.
+    pub builders: usize,
+    /// The number of builders that would fit if their processes needed memory only for the scene, and none for the
+    /// program and the driver. It is at least 1.
+    pub scenes: usize,
+}
+
+impl Room {
+    /// The room for builders whose memory is not limited.
+    pub const UNLIMITED: Self = Self { builders: usize::MAX, scenes: usize::MAX };
+
+    /// Returns how many builders fit into memory with a workload.
+    ///
+    /// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process
+    /// for each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together
+    /// may use half of the `available_bytes` of the host's memory, and half of a device's memory. The other half is
+    /// left for the workers that measure, and for the few builders that need second processes, without the driver's
+    /// cache.
+    pub fn of(
+        strategy: &Strategy,
+        workload: &Workload,
+        limits: &DeviceLimits,
+        available_bytes: u64,
+        [devices, folders]: [usize; 2],
+    ) -> Self {
+        let host_needs = HostNeeds::of(strategy, workload, limits.is_cpu, Afterwards::default());
+        let device_bytes = Requirements::scene_bytes(strategy, workload);
+        let fit = |all_bytes: u64, bytes: u64, processes: usize| {
+            all_bytes / 2 / bytes.saturating_mul(processes as u64).max(1)
+        };
+        let on_device = fit(limits.global_bytes, device_bytes, folders);
+        let most = |host_bytes: u64| {
+            let on_host = fit(available_bytes, host_bytes, devices * folders);
+            usize::try_from(on_host.min(on_device)).unwrap_or(usize::MAX).max(1)
+        };
+        Self { builders: most(host_needs.bytes()), scenes: most(host_needs.bytes_beside_program()) }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::PLENTY;
     use super::*;
     use crate::device::EXAMPLE_LIMITS;
     use crate::strategy::preset;
@@ -40,7 +60,7 @@ mod tests {
         let device_bytes = Requirements::scene_bytes(&strategy, &workload);
         let most = |available_bytes: u64, global_bytes: u64, processes: [usize; 2]| {
             let limits = DeviceLimits { global_bytes, ..EXAMPLE_LIMITS };
-            most_builders(&strategy, &workload, &limits, available_bytes, processes)
+            Room::of(&strategy, &workload, &limits, available_bytes, processes).builders
         };
         let all = u64::MAX;
         assert_eq!([7, 8].map(|scenes| most(scenes * host_bytes, all, [1, 1])), [3, 4]);
@@ -55,7 +75,20 @@ mod tests {
     fn a_small_scene_limits_no_builders() {
         let strategy = preset("bvh").unwrap().strategy;
         let limits = DeviceLimits { global_bytes: 16 << 30, ..EXAMPLE_LIMITS };
-        let most = most_builders(&strategy, &Workload::CUBE, &limits, 8 << 30, [1, 1]);
-        assert!(most >= 16, "{most}");
+        let room = Room::of(&strategy, &Workload::CUBE, &limits, 8 << 30, [1, 1]);
+        assert!(room.builders >= 16, "{room:?}");
+    }
+
+    #[test]
+    fn idle_builders_of_a_small_scene_keep_their_processes_although_their_programs_take_much_memory() {
+        let strategy = preset("bvh").unwrap().strategy;
+        let limits = DeviceLimits { global_bytes: 16 << 30, ..EXAMPLE_LIMITS };
+        let of = |triangles| {
+            let workload = Workload { triangles, image_size: [1, 1], ..Workload::CUBE };
+            Room::of(&strategy, &workload, &limits, 8 << 30, [1, 1])
+        };
+        let (small, large) = (of(12), of(1_000_000));
+        assert!(small.builders < PLENTY * 16 && small.scenes >= PLENTY * 16, "{small:?}");
+        assert!(large.scenes < PLENTY * 16, "{large:?}");
     }
 }

@@ -157,14 +157,15 @@ fn a_run_that_ends_builds_nothing_more() {
     assert!(ahead.next(0).is_none() && !ahead.has_next(0));
 }
 
-/// Lets one builder build two programs one after the other. `most_builders` is the number of builders that fit into
-/// memory with the scene. After each program, waits until `ends` of the builder's processes have ended. Returns the
+/// Lets one builder build two programs one after the other. `scenes` is the number of builders whose scenes would fit
+/// into memory. After each program, waits until `ends` of the builder's processes have ended. Returns the
 /// number of processes that were started.
-fn processes(most_builders: usize, ends: [usize; 2]) -> usize {
+fn processes(scenes: usize, ends: [usize; 2]) -> usize {
     let (noting, never, ahead) = (Noting::default(), AtomicBool::new(false), Ahead::default());
     ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
         for (point, program) in ["a", "b"].into_iter().enumerate() {
-            let mut pending = PendingPoint { most_builders, ..open(point, 0, program, "exhaustive") };
+            let room = Room { builders: 1, scenes };
+            let mut pending = PendingPoint { room, ..open(point, 0, program, "exhaustive") };
             ahead.need(&mut pending, &never).unwrap();
             let start = Instant::now();
             while noting.ended.load(Ordering::Relaxed) < ends[point] {
@@ -186,7 +187,7 @@ fn idle_builders_end_their_processes_if_scenes_take_much_memory() {
 #[test]
 fn only_as_many_builders_as_fit_into_memory_hold_a_scene() {
     let ahead = Ahead::default();
-    let large = PendingPoint { most_builders: 2, ..open(0, 0, "a", "exhaustive") };
+    let large = PendingPoint { room: Room { builders: 2, scenes: 2 }, ..open(0, 0, "a", "exhaustive") };
     ahead.order(&[large, open(1, 1, "b", "exhaustive")]);
     let next = |number: usize| ahead.next(number).map(|order| order.point);
     assert_eq!([next(2), next(2), next(1)], [Some(1), None, Some(0)]);

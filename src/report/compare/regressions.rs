@@ -50,8 +50,9 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
     (!lacking.is_empty()).then(|| {
         format!(
             "`--fail-on-regression` cannot test these means, or only without some of their points: {}. A point is left \
-             out if it has too few samples, or if no other work of the same rounds shows how much the machine's speed \
-             changed: the anchor kernel, baselines, or kernels outside the mean.",
+             out if it has too few samples, if its times are below the timer's resolution, or if no other work of the \
+             same rounds shows how much the machine's speed changed: the anchor kernel, baselines, or kernels outside \
+             the mean.",
             lacking.join(", ")
         )
     })

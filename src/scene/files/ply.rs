@@ -29,6 +29,14 @@ const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_o
 const LIST_BYTES: usize = 32;
 /// Memory for a face while a file is read: the face itself, the list of its corners, and one triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
+/// Memory for a colour of triangles while a file is read: a material, and the colour's entry in the map of colours.
+/// The list and the map may be half empty.
+const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]), u32)>()) as u64;
+/// The largest number of different colours of triangles: a colour has three channels of 8 bits.
+const MAX_COLOURS: u64 = 1 << 24;
+/// The names of a vertex's colour channels. A file uses one row of them.
+const CHANNELS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
 /// Reads a file.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
@@ -107,12 +115,28 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     }
 }
 
-/// Refuses a file whose vertices and faces do not fit into the host's memory.
+/// Returns whether vertices have all properties of these names.
+fn has(header: &Header, names: [&str; 3]) -> bool {
+    let vertex = header.elements.get("vertex");
+    names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
+}
+
+/// Returns whether vertices have colours.
+fn has_colours(header: &Header) -> bool {
+    CHANNELS.into_iter().any(|names| has(header, names))
+}
+
+/// Refuses a file whose vertices, faces and colours do not fit into the host's memory.
 fn hold(name: &str, header: &Header) -> Result<()> {
     let count = |name: &str| header.elements.get(name).map_or(0, |element| element.count as u64);
     let (vertices, faces) = (count("vertex"), count("face").saturating_add(count("tristrips")));
     let bytes = VERTEX_BYTES.saturating_mul(vertices).saturating_add(FACE_BYTES.saturating_mul(faces));
-    let sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces");
+    let mut sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces");
+    let colours = if has_colours(header) { faces.min(MAX_COLOURS) } else { 0 };
+    if colours > 0 {
+        sum += &format!(" + {COLOUR_BYTES} B x {colours} colours");
+    }
+    let bytes = bytes.saturating_add(COLOUR_BYTES * colours);
     Available::read().hold(bytes, &format!("reading {name}"), &sum)
 }
 
@@ -169,12 +193,8 @@ impl Parts {
     }
 
     fn mesh(self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
-        let has = |names: [&str; 3]| {
-            let vertex = header.elements.get("vertex");
-            names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
-        };
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
-        let with_normals = has(["nx", "ny", "nz"]);
+        let with_normals = has(header, ["nx", "ny", "nz"]);
         let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
         if with_normals {
             mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
@@ -208,9 +228,7 @@ impl Parts {
         let (settled, placement) = settle(&positions, &mesh.triangles)?;
         mesh.positions = settled;
         let mut notes = Vec::new();
-        let coloured =
-            [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-        if coloured.into_iter().any(has) && !mesh.triangles.is_empty() {
+        if has_colours(header) && !mesh.triangles.is_empty() {
             mesh.materials = vec![Material::lambertian(Vec3::ONE)];
             let linear: Vec<Vec3> = self.vertices.iter().map(Vertex::linear).collect();
             colours::paint(&mut mesh, &linear);

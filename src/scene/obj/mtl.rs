@@ -137,16 +137,16 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 
 impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` names. The whole text is one name, with its spaces,
-    /// if a file of this name exists, with or without the comment at its end, or if some word neither ends in `.mtl`
-    /// nor is the name of a file. Otherwise each word is a name. If no file has a name, the name without its folders is
-    /// tried, too.
+    /// if a file of this name exists, with or without the comment at its end, or if the first word neither ends in
+    /// `.mtl` nor is the name of a file. Otherwise each word is a name: if the first file exists, its materials count,
+    /// whatever the other words are. If no file has a name, the name without its folders is tried, too.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         let exists = |name: &str| self.locate(name).is_ok();
         let found = |text: &'a str| possible_paths(text).find(|path| exists(path));
         let names = possible_names(library);
         let words: Vec<&str> = names[2].split_whitespace().collect();
         let is_name = |word: &str| word.to_ascii_lowercase().ends_with(".mtl") || exists(word);
-        if names.into_iter().any(exists) || !words.iter().all(|word| is_name(word)) {
+        if names.into_iter().any(exists) || words.first().is_some_and(|word| !is_name(word)) {
             return vec![found(library).unwrap_or(names[1])];
         }
         words.into_iter().map(|word| found(word).unwrap_or(word)).collect()
@@ -403,6 +403,14 @@ mod tests {
         let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
         assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
         assert_eq!(material, Material::default());
+        // The materials of the first file count, even if no file has the other names.
+        for library in ["body.mtl hair.mat", "body.mtl by Jane", "body hair.mat"] {
+            let paint = "newmtl paint\nKd 0.25 0.25 0.25\n";
+            let (notes, material) = read(library, &[("body.mtl", paint), ("body", paint)], true);
+            assert_eq!(material.lambertian, Vec3::splat(0.25), "{library}");
+            assert!(notes.iter().all(|note| note.starts_with("material file `")), "{notes:?}");
+            assert_eq!(notes.len(), library.split(' ').count() - 1, "{notes:?}");
+        }
         // Two names of material files are those of two files.
         let (notes, _) = read("a.mtl b.MTL", &[], true);
         assert!(notes[0].contains(" `a.mtl` ") && notes[1].contains(" `b.MTL` "), "{notes:?}");

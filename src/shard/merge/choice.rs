@@ -20,7 +20,7 @@ pub struct Chosen {
 
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
-/// time, [`Outcome::rank`] orders the outcomes. If these rules do not decide, all points of a block get the records of
+/// time, [`Record::rank`] decides on the order. If these rules do not decide, all points of a block get the records of
 /// the same attempt, as far as possible: points of different attempts were not measured in the same rounds. This
 /// attempt is the one with the best records of the most points of the block. Of several such attempts, it is the one
 /// with the most samples of these points or, if that does not decide either, the one whose name sorts first. Times of
@@ -74,7 +74,7 @@ impl Offered {
             }
             let order = |(attempt, record): &Measured| {
                 let share = shares.get(&(*attempt, Together::of(record))).copied();
-                (record.outcome.rank(), Reverse(share.unwrap_or_default()))
+                (record.rank(), Reverse(share.unwrap_or_default()))
             };
             // Of equal records, `min_by_key` returns the first.
             chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
@@ -87,8 +87,8 @@ impl Offered {
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
-            let lowest = records.iter().map(|(_, record)| record.outcome.rank()).min();
-            for (attempt, record) in records.iter().filter(|(_, one)| Some(one.outcome.rank()) == lowest) {
+            let lowest = records.iter().map(|(_, record)| record.rank()).min();
+            for (attempt, record) in records.iter().filter(|(_, one)| Some(one.rank()) == lowest) {
                 let (points, samples) = shares.entry((*attempt, Together::of(record))).or_default();
                 *points += 1;
                 *samples += record.samples_ms.len();
@@ -187,6 +187,19 @@ mod tests {
             }
             let found = all.chosen().of_keys(["k", "absent"].into_iter());
             assert_eq!((found.len(), found[0].0), (1, expected), "{offered:?}");
+        }
+    }
+
+    #[test]
+    fn a_lack_of_memory_at_one_moment_hides_no_failure_of_another_attempt() {
+        let reason = Some("the host's memory (casting): 2 B > 1 B according to a test".to_owned());
+        let lacking = Record { reason, ..record(Outcome::Infeasible, 0) };
+        let others = [Outcome::Crashed, Outcome::Infeasible, Outcome::OtherKind];
+        for (other, expected) in others.into_iter().zip([1, 1, 0]) {
+            let mut all = Offered::default();
+            all.add(0, lacking.clone());
+            all.add(1, record(other, 0));
+            assert_eq!(all.chosen().of_keys(["k"].into_iter())[0].0, expected, "{other:?}");
         }
     }
 

@@ -49,6 +49,8 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
+        // The surface is faint, such as the picture of a shadow. Without holes, it would hide what lies behind it.
+        Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
     }
@@ -75,7 +77,7 @@ fn factor(wire: &Wire) -> f32 {
 }
 
 /// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a surface
-/// without holes.
+/// without holes. If it is blended and its factor is above 0, it has the holes of its texture alone.
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -116,7 +118,7 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {
             asked.add(Wish::Transparency, b"alphaMode MASK");
         }
-        (Checked::Valid(AlphaMode::Blend), Some(_)) if !is_hidden(wire) => {
+        (Checked::Valid(AlphaMode::Blend), Some(_)) if factor(wire) > 0.0 => {
             asked.add(Wish::Blending, b"alphaMode BLEND");
         }
         (Checked::Valid(AlphaMode::Blend), _) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
@@ -169,7 +171,8 @@ mod tests {
         assert_eq!(of("MASK", 0.0, 0.0), (0.0, true, true));
         assert_eq!(of("BLEND", 1.0, 0.125), (0.5, false, true), "blending has no cutoff");
         assert_eq!(of("BLEND", 0.5, 0.125), (1.0, false, true));
-        assert_eq!(of("BLEND", 0.25, 0.125), (0.0, true, true), "no texel is half opaque");
+        assert_eq!(of("BLEND", 0.25, 0.125), (0.5, true, true), "the texture keeps its shape");
+        assert_eq!(of("BLEND", 0.0, 0.125), (0.0, true, true), "no point is visible");
         assert_eq!((of("OPAQUE", 0.5, 0.25).0, of("OPAQUE", 0.5, 0.25).2), (0.0, false));
     }
 

@@ -166,11 +166,12 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
 
 #[test]
 fn what_a_header_needs_is_held_against_the_memory() {
-    let header = |vertices: usize, faces: usize| {
-        let text =
-            format!("ply\nformat ascii 1.0\nelement vertex {vertices}\nelement face {faces}\nend_header\n");
+    let header_with = |vertices: usize, properties: &str, faces: usize| {
+        let elements = format!("element vertex {vertices}\n{properties}element face {faces}\n");
+        let text = format!("ply\nformat ascii 1.0\n{elements}end_header\n");
         Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap()
     };
+    let header = |vertices: usize, faces: usize| header_with(vertices, "", faces);
     assert!(hold("a.ply", &header(1000, 1000)).is_ok());
     // The list of a face's corners is a block of memory of its own.
     let (face, list, triangle) = (size_of::<Face>() as u64, 32, 28);
@@ -179,6 +180,13 @@ fn what_a_header_needs_is_held_against_the_memory() {
         let message = hold("a.ply", &header(vertices, faces)).unwrap_err().to_string();
         let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
+    }
+    // Each face may have a colour of its own, until all colours of 8 bits per channel are there.
+    let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
+        let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
+        let sum = format!("{faces} faces + {COLOUR_BYTES} B x {colour_count} colours = ");
+        assert!(message.contains(&sum), "{message}");
     }
 }
 
