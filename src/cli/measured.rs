@@ -19,7 +19,9 @@ pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Re
         return target.write_json(measured);
     }
     let file = target.path().display();
-    printer::tell(format!("note: '{file}' keeps its earlier measurements, since an error ended these"));
+    printer::tell(format!(
+        "note: '{file}' keeps its earlier measurements, since an error ended the new ones"
+    ));
     Ok(())
 }
 

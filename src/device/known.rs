@@ -6,8 +6,7 @@ use super::asked::may_be_usable_soon;
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;
 use super::lanes::probe;
-use super::variables::{self, Setting};
-use super::{Device, DeviceInfo, LaneTest, Survey};
+use super::{Device, DeviceInfo, LaneTest, Survey, variables};
 use crate::cache::Cache;
 use crate::error::Result;
 use crate::reader::may_write;
@@ -25,31 +24,15 @@ const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// A note on an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
-/// Platforms whose drivers list every accelerator of a vendor. The drivers of other platforms, such as rusticl, list
-/// only devices that the user names, or their platforms are not there without a device.
-const VENDORS_PLATFORMS: [VendorsPlatform; 2] = [
-    VendorsPlatform { name: "nvidia", shown_as: "nvidia", hidden_by: &["CUDA_VISIBLE_DEVICES="] },
-    VendorsPlatform {
-        name: "amd accelerated parallel processing",
-        shown_as: "kfd",
-        hidden_by: &["GPU_DEVICE_ORDINAL=", "HIP_VISIBLE_DEVICES=", "ROCR_VISIBLE_DEVICES="],
-    },
-];
+/// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
+/// these accelerators. The drivers of other platforms, such as rusticl, list only devices that the user names, or their
+/// platforms are not there without a device.
+const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
 /// A list that may soon be another one is used for this long. Without this time, every process would start all drivers
 /// and query all devices, even while another process measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
-
-/// A platform whose driver lists every accelerator of a vendor.
-struct VendorsPlatform {
-    /// A part of the platform's name, in lower case.
-    name: &'static str,
-    /// The start of the names under which the system shows the accelerators.
-    shown_as: &'static str,
-    /// The variables that hide accelerators from the driver, each with `=`.
-    hidden_by: &'static [&'static str],
-}
 
 /// What the cache stores.
 #[derive(Serialize, Deserialize)]
@@ -113,21 +96,20 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
         survey.test_lanes(sources);
     }
     let hardware: Vec<String> = HARDWARE.iter().flat_map(|folder| accelerators(Path::new(folder))).collect();
-    store(cache, key, &survey, &hardware, &variables::all());
+    store(cache, key, &survey, &hardware);
     Ok(survey.devices)
 }
 
-/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows, and `variables` the
-/// drivers' variables. Does not store a list with untested lane operations, since later runs would take the
-/// assumptions for facts. A list that may soon be another one is stored with the time, since its key may not change
-/// then.
-fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String], variables: &[Setting]) {
+/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
+/// with untested lane operations, since later runs would take the assumptions for facts. A list that may soon be another
+/// one is stored with the time, since its key may not change then.
+fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
         return;
     }
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    let lasts = is_lasting(&infos, empty_platforms, hardware, variables);
+    let lasts = is_lasting(&infos, empty_platforms, hardware);
     put(cache, key, &Entry { devices: infos, listed_at: (!lasts).then(now) });
 }
 
@@ -151,22 +133,15 @@ fn now() -> u64 {
 }
 
 /// Returns whether a list probably stays the same until the system starts again. It does not if a device may be usable
-/// soon, or if a driver lists no device although the system shows some and no variable hides any: perhaps a GPU is
-/// being reset, or the driver's module is being loaded again.
-fn is_lasting(
-    infos: &[DeviceInfo],
-    empty_platforms: &[String],
-    hardware: &[String],
-    variables: &[Setting],
-) -> bool {
+/// soon, or if a driver lists no device although the system shows some: perhaps a GPU is being reset, or the driver's
+/// module is being loaded again.
+fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
         |start: &str| hardware.iter().any(|name| name.starts_with(start) && !name.ends_with(FORBIDDEN));
-    let is_set = |name: &&str| variables.iter().any(|variable| variable.starts_with(name));
     let lacks = |platform: &String| {
         let platform = platform.to_lowercase();
-        let mut own = VENDORS_PLATFORMS.iter().filter(|own| platform.contains(own.name));
-        own.any(|own| shows(own.shown_as) && !own.hidden_by.iter().any(is_set))
+        LISTED_BY.iter().any(|&(name, start)| platform.contains(name) && shows(start))
     };
     !recovers && !empty_platforms.iter().any(lacks)
 }
@@ -345,9 +320,9 @@ mod tests {
         let mut survey = discover_untested().unwrap();
         // Another device of this machine may be unusable, or its lane operations may be assumed.
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
-        store(&cache, "a", &survey, &[], &[]);
+        store(&cache, "a", &survey, &[]);
         survey.devices[0].lanes_are_tested = false;
-        store(&cache, "b", &survey, &[], &[]);
+        store(&cache, "b", &survey, &[]);
         assert_eq!([cache.get(KIND, "a"), cache.get(KIND, "b")].map(|list| list.is_some()), [true, false]);
     }
 
@@ -358,30 +333,16 @@ mod tests {
             [DeviceInfo { unusable, ..example("PoCL", "cpu", DeviceKind::Cpu, 2) }]
         };
         let owned = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-        let lasts = |unusable: Option<&str>, empty: &[&str], hardware: &[&str], variables: &[&str]| {
-            is_lasting(&infos(unusable), &owned(empty), &owned(hardware), &owned(variables))
+        let lasts = |unusable: Option<&str>, empty: &[&str], hardware: &[&str]| {
+            is_lasting(&infos(unusable), &owned(empty), &owned(hardware))
         };
-        assert!(lasts(None, &[], &["nvidia0"], &[]));
-        assert!(!lasts(Some("its driver says that it is not available"), &[], &[], &[]));
-        assert!(lasts(Some("its driver has no compiler for OpenCL C"), &[], &[], &[]));
-        let nvidias =
-            |hardware: &str, variable: &str| lasts(None, &["NVIDIA CUDA"], &[hardware], &[variable]);
-        assert!(
-            !nvidias("nvidia0", "") && nvidias("renderD128", "") && nvidias("nvidia0 (may not be used)", "")
-        );
-        assert!(nvidias("nvidia0", "CUDA_VISIBLE_DEVICES="), "the user hides the devices");
-        assert!(
-            !nvidias("nvidia0", "CUDA_VISIBLE_DEVICES_OF=") && !nvidias("nvidia0", "HIP_VISIBLE_DEVICES=0")
-        );
-        let amds = |variable: &str| {
-            let (platform, hardware) = ("AMD Accelerated Parallel Processing", ["kfd", "renderD128"]);
-            lasts(None, &[platform], &hardware, &[variable])
-        };
-        assert!(!amds("") && !amds("CUDA_VISIBLE_DEVICES="));
-        for name in ["ROCR_VISIBLE_DEVICES", "HIP_VISIBLE_DEVICES", "GPU_DEVICE_ORDINAL"] {
-            assert!(amds(&format!("{name}=-1")), "{name}");
-        }
-        assert!(lasts(None, &["rusticl"], &["renderD128"], &[]));
+        assert!(lasts(None, &[], &["nvidia0"]));
+        assert!(!lasts(Some("its driver says that it is not available"), &[], &[]));
+        assert!(lasts(Some("its driver has no compiler for OpenCL C"), &[], &[]));
+        let nvidias = |hardware: &str| lasts(None, &["NVIDIA CUDA"], &[hardware]);
+        assert!(!nvidias("nvidia0") && nvidias("renderD128") && nvidias("nvidia0 (may not be used)"));
+        assert!(!lasts(None, &["AMD Accelerated Parallel Processing"], &["kfd", "renderD128"]));
+        assert!(lasts(None, &["rusticl"], &["renderD128"]));
     }
 
     #[test]
@@ -394,10 +355,10 @@ mod tests {
             let entry: Entry = serde_json::from_slice(&cache.get(KIND, key).unwrap()).unwrap();
             entry.listed_at
         };
-        store(&cache, "lasting", &survey, &[], &[]);
+        store(&cache, "lasting", &survey, &[]);
         assert_eq!(time("lasting"), None);
         survey.devices[0].info.unusable = Some("its driver says that it is not available".to_owned());
-        store(&cache, "brief", &survey, &[], &[]);
+        store(&cache, "brief", &survey, &[]);
         assert!(time("brief").is_some_and(|time| time <= now()));
         assert!(["lasting", "brief"].iter().all(|key| stored(&cache, key).is_some()));
     }
