@@ -3,15 +3,14 @@
 mod nearest;
 mod quoted;
 
-pub use nearest::{nearest, nearest_file};
+pub use nearest::{meant, nearest, nearest_file, nearest_folder, or_meant};
 use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
 pub use quoted::{line_of, shortened};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::filetype::{Damaged, STANDARD_INPUT};
 use crate::printer::{self, plain};
-use crate::reader::NotUtf8;
+use crate::reader::{Damaged, NotUtf8, STANDARD_INPUT};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -54,6 +53,8 @@ const AGAIN: &str = "run the command again; `raycl devices` shows whether the de
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
 const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder with --out DIR";
+/// The remedy for standard output that cannot be written to.
+const FULL: &str = "if standard output is redirected to a file, free up space on the file's disk";
 /// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
@@ -149,6 +150,11 @@ impl Error {
         Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
     }
 
+    /// Returns an error for standard output that cannot be written to, such as a file on a full disk.
+    pub fn unwritable_output(error: &std::io::Error) -> Self {
+        Self::run(format!("cannot write to standard output: {error}")).with_help(FULL)
+    }
+
     /// Returns the remedy: a next step for the user.
     pub fn remedy(&self) -> &str {
         match self {
@@ -168,6 +174,21 @@ impl Error {
         self
     }
 
+    /// Adds to the remedy how the command can be continued. A failed run keeps its own remedy before this text, while
+    /// the text replaces that of an interruption. A mistake in the input is returned unchanged, since the command can
+    /// only be continued when the mistake is corrected.
+    #[must_use]
+    pub fn to_be_continued(self, how: String) -> Self {
+        match &self {
+            Self::Input(_) => self,
+            Self::Run { help, .. } => {
+                let help = format!("{help}\n{how}");
+                self.with_help(help)
+            }
+            Self::Interrupted { .. } => self.with_help(how),
+        }
+    }
+
     /// Returns an error for a file whose text is not UTF-8. The message gives the first line that is not UTF-8. Returns
     /// `None` if `error` has another cause.
     pub fn not_utf8(path: &Path, error: &std::io::Error) -> Option<Self> {
@@ -181,11 +202,26 @@ impl Error {
     /// decompressed, the remedy says that it may be damaged. If the file's text is not UTF-8, the
     /// message gives the line. Otherwise, the remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
-        if let Some(not_utf8) = Self::not_utf8(path, error) {
-            return not_utf8;
+        match Self::not_utf8(path, error) {
+            Some(not_utf8) => not_utf8,
+            None => Self::cannot_read((what, path), error, nearest_file, otherwise),
         }
+    }
+
+    /// Returns an error for a folder that cannot be read. If the folder is missing and there is a folder with a similar
+    /// name beside it, the remedy names that folder. Otherwise, the remedy is `otherwise`.
+    pub fn unreadable_folder(path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
+        Self::cannot_read(("folder", path), error, nearest_folder, otherwise)
+    }
+
+    fn cannot_read(
+        (what, path): (&str, &Path),
+        error: &std::io::Error,
+        nearest: impl Fn(&Path) -> Option<PathBuf>,
+        otherwise: &str,
+    ) -> Self {
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
-        let meant = is_missing.then(|| nearest_file(path)).flatten();
+        let meant = is_missing.then(|| nearest(path)).flatten();
         let remedy = match meant {
             Some(meant) => format!("did you mean `{}`?", meant.display()),
             None if Damaged::caused(error) => AFRESH.to_owned(),
@@ -319,6 +355,7 @@ mod tests {
             Error::fault("a\u{1b}"),
             Error::interrupted("a\u{1b}"),
             Error::unwritable("a\u{1b}", &"b\u{1b}"),
+            Error::unwritable_output(&std::io::Error::other("a\u{1b}")),
             Error::withheld("a\u{1b}", 1, "b"),
             place("a\u{1b}".into()),
             Error::input("a\u{1b}").placed(place),

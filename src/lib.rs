@@ -94,6 +94,7 @@ mod sources;
 #[doc(hidden)]
 pub mod strategy;
 mod toml_error;
+mod toml_read;
 #[doc(hidden)]
 pub mod verify;
 mod view;

@@ -131,7 +131,8 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         .with_help("call raycl::serve_if_worker first in `main`: it does the work of a worker and ends it"));
     }
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
-    let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);
+    let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
+    arguments.resume = resume;
     let measured = run::measure_resumably(&arguments, &mut ());
     // The caller knows of the interruption now, so it must not end the next run too.
     if matches!(measured, Err(Error::Interrupted { .. })) {

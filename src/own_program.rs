@@ -19,7 +19,7 @@ pub fn remember_libraries() {
 }
 
 /// The environment variable that is set for the workers that raycl starts.
-pub const WORKER: &str = "RAYCL_WORKER";
+const WORKER: &str = "RAYCL_WORKER";
 
 /// Returns whether raycl started this process as a worker.
 pub fn is_worker() -> bool {

@@ -5,6 +5,9 @@ use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::{Path, PathBuf};
 
+/// The path that means standard input.
+pub const STANDARD_INPUT: &str = "-";
+
 /// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -114,6 +117,27 @@ impl NotUtf8 {
     }
 }
 
+/// The error of a packed file that is cut off or damaged.
+#[derive(Debug, thiserror::Error)]
+#[error("it cannot be unpacked ({0})")]
+pub struct Damaged(Error);
+
+impl Damaged {
+    /// Returns whether a damaged packed file caused an error.
+    pub fn caused(error: &Error) -> bool {
+        error.get_ref().is_some_and(|inner| inner.is::<Self>())
+    }
+
+    /// Marks an error as caused by a damaged packed file, unless the error comes from the operating system or means
+    /// that memory ran out.
+    pub fn mark(error: Error) -> Error {
+        if error.raw_os_error().is_some() || error.kind() == ErrorKind::OutOfMemory {
+            return error;
+        }
+        Error::new(ErrorKind::InvalidData, Self(error))
+    }
+}
+
 /// Reads the rest of a file whose first bytes, `head`, have already been read, and returns all of its bytes.
 /// Reads no more bytes than the limit of `kind` allows. If `kind` has no limit, reads no more bytes than the file's
 /// size, as the file system reports it.
@@ -123,34 +147,35 @@ impl NotUtf8 {
 /// Returns the system's error. Also fails if the file is too large.
 pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let length = file.metadata()?.len();
-    let Some((_, what, Some(limit_mib))) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind) else {
-        return read_on(file, head, length);
-    };
-    let limit = limit_mib << 20;
-    let too_large =
-        || Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB"));
+    let Some((limit, too_large)) = limit_of(kind) else { return read_on(file, head, length) };
     if length > limit {
-        return Err(too_large());
+        return Err(too_large);
     }
     // Files in /proc report a length of 0, and other files may grow while they are read. Therefore the number of bytes
     // that were read is checked too.
-    let bytes = read_on(file, head, limit + 1)?;
-    if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
+    within(read_on(file, head, limit + 1)?, kind)
 }
 
-/// Checks bytes that are already in memory (from standard input or an unpacked file) against the limit of their kind.
+/// Checks bytes that are already in memory, such as those of standard input or of an unpacked file, against the limit
+/// of their kind.
 ///
 /// # Errors
 ///
 /// Fails if there are more bytes than the limit.
 pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
-    let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
-    match limit {
-        Some((_, what, Some(limit_mib))) if bytes.len() as u64 > limit_mib << 20 => {
-            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB")))
-        }
+    match limit_of(kind) {
+        Some((limit, too_large)) if bytes.len() as u64 > limit => Err(too_large),
         _ => Ok(bytes),
     }
+}
+
+/// Returns the largest number of bytes that a file of this kind may have, and the error of a larger file; `None` if
+/// this module does not limit the size.
+fn limit_of(kind: Kind) -> Option<(u64, Error)> {
+    let (_, what, limit_mib) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind)?;
+    let limit_mib = (*limit_mib)?;
+    let too_large = format!("{what} may have at most {limit_mib} MiB");
+    Some((limit_mib << 20, Error::new(ErrorKind::FileTooLarge, too_large)))
 }
 
 /// Returns `head` and the bytes that follow it, up to `length` bytes in all.
@@ -165,6 +190,12 @@ fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
 /// Returns the folder of a file: `.` if the path is only a name.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Returns whether a path can only mean a folder, such as `a/`, `a/.` or `..`.
+pub fn names_a_folder(path: &Path) -> bool {
+    let text = path.as_os_str().as_encoded_bytes();
+    path.file_name().is_none_or(|name| !text.ends_with(name.as_encoded_bytes()))
 }
 
 /// Returns a file's path with its folder made canonical (absolute, without links and `..`); `None` if the folder
@@ -225,6 +256,16 @@ mod tests {
     }
 
     #[test]
+    fn a_path_that_ends_without_a_files_name_means_a_folder() {
+        for path in ["a.png/", "b/a.png/.", ".", "..", "a/..", "/", "./"] {
+            assert!(names_a_folder(Path::new(path)), "{path}");
+        }
+        for path in ["a.png", "b/a.png", "./a", "/a", "..a", "-"] {
+            assert!(!names_a_folder(Path::new(path)), "{path}");
+        }
+    }
+
+    #[test]
     fn what_was_read_before_counts() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
@@ -235,6 +276,15 @@ mod tests {
             file.read_exact(&mut head).unwrap();
             assert_eq!(rest(file, head, kind).unwrap(), b"abcdef");
         }
+    }
+
+    #[test]
+    fn only_errors_of_the_packed_bytes_themselves_count_as_damage() {
+        let is_damage = |error: Error| Damaged::caused(&Damaged::mark(error));
+        assert!(is_damage(Error::new(ErrorKind::UnexpectedEof, "it ends")));
+        assert!(!is_damage(Error::new(ErrorKind::OutOfMemory, "it is large")));
+        // 5 is the system's number for a disk error (EIO), which is not damage of the packed file.
+        assert!(!is_damage(Error::from_raw_os_error(5)));
     }
 
     #[test]

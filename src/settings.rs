@@ -15,12 +15,13 @@ use crate::cli::colour::Colour;
 use crate::error::{Error, Result};
 use crate::reader::{self, Kind};
 use crate::toml_error::toml_error;
+use crate::toml_read::from_text;
 use crate::xdg;
 
 /// The environment variable that names the default device.
 pub const DEVICE: &str = "RAYCL_DEVICE";
 /// The environment variable that names the folder in which runs create their folders of results.
-pub const RESULTS: &str = "RAYCL_RESULTS";
+const RESULTS: &str = "RAYCL_RESULTS";
 /// The remedy for a mistake in the settings file.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 
@@ -83,7 +84,7 @@ fn read(path: &Path) -> Result<Settings> {
         }
     };
     let name = path.display().to_string();
-    let wire: Wire = toml::from_str(&text).map_err(|error| toml_error(&name, &text, &error, KEYS))?;
+    let wire: Wire = from_text(&text).map_err(|error| toml_error(&name, &text, &error, KEYS))?;
     let settings = Settings { name, text, wire };
     for value in settings.wire.device.iter().chain(&settings.wire.results) {
         if value.get_ref().trim().is_empty() {

@@ -6,8 +6,9 @@ mod places;
 
 use crate::error::{Error, Result, nearest};
 use crate::reader::{self, Kind};
+use crate::words::counted;
 use include_dir::{Dir, include_dir};
-pub use lines::lines;
+pub use lines::{SourceLine, lines};
 use places::in_files;
 use std::path::{Path, PathBuf};
 
@@ -38,39 +39,51 @@ impl Sources {
     }
 
     fn lacks(&self, name: &str) -> Error {
-        match self {
-            Self::Embedded => Error::input(format!("there is no kernel file {name}")).with_help(LAYOUT),
-            Self::Folder(folder) => {
-                let message =
-                    format!("there is no kernel file {name}: neither in {} nor built in", folder.display());
-                let error = Error::input(message);
-                match nearest(name, Self::names()) {
-                    Some(meant) => error.with_help(format!("did you mean {meant}?")),
-                    None => error.with_help(LAYOUT),
-                }
-            }
-        }
+        let Self::Folder(folder) = self else {
+            return Error::input(format!("there is no kernel file {name}")).with_help(LAYOUT);
+        };
+        let message = format!("there is no kernel file {name}: neither in {} nor built in", folder.display());
+        let files = self.files().unwrap_or_default();
+        Error::input(message).with_help(match meant_file(name, files.iter().map(String::as_str)) {
+            Some(meant) => format!("did you mean {meant}?"),
+            None => LAYOUT.to_owned(),
+        })
+    }
+
+    /// Returns an error about the line `#include "path"` with this number in a file, if the error is a mistake of the
+    /// user: adds the file and the line to its message.
+    pub fn at_include(&self, error: Error, path: &str, file: &str, line: usize) -> Error {
+        let file = self.path_of(file);
+        error.placed(|message| Error::input(format!("{file}, line {line}: #include \"{path}\": {message}")))
     }
 
     /// Returns a file with its includes inserted, and the names of the files that this text consists of, each once. For
     /// files whose includes do not depend on a strategy.
     pub fn read_joined(&self, name: &str) -> Result<(String, Vec<String>)> {
         let (mut text, mut files) = (String::new(), Vec::new());
-        self.join(name, &mut Chain::default(), &mut text, &mut files)?;
+        self.join((name, &self.read(name)?), &mut Chain::default(), &mut text, &mut files)?;
         Ok((text, files))
     }
 
-    fn join(&self, name: &str, chain: &mut Chain, text: &mut String, files: &mut Vec<String>) -> Result<()> {
+    fn join(
+        &self,
+        (name, own): (&str, &str),
+        chain: &mut Chain,
+        text: &mut String,
+        files: &mut Vec<String>,
+    ) -> Result<()> {
         chain.enter(name, text.len())?;
         if !files.iter().any(|file| file == name) {
             files.push(name.to_owned());
         }
         text.push_str(&format!("#line 1 \"{name}\"\n"));
-        for (number, line) in lines(&self.path_of(name), &self.read(name)?)?.into_iter().enumerate() {
+        for (number, line) in (1..).zip(lines(&self.path_of(name), own)?) {
             match line.includes {
                 Some(inner) => {
-                    self.join(inner, chain, text, files)?;
-                    text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
+                    let included = self.read(inner);
+                    let included = included.map_err(|error| self.at_include(error, inner, name, number))?;
+                    self.join((inner, &included), chain, text, files)?;
+                    text.push_str(&format!("#line {} \"{name}\"\n", number + 1));
                 }
                 None => text.extend([line.text, "\n"]),
             }
@@ -104,22 +117,44 @@ impl Sources {
     /// Returns a file's name for messages: its path if it comes from the folder, otherwise `cl/` and its
     /// name.
     pub fn path_of(&self, name: &str) -> String {
-        match self {
-            Self::Folder(folder) if folder.join(name).exists() => folder.join(name).display().to_string(),
-            _ => format!("cl/{name}"),
-        }
+        self.own_path(name).unwrap_or_else(|| format!("cl/{name}"))
     }
 
-    /// Returns a compiler's messages with the paths of kernel files instead of their names, and whether an error is
-    /// known to be in a file of the folder. The program's text, `text`, consists of the files `files`. The compiler names
-    /// them relative to `cl/` or to the folder, or names lines of the whole text.
+    /// Returns the paths of those of these files that come from the folder and differ from the built-in files of the
+    /// same names, or that have no built-in file of the same name. A copy of a built-in file that the user has not
+    /// changed is not to blame for an error.
+    pub fn changed_paths(&self, files: &[String]) -> Vec<String> {
+        let changed = |name: &String| {
+            let path = self.own_path(name)?;
+            (Self::Embedded.read(name).ok() != self.read(name).ok()).then_some(path)
+        };
+        files.iter().filter_map(changed).collect()
+    }
+
+    /// Returns a file's path if it comes from the folder.
+    fn own_path(&self, name: &str) -> Option<String> {
+        let Self::Folder(folder) = self else { return None };
+        let path = folder.join(name);
+        path.exists().then(|| path.display().to_string())
+    }
+
+    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files instead of
+    /// their names, and whether the mistake is the user's. Built-in files compile by themselves. The mistake is
+    /// therefore the user's if the program contains a file that the user added or changed, even if the compiler finds
+    /// the error in a built-in file: for example, where that file calls a function of the user with other arguments. If
+    /// no error is in a file of the user, the messages begin with the names of these files. The program's text, `text`,
+    /// consists of the files `files`. The compiler names them relative to `cl/` or to the folder, or names lines of the
+    /// whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
-        let own = self.own_files().unwrap_or_default();
-        let of_own = |line: &str| own.iter().any(|file| line.contains(&format!("{}:", self.path_of(file))));
-        let in_own_file = log.lines().any(|line| line.contains("error") && of_own(line));
-        (log, in_own_file)
+        let own = self.changed_paths(files);
+        let is_in_own = |line: &str| own.iter().any(|path| line.contains(&format!("{path}:")));
+        if own.is_empty() || log.lines().any(|line| line.contains("error") && is_in_own(line)) {
+            return (log, !own.is_empty());
+        }
+        let why = "no built-in kernel file is wrong by itself, but this program contains";
+        (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
     /// Returns the sorted names of all files built into the binary.
@@ -135,10 +170,39 @@ const LAYOUT: &str =
     "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
 /// The remedy for an error in a kernel file of the user.
-const OWN_FILE: &str =
-    "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
+const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
-/// Returns the error for a kernel file of the user that does not compile; `log` has the compiler's messages.
+/// Number of files that a message names; it counts the others.
+const NAMED_FILES: usize = 3;
+
+/// Returns the names of files for a message: all names, or the first few and the number of the others.
+pub fn some_of(files: &[String]) -> String {
+    let (named, others) = files.split_at(files.len().min(NAMED_FILES));
+    match others.len() {
+        0 => named.join(", "),
+        count => format!("{} and {}", named.join(", "), counted(count, "other file")),
+    }
+}
+
+/// Returns the file that is most probably meant by a wrong path: a file of the same name in another folder, or else a
+/// file with a similar name.
+pub fn meant_file<'a>(path: &str, files: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let files: Vec<&str> = files.into_iter().filter(|file| *file != path).collect();
+    let same: Vec<&str> = files.iter().copied().filter(|file| stem(file) == stem(path)).collect();
+    // The names are also compared without their folders, which make most paths similar to each other.
+    let alike = |file: &&str| nearest(stem(path), [stem(file)]).is_some();
+    let others = files.iter().copied().filter(alike);
+    nearest(path, same.iter().copied()).or(same.first().copied()).or_else(|| nearest(path, others))
+}
+
+/// Returns the name of a kernel file without its folders and without `.cl`.
+pub fn stem(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.strip_suffix(".cl").unwrap_or(name)
+}
+
+/// Returns the error for a program with kernel files of the user that does not compile; `log` has the compiler's
+/// messages.
 pub fn does_not_compile(log: &str) -> Error {
     Error::input(format!("a kernel file does not compile: {log}")).with_help(OWN_FILE)
 }
@@ -183,10 +247,15 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
             format!("{} lies outside the kernels' folder, so raycl does not read it", path.display());
         return Err(Error::input(message).with_help(LAYOUT));
     }
-    reader::text(path, Kind::Kernel).map_err(|error| {
+    let text = reader::text(path, Kind::Kernel).map_err(|error| {
         Error::not_utf8(path, &error).unwrap_or_else(|| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT)
         })
+    })?;
+    // Some editors begin a file with a byte order mark, which no compiler expects in OpenCL C.
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
     })
 }
 
@@ -210,11 +279,15 @@ fn file_names(folder: &'static Dir<'_>, names: &mut Vec<&'static str>) {
     folder.dirs().for_each(|inner| file_names(inner, names));
 }
 
+/// The start of a word by which PoCL names the place where a macro is defined: `<Spelling=name:7:1>`.
+const SPELLING: &str = "<Spelling=";
+
 /// Replaces the name of a file at the start of a word, as in `name:7:1: error`, by its path.
 fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
     let located = |word: &str| {
-        let (name, place) = word.split_once(':')?;
-        Some(format!("{}:{place}", path(name)?))
+        let start = if word.starts_with(SPELLING) { SPELLING } else { "" };
+        let (name, place) = word[start.len()..].split_once(':')?;
+        Some(format!("{start}{}:{place}", path(name)?))
     };
     log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
@@ -231,6 +304,55 @@ mod tests {
             "error: cast/a.cl:7:1: expected ';'\ncast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
         let expected = "error: mine/cast/a.cl:7:1: expected ';'\nmine/cast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
         assert_eq!(with_paths(log, path), expected);
+        // PoCL names the definition of a macro in this way.
+        let log = "error: cast/b.cl:1:2 <Spelling=cast/a.cl:7:1>: no";
+        assert_eq!(with_paths(log, path), "error: cast/b.cl:1:2 <Spelling=mine/cast/a.cl:7:1>: no");
+    }
+
+    #[test]
+    fn the_file_that_a_wrong_path_means_has_the_same_name_or_a_similar_one() {
+        let files = ["cast/gather.cl", "cast/intersect/watertight.cl", "cast/soft.cl"];
+        for (path, meant) in [
+            ("watertight.cl", Some("cast/intersect/watertight.cl")),
+            ("a/folder/that/is/far/away/from/all/others/soft.cl", Some("cast/soft.cl")),
+            ("cast/sotf.cl", Some("cast/soft.cl")),
+            // Only the folders are similar.
+            ("cast/nosuch.cl", None),
+            ("cast/helper.cl", None),
+        ] {
+            assert_eq!(meant_file(path, files), meant, "{path}");
+        }
+    }
+
+    #[test]
+    fn only_the_first_files_of_many_are_named() {
+        let files: Vec<_> = (1..=5).map(|n| format!("{n}.cl")).collect();
+        assert_eq!(some_of(&files[..2]), "1.cl, 2.cl");
+        assert_eq!(some_of(&files), "1.cl, 2.cl, 3.cl and 2 other files");
+    }
+
+    #[test]
+    fn a_byte_order_mark_at_the_start_of_a_file_is_no_text() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.cl"), "\u{feff}// a\n").unwrap();
+        assert_eq!(Sources::Folder(folder.path().to_owned()).read("a.cl").unwrap(), "// a\n");
+    }
+
+    #[test]
+    fn a_mistake_in_an_include_has_its_file_and_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        for (path, why) in [
+            ("cast/nosuch.cl", "there is no kernel file cast/nosuch.cl: neither in"),
+            ("../no-such-file.cl", "there is no kernel file ../no-such-file.cl"),
+        ] {
+            std::fs::write(folder.path().join("inner.cl"), format!("one\n#include \"{path}\"\n")).unwrap();
+            std::fs::write(folder.path().join("outer.cl"), "#include \"inner.cl\"\n").unwrap();
+            let error = sources.read_joined("outer.cl").unwrap_err();
+            let inner = folder.path().join("inner.cl");
+            let place = format!("{}, line 2: #include \"{path}\": {why}", inner.display());
+            assert!(error.to_string().starts_with(&place) && error.exit_code() == 2, "{error}");
+        }
     }
 
     #[test]

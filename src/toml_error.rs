@@ -1,6 +1,6 @@
 //! Errors of the `toml` crate, with their location and the most similar valid name.
 
-use crate::error::{Error, nearest};
+use crate::error::{Error, or_meant};
 use std::ops::Range;
 
 /// Returns the part of serde's message that states which value was expected; `None` if the message has no such part.
@@ -54,8 +54,7 @@ pub fn told(error: &toml::de::Error) -> Told {
         .find(|(start, ..)| message.starts_with(start));
     match (&quoted[..], what) {
         ([key, known @ ..], Some((_, one, all))) => {
-            let meant = nearest(key, known.iter().copied());
-            let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
+            let suggestion = or_meant(key, known.iter().copied());
             Told {
                 message: format!("unknown {one} `{key}`{suggestion}"),
                 label: format!("not a {one} here"),
@@ -67,21 +66,29 @@ pub fn told(error: &toml::de::Error) -> Told {
 }
 
 /// Returns serde's message, with TOML's words instead of serde's names for types.
-fn in_plain_words(message: &str) -> String {
+pub fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
-    // serde writes the name of a Rust type after these words.
-    match message.split_once("expected struct ") {
-        Some((before, _)) => format!("{before}expected a table"),
-        None => match message.rsplit_once(", expected ") {
-            Some((before, expected)) => format!("{before}, expected {}", type_in_words(expected)),
-            None => message,
-        },
-    }
+    let Some((found, expected)) = message.rsplit_once(", expected ") else {
+        return match message.as_str() {
+            // These are the words of the crate `toml` if it expects one of several names.
+            "wanted string or table" => "wrong type: expected a string".to_owned(),
+            _ => message,
+        };
+    };
+    let found = match found {
+        "wrong type: sequence" => "wrong type: list",
+        "wrong type: map" => "wrong type: table",
+        other => other,
+    };
+    format!("{found}, expected {}", type_in_words(expected))
 }
 
 /// Returns the meaning of the name of a Rust type; any other text stays as it is.
 fn type_in_words(name: &str) -> &str {
     match name {
+        // The name of a Rust type follows.
+        _ if name.starts_with("struct ") => "a table",
+        "a map" => "a table",
         "f32" | "f64" => "a number",
         "u8" => "a whole number from 0 to 255",
         "u16" => "a whole number from 0 to 65535",
@@ -103,6 +110,17 @@ mod tests {
         assert_eq!(plain, "wrong type: integer `3`, expected a table");
         let list = in_plain_words("invalid type: integer `3`, expected a sequence");
         assert_eq!(list, "wrong type: integer `3`, expected a list");
+        let found = in_plain_words("invalid type: sequence, expected struct SkyWire");
+        assert_eq!(found, "wrong type: list, expected a table");
+        assert_eq!(
+            in_plain_words("invalid type: map, expected a boolean"),
+            "wrong type: table, expected a boolean"
+        );
+        assert_eq!(
+            in_plain_words("invalid type: integer `3`, expected a map"),
+            "wrong type: integer `3`, expected a table"
+        );
+        assert_eq!(in_plain_words("wanted string or table"), "wrong type: expected a string");
         assert_eq!(
             in_plain_words("invalid type: string \"a\", expected f64"),
             "wrong type: string \"a\", expected a number"

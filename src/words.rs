@@ -1,4 +1,4 @@
-//! Formats numbers in sentences.
+//! Formats numbers in sentences, and arguments of commands.
 
 /// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that", "with",
 /// "without", "named" or "after" becomes plural ("3 primitives of lines"). If there is no such word, the last word
@@ -13,9 +13,14 @@ pub fn counted_are(count: usize, what: &str) -> String {
     format!("{} {}", counted(count, what), if count == 1 { "is" } else { "are" })
 }
 
+/// Formats a part of a count with the noun: "1 of 4 points", "1 of 1 point".
+pub fn counted_of(part: usize, all: usize, what: &str) -> String {
+    format!("{} of {}", grouped(part), counted(all, what))
+}
+
 /// Formats a part of a count with the noun and the verb: "1 of 4 points was", "2 of 4 points were", "1 of 1 point was".
 pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
-    format!("{} of {} {}", grouped(part), counted(all, what), if part == 1 { "was" } else { "were" })
+    format!("{} {}", counted_of(part, all, what), if part == 1 { "was" } else { "were" })
 }
 
 /// Groups digits by thousands from 10,000 on.
@@ -37,6 +42,15 @@ pub fn rate(per_s: f64, what: &str) -> String {
         _ => (1.0, ""),
     };
     format!("{:.2} {prefix}{what}/s", per_s * scale)
+}
+
+/// Quotes an argument, unless it has only characters that every shell reads unchanged.
+pub fn quote(argument: &str) -> String {
+    let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !argument.is_empty() && argument.chars().all(harmless) {
+        return argument.to_owned();
+    }
+    format!("'{}'", argument.replace('\'', r"'\''"))
 }
 
 fn plural(what: &str) -> String {

@@ -307,7 +307,13 @@ fn wrong_values_have_their_place_and_what_was_expected() {
             "scene.toml:19",
         ),
         (track("paths = \"a\""), "did you mean `path`", "scene.toml:18"),
-        ("[animation]\nframes = 0\n".to_owned(), "expected 1 to 100000", "scene.toml:16"),
+        ("[animation]\nframes = 0\n".to_owned(), "a whole number from 1 to 100000", "scene.toml:16"),
+        ("[animation]\nframes = 1.5\n".to_owned(), "a whole number from 1 to 100000", "scene.toml:16"),
+        (
+            "[animation]\nframes = 2\nframes_per_second = 29.97\n".to_owned(),
+            "floating point `29.97`, expected a whole number from 1 to 1000",
+            "scene.toml:17",
+        ),
         ("[animation]\n".to_owned(), "missing field `frames`", "scene.toml:15"),
         (String::new(), "scene.toml has no [animation]", "--turntable 120 moves the camera"),
     ]);
@@ -346,7 +352,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
                 "{}\n[[object]]\nshape = \"sphere\"\n",
                 track("path = \"object.2.triangles\"\nvalues = [100, 201]")
             ),
-            "`object.2.triangles` at frame",
+            "expected a whole number from 1 to 100000000",
             "\"step\" keeps a value",
         ),
     ]);

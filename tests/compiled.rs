@@ -125,6 +125,19 @@ fn each_strategy_is_compiled_at_its_usual_local_size() {
 }
 
 #[test]
+fn a_strategy_that_does_not_compile_leaves_the_others() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let (device, kernels) = (device(), place.kernels("cast/shading/eager.cl", "void on_nearer_hit", "oops;"));
+    let strategies = ["naive", "deferred", "local-vectors"].map(|name| ["--strategy", name]).concat();
+    let arguments = ["compile", "scene.toml", "--device", &device, "--cl-dir", &kernels, "--out", "made"];
+    let output = place.raycl(&[&arguments[..], &strategies].concat()).assert().code(2).get_output().clone();
+    let [text, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
+    has(&text, &["deferred at local size 8 x 8", "Written to made"]);
+    has(&said, &["naive:\n", "eager.cl:", "2 of 3 programs were not compiled: naive and local-vectors"]);
+    assert!(place.path("made/deferred/made.json").exists() && !place.path("made/naive").exists());
+}
+
+#[test]
 fn compile_keeps_source_log_binary_and_what_was_made() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let device = device();

@@ -139,6 +139,27 @@ fn what_is_wrong_with_a_sky_is_told() {
     );
 }
 
+#[test]
+fn texels_that_are_clearly_negative_or_not_a_number_are_noted_and_infinite_ones_are_refused() {
+    let place = place(EMPTY);
+    let load = |blue: f32| {
+        let texel = |x, _| Rgb([1.0, 1.0, if x == 1 { blue } else { 1.0 }]);
+        Rgb32FImage::from_fn(4, 2, texel).save(place.path("sky.exr")).expect("a picture");
+        load_scene(&place.path("scene.toml"))
+    };
+    let notes = |blue| -> Vec<String> {
+        let notes = load(blue).expect("a scene").notes;
+        notes.into_iter().filter(|note| note.contains("negative values")).collect()
+    };
+    for noted in [-0.5, f32::NAN] {
+        let expected = "the sky's picture `sky.exr` has negative values or NaN in 2 texels; they count as 0";
+        assert_eq!(notes(noted), [expected]);
+    }
+    assert!(notes(-1e-5).is_empty());
+    let refused = load(f32::INFINITY).expect_err("a mistake").to_string();
+    has(&refused, &["in column 1, row 0", "expected at most 1e28"]);
+}
+
 /// A frame must not depend on which pixels saw the sky in the previous frame.
 #[test]
 fn a_frame_is_the_same_after_another_one_as_alone() {

@@ -416,6 +416,36 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     ground.resume();
 }
 
+/// Even if all points are measured, and if nothing is measured yet.
+#[test]
+fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_continued() {
+    let ground = Ground::new(3);
+    // The run cannot make a file that has more than this many times 1024 bytes.
+    let limited = |kibibytes: u32, arguments: &[&str]| {
+        let run = ground.command(arguments);
+        let mut bash = Command::new("bash");
+        let words = format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$@\"");
+        bash.args(["-c", &words, "bash"]).arg(run.get_program()).args(run.get_args());
+        for (name, value) in run.get_envs() {
+            value.map(|value| bash.env(name, value));
+        }
+        let output = crate::binary::run(&mut bash);
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        said(&output)
+    };
+    let resumes = |said: &str, file: &str| {
+        for part in ["cannot write", file, "free up space", "to continue from here: raycl run", "--resume"] {
+            assert!(said.contains(part), "{part} is not in {said}");
+        }
+    };
+    resumes(&limited(1, &[]), "environment.json");
+    ground.resume();
+    std::fs::remove_file(ground.out.join("report.html")).expect("a report");
+    resumes(&limited(64, &["--resume"]), "report.html");
+    ground.resume();
+    assert!(ground.out.join("report.html").exists());
+}
+
 #[test]
 fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let mut ground = Ground::new(3);

@@ -236,7 +236,7 @@ fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
     let render =
         ["render", "scene.toml", "--cl-dir", "kernels", "--strategy", "naive", "--local-size", "8x8"];
     let size = ["--width", "40", "--height", "30", "--device", &device];
-    let said = place.mistake(&[&render[..], &size].concat(), 1);
+    let said = place.mistake(&[&render[..], &size, &["--quiet"]].concat(), 1);
     has(&said, &["pixels are not finite; the first, (", "inf", "help:", "scene.png"]);
     let said = place.mistake(&[&render[..], &size, &["--turntable", "2"]].concat(), 1);
     has(&said, &["pixels are not finite", "help:", "frame 1 was not written"]);

@@ -194,6 +194,24 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
     has(&place.output(&["kernel", "tile-group"]), &["// local size: 32 x 1 ", "exchange values by barriers"]);
 }
 
+/// The microscope counts the lines of a program from the first line after the comment with which `raycl kernel` begins.
+#[test]
+fn the_kernels_page_has_the_numbers_of_lines_of_naive() {
+    let page = std::fs::read_to_string(repository("docs/kernels.md")).expect("a page");
+    let table =
+        page.split("\nline  source").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a table");
+    let text = Place::new().output(&["kernel", "naive"]);
+    let (_, program) = text.split_once("\n\n").expect("a comment and a program");
+    let lines: Vec<&str> = program.lines().map(str::trim).collect();
+    let rows: Vec<&str> = table.lines().skip(1).collect();
+    for row in &rows {
+        let mut cells = row.split("  ").map(str::trim).filter(|cell| !cell.is_empty());
+        let number: usize = cells.next().and_then(|cell| cell.parse().ok()).expect("a number");
+        assert_eq!(cells.next(), lines.get(number - 1).copied(), "{row}");
+    }
+    assert_eq!(rows.len(), 5);
+}
+
 #[test]
 fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
     let (place, file) = (Place::new(), "cast/intersect/moller_trumbore.cl");

@@ -2,8 +2,9 @@
 //! completely if it lost a worker or was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
+use raycl::experiment::Past;
 use raycl::record::{Outcome, Record, Sample, read_lines};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const LAUNCHES: &str = r#"
@@ -80,9 +81,9 @@ fn a_launch_that_loses_its_worker_is_repeated_whole() {
 #[test]
 fn how_long_a_run_takes_is_told_by_earlier_times() {
     let folder = folder();
-    let expected = |earlier: &[Record], done: &[String]| {
-        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, done, &HashMap::new()))
-            .expect("it is foreseen")
+    let expected = |earlier: &[Record], done: &[Record]| {
+        let past = Past { records: done.to_vec(), ..Past::default() };
+        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, &past)).expect("it is foreseen")
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
@@ -98,7 +99,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let known = expected(&records, &[]);
     // The expected time is a second for each sample (15 per point) and each check of a frame (2 per point), and half a
     // second for each worker process. The mock's first checks take no time.
-    assert_eq!(known.points, [6, 6]);
+    assert_eq!((known.points, known.known), (6, 6));
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
     // The run may add at most as many launches again. The added launches have no first checks, so each of their checks
     // takes a second. Each of the six launches may also take twice as many samples (30 s more), and wait for half the
@@ -107,14 +108,11 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.
     let some = expected(&records[..2], &[]);
-    assert_eq!(some.points, [6, 4]);
+    assert_eq!((some.points, some.known), (6, 4));
     assert!(some.to_string().contains("for 4 of them, based on earlier times"), "{some}");
-    let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
-    let rest = expected(&records, &keys[1..]);
-    assert_eq!((rest.points, rest.others), ([1, 1], 0));
-    // A journal may contain several records with the same key.
-    let another = ["of another config".to_owned(), "of another config".to_owned()];
-    let with_another = [&keys[1..], &another, &keys[2..3]].concat();
-    let rest = expected(&records, &with_another);
-    assert_eq!((rest.points, rest.others), ([1, 1], 1));
+    let rest = expected(&records, &records[1..]);
+    assert_eq!((rest.points, rest.known, rest.others), (1, 1, 0));
+    let of_another = Record { key: "of another config".to_owned(), ..Record::default() };
+    let rest = expected(&records, &[&records[1..], &[of_another]].concat());
+    assert_eq!((rest.points, rest.known, rest.others), (1, 1, 1));
 }

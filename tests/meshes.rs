@@ -220,6 +220,9 @@ fn up_azimuth_elevation_and_background() {
     for (option, value) in wrong {
         has(&place.mistake(&["render", "y.obj", option, value], 2), &[value]);
     }
+    let position = "camera.position=[0,0,5]";
+    let both = ["render", "y.obj", "--azimuth", "30", "--set", position, "--turntable", "4", "-o", "a.png"];
+    has(&place.mistake(&both, 2), &["--azimuth 30: this angle", position]);
 }
 
 #[test]

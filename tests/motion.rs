@@ -95,6 +95,20 @@ fn a_frame_that_another_strategy_cast_is_refused_with_the_way_to_continue() {
     assert_eq!(turn(&place, &[&two[..], &["--strategy", "bvh"]].concat())["skipped"], 2);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_onto_a_full_disk_is_a_failed_run_that_says_so() {
+    let (place, device) = (place(), device());
+    let mut command = program();
+    command.current_dir(place.path(".")).env("RAYCL_CACHE_MIB", "0");
+    command.args(["render", "scene.toml", "--turntable", "2", "-o", "-", "--device", &device]).args(SIZE);
+    let full = std::fs::File::options().write(true).open("/dev/full").expect("a device");
+    let output = finish(command.stdout(full).stderr(Stdio::piped()).spawn().expect("it runs"));
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+    has(&said, &["cannot write to standard output", "free up space on the file's disk"]);
+}
+
 /// A pipe holds few of these frames, so most of them are cast only if somebody reads them.
 #[test]
 fn a_stream_that_its_reader_closes_early_has_the_frames_that_were_cast() {

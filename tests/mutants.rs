@@ -133,7 +133,7 @@ impl Mutant {
         let folder = self.folder(&place);
         let width = self.width.unwrap_or(SIZE[0]).to_string();
         let size = ["--width", &width, "--height", &SIZE[1].to_string()];
-        let ends = ["--verify", "-o", "wrong.png", "--cl-dir", &folder];
+        let ends = ["--verify", "--quiet", "-o", "wrong.png", "--cl-dir", &folder];
         let message = place.mistake(&[&cast[..], &size, &ends].concat(), 1);
         has(&message, &["the picture is wrong: "]);
     }

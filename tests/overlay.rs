@@ -157,6 +157,23 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     has(&mistake(&place, "."), &["contains no kernel file"]);
 }
 
+/// The compiler finds the error where a built-in file calls the user's function.
+#[test]
+fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let cl = changed(&place, FILE, "varying t_max, Hit *hit) {", "Hit *hit, varying t_max) {");
+    let device = device();
+    let strategy = "deferred,intersector=baldwin-weber";
+    let file = format!("no built-in kernel file is wrong by itself, but this program contains {cl}/{FILE}: ");
+    for command in ["render", "compile"] {
+        let arguments = [command, "scene.toml", "--device", &device, "--cl-dir", &cl, "--strategy", strategy];
+        has(
+            &place.mistake(&arguments, 2),
+            &[&file, "docs/own-kernels.md lists the functions", "--cl-dir DIR"],
+        );
+    }
+}
+
 /// A single file in the folder replaces the built-in file; all other files are built in.
 #[test]
 fn a_folder_holds_what_differs() {
@@ -267,14 +284,39 @@ fn kernel_files(folder: &str) -> Vec<String> {
     names.filter(|name| name.ends_with(".cl")).map(|name| format!("{folder}/{name}")).collect()
 }
 
+/// Returns the rows of the table after a heading of a page.
+fn table<'a>(page: &'a str, heading: &str) -> Vec<Vec<&'a str>> {
+    let section = page.split_once(&format!("\n### {heading}\n")).expect("the heading").1;
+    let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
+    let rows = table.take_while(|line| line.starts_with('|'));
+    rows.map(|row| row.trim_matches('|').split('|').collect()).collect()
+}
+
+/// Returns the names that a cell quotes, without parameters.
+fn named(cell: &str) -> Vec<&str> {
+    let quoted = cell.split('`').skip(1).step_by(2);
+    quoted.map(|name| name.split('(').next().unwrap_or_default()).collect()
+}
+
+/// The files that the page's table of helpers names contain these helpers.
+#[test]
+fn the_page_lists_helpers_with_their_files() {
+    let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
+    let rows = table(&page, "Helpers");
+    assert!(rows.len() > 10);
+    for row in rows {
+        let (names, files) = (named(row[0]), named(row[2]));
+        let words = words(&code(files[0]));
+        assert!(names.iter().all(|name| words.contains(*name)), "{}: {names:?}", files[0]);
+    }
+}
+
 /// For each axis whose files have no example on the page, docs/own-kernels.md lists exactly the names that all files of
 /// the axis define and that files outside the axis use. As users of a name, the page lists only files that use this
 /// name.
 #[test]
 fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
-    let quoted =
-        |cell: &str| -> Vec<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
     let axes = ["vectors", "triangles", "layout", "shading"];
     for axis in axes {
         let files: Vec<_> = kernel_files(&format!("cast/{axis}")).iter().map(|name| code(name)).collect();
@@ -289,16 +331,11 @@ fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
         let expected: BTreeSet<_> = defined(&files[0]).into_iter().filter(own).collect();
         let expected: BTreeSet<_> = expected.intersection(&users).cloned().collect();
 
-        let section = page.split_once(&format!("\n### `{axis}`\n")).expect("the heading").1;
-        let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
-        let rows: Vec<Vec<_>> = table
-            .take_while(|line| line.starts_with('|'))
-            .map(|row| row.trim_matches('|').split('|').collect())
-            .collect();
-        let name = |row: &Vec<&str>| quoted(row[0])[0].split('(').next().unwrap_or_default().to_owned();
+        let rows = table(&page, &format!("`{axis}`"));
+        let name = |row: &Vec<&str>| named(row[0])[0].to_owned();
         assert_eq!(rows.iter().map(name).collect::<BTreeSet<_>>(), expected, "{axis}");
         for row in &rows {
-            for user in quoted(row[2]).iter().filter(|user| user.ends_with(".cl")) {
+            for user in named(row[2]).into_iter().filter(|user| user.ends_with(".cl")) {
                 let file = outside.iter().find(|file| file.ends_with(&format!("/{user}")) || *file == user);
                 let file = file.unwrap_or_else(|| panic!("{axis}: there is no {user}"));
                 assert!(words(&code(file)).contains(&name(row)), "{file} does not use {}", name(row));

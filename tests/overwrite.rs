@@ -49,6 +49,51 @@ fn a_texture_beside_its_mesh_stays() {
 }
 
 #[test]
+fn a_texture_that_does_not_exist_keeps_no_picture_from_its_place() {
+    let mesh = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
+    let place = Place::with(&[("a.obj", mesh), ("a.mtl", "newmtl a\nmap_Kd a.png\n")]);
+    render(&place, &["a.obj"]);
+    assert!(image::open(place.path("a.png")).is_ok());
+}
+
+/// A picture that raycl has made may become a file of a scene.
+#[test]
+fn a_file_of_the_scene_stays_even_with_force() {
+    let (place, device) = (one_point(), device());
+    for name in ["mesh.png", "turn-0002.png", "film.png", "sky.exr"] {
+        render(&place, &["scene.toml", "-o", name]);
+    }
+    std::fs::rename(place.path("film.png"), place.path("film.apng")).expect("a new name");
+    place.write("named.png", &place.text("scene.toml"));
+    let textures = ["mesh.png", "turn-0002.png", "film.apng"];
+    let materials = textures.map(|name| format!("newmtl {name}\nmap_Kd {name}\n")).concat();
+    let faces = textures.map(|name| format!("usemtl {name}\nf 1/1 2/2 3/3\n")).concat();
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
+    place.write("mesh.mtl", &materials);
+    place.write("mesh.obj", &format!("mtllib mesh.mtl\n{corners}{faces}"));
+    let stays = |file: &str, words: &str, option: &str| {
+        let before = std::fs::read(place.path(file)).expect("a file");
+        let words: Vec<&str> = words.split(' ').collect();
+        let message = place.mistake(&[&["render"], &words[..], &[option, &device]].concat(), 2);
+        let told = format!("'{file}' is a file of the scene, and is not replaced");
+        has(&message, &[told.as_str(), " writes elsewhere"]);
+        assert!(std::fs::read(place.path(file)).expect("a file") == before, "{file} was touched");
+    };
+    stays("mesh.png", "mesh.obj", "--device");
+    for (file, words) in [
+        ("mesh.png", "mesh.obj"),
+        ("named.png", "named.png"),
+        ("turn-0002.png", "mesh.obj --turntable 3 -o turn.png"),
+        ("film.apng", "mesh.obj --turntable 3 -o film.apng"),
+        ("sky.exr", "scene.toml --set sky.picture=sky.exr -o sky.exr"),
+        ("sky.exr", "scene.toml --set sky.picture=sky.exr --layers sky.exr"),
+    ] {
+        stays(file, &format!("{words} --force"), "--device");
+    }
+    stays("mesh.png", "mesh.obj --force", "--devices");
+}
+
+#[test]
 fn pictures_of_every_format_are_replaced_until_somebody_changes_them() {
     let place = one_point();
     for name in ["a.png", "a.jpg", "a.exr", "a.hdr"] {

@@ -246,11 +246,25 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
 
     let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let wrong = ["--cl-dir", &kernels, "-o", "wrong.png"];
+    let quiet = [&wrong[..], &["--quiet"]].concat();
     let sampled = ["render", "scene.toml", "--strategy", "naive", "--verify=100", "--device", &device];
-    has(&place.mistake(&[&sampled[..], &wrong].concat(), 1), &["the picture is wrong: "]);
-    let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
+    has(&place.mistake(&[&sampled[..], &quiet[..]].concat(), 1), &["the picture is wrong: "]);
+    let message = place.mistake(&[&arguments[..], &quiet[..]].concat(), 1);
     has(&message, &["the picture is wrong: ", "the picture was saved for inspection: wrong.png"]);
     assert!(place.path("wrong.png").exists());
+
+    // The report comes before the error.
+    let told = |more: &[&str]| {
+        let command = [&arguments[..], &wrong, more].concat();
+        let output = place.raycl(&command).assert().code(1).get_output().clone();
+        has(&String::from_utf8_lossy(&output.stderr), &["the picture is wrong: "]);
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    has(&told(&[]), &["verified  the picture is wrong: ", "kernel ", "picture   wrong.png"]);
+    let json: Value = serde_json::from_str(&told(&["--json", "--repeat", "2"])).expect("JSON");
+    let reason = json["verified"]["wrong"].as_str().expect("a reason");
+    assert!(reason.starts_with("the picture is wrong: "), "{reason}");
+    assert!(json["frames"] == 2 && json["frame_ms"].is_f64() && json["notes"].is_array(), "{json}");
 }
 
 #[test]

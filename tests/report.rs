@@ -259,6 +259,63 @@ fn pictures_are_compared_and_told_apart() {
     assert!(complaint.contains("none.png"), "{complaint}");
 }
 
+#[test]
+fn displayed_values_and_radiance_are_compared_with_a_note() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let place = |name: &str| folder.path().join(name).display().to_string();
+    let picture = image::DynamicImage::from(image::Rgb32FImage::from_pixel(2, 1, image::Rgb([0.5; 3])));
+    let shown = image::DynamicImage::from(picture.to_rgb8());
+    for (name, picture) in [("a.exr", &picture), ("b.exr", &picture), ("a.png", &shown), ("b.png", &shown)] {
+        picture.save(place(name)).expect("it saves");
+    }
+    let notes = |names: [&str; 2]| {
+        let [found, expected] = names.map(place);
+        let (said, _) = outcome(&["compare-images", &found, &expected, "--json"], 0);
+        let said: Value = serde_json::from_str(&said).expect("JSON");
+        said["notes"].as_array().expect("a list").clone()
+    };
+    assert!(notes(["a.exr", "b.exr"]).is_empty() && notes(["a.png", "b.png"]).is_empty());
+    let mixed = notes(["a.png", "a.exr"]);
+    assert_eq!(mixed.len(), 1, "{mixed:?}");
+    let note = mixed[0].as_str().expect("a text");
+    for part in ["a.png has displayed values", "a.exr has linear radiance"] {
+        assert!(note.contains(part), "{note}");
+    }
+    assert_eq!(notes(["a.exr", "a.png"]).len(), 1);
+    let (said, _) = outcome(&["compare-images", &place("a.png"), &place("a.exr")], 0);
+    assert!(said.contains("a.exr has linear radiance"), "{said}");
+}
+
+#[test]
+fn a_compared_picture_is_never_replaced_by_the_differences() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(folder.path().join("inner")).expect("a folder");
+    let place = |name: &str| folder.path().join(name).display().to_string();
+    for (name, grey) in [("a.png", 100), ("b.png", 101)] {
+        image::RgbImage::from_pixel(4, 3, image::Rgb([grey; 3])).save(place(name)).expect("it saves");
+    }
+    let read = || ["a.png", "b.png"].map(|name| std::fs::read(place(name)).expect("a file"));
+    let before = read();
+    for output in ["a.png", "b.png", "inner/../a.png"] {
+        for force in [&[][..], &["--force"]] {
+            let command = ["compare-images", &place("a.png"), &place("b.png"), "--output", &place(output)];
+            let (_, complaint) = outcome(&[&command[..], force].concat(), 2);
+            assert!(
+                complaint.contains("is one of the compared pictures, and is not replaced"),
+                "{complaint}"
+            );
+        }
+    }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(place("b.png"), place("link.png")).expect("a link");
+        let command = ["compare-images", &place("a.png"), &place("link.png"), "--output", &place("b.png")];
+        let (_, complaint) = outcome(&[&command[..], &["--force"]].concat(), 2);
+        assert!(complaint.contains("is one of the compared pictures, and is not replaced"), "{complaint}");
+    }
+    assert!(read() == before, "a picture was changed");
+}
+
 /// Checks that a command overwrites neither a file that raycl did not make nor one that was changed, except with
 /// `--force`.
 fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
@@ -302,8 +359,6 @@ fn pages_and_pictures_that_somebody_made_or_changed_stay() {
     let differences = three.path().join("d.png").display().to_string();
     let images = ["compare-images", &a, &b, "--quiet", "--output", &differences];
     keeps_what_was_changed(&images, three.path(), "d.png");
-    let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", &b], 2);
-    assert!(complaint.contains("b.png' exists, and raycl did not make it"), "{complaint}");
     let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", "d.exr"], 2);
     assert!(complaint.contains("a picture of differences must be a .png"), "{complaint}");
     // raycl may replace the files in its own folder of results.

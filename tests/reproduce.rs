@@ -5,7 +5,7 @@ use crate::binary::{Place, device, has};
 /// Overrides of config keys, with which each config has one point.
 const SMALL: [&str; 8] = [
     "image_sizes=[[16, 10]]",
-    "scenes=['../scenes/triangle.toml']",
+    concat!("scenes=['", env!("CARGO_MANIFEST_DIR"), "/scenes/triangle.toml']"),
     "local_sizes=[4]",
     "strategies=['naive']",
     "strategy=[]",

@@ -269,7 +269,10 @@ fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
     assert_eq!((infeasible.len(), measured.len()), (2, 2));
     for record in infeasible {
         assert_eq!(record["name"], "local-vectors");
-        has(record["reason"].as_str().expect("a reason"), &["108 B x ", "1728 B > 1000 B"]);
+        has(
+            record["reason"].as_str().expect("a reason"),
+            &["108 B x ", "1728 B > 1000 B, the limit in [emulate]"],
+        );
         assert!(record["median_ms"].is_null() && record["samples_ms"] == serde_json::json!([]), "{record}");
     }
 }
@@ -353,6 +356,20 @@ fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
     }
 }
 
+/// No device is opened: the worker of `--asleep` only waits.
+#[test]
+fn lines_about_the_progress_show_control_characters_of_paths_as_escapes() {
+    let place = place();
+    let mut command = crate::binary::program();
+    command.args(["run", "config.toml", "--asleep", "0.1", "--set", "baselines=[]", "--shard", "1/1"]);
+    command.args(["--out", "o\u{1b}ut"]).current_dir(place.path(""));
+    let output = crate::binary::run(command.env("RAYCL_LOCK_DIR", place.path(".locks")));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    has(&said, &["shard 1/1: o\\u001but"]);
+    assert!(!said.contains('\u{1b}'), "{said}");
+}
+
 #[test]
 fn a_mistake_in_a_scene_or_in_the_peak_rates_leaves_no_folder() {
     let (place, device) = (place(), device());
@@ -372,7 +389,12 @@ fn a_mistake_in_a_scene_or_in_the_peak_rates_leaves_no_folder() {
 fn a_folder_that_cannot_be_made_is_refused() {
     let (place, device) = (place(), device());
     let message = place.mistake(&["run", "config.toml", "--device", &device, "--out", "scene.toml/out"], 2);
-    has(&message, &["cannot make scene.toml/out"]);
+    has(&message, &["cannot make scene.toml/out: 'scene.toml' is a file", "--out DIR"]);
+    std::os::unix::fs::symlink("nowhere", place.path("link")).expect("a link");
+    for out in ["link", "link/out"] {
+        let message = place.mistake(&["run", "config.toml", "--device", &device, "--out", out], 2);
+        has(&message, &["'link' is a link without a target", "--out DIR"]);
+    }
 }
 
 #[test]

@@ -140,6 +140,14 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
         ("[[object]]\nvertices = [[0, 0, 0]]\nfaces = [[0, 0, 1]]\n", "vertex 1 does not exist", "[0, 0, 1]"),
         ("[[object]]\nscale = 2\n", "an object is one of", ""),
         ("camera = 5\n", "wrong type: integer", "5"),
+        ("display = [3, 1.0]\n", "wrong type: list, expected a table", "[3, 1.0]"),
+        ("animation = [3, 30, []]\n", "wrong type: list, expected a table", "[3, 30, []]"),
+        ("light = [[[1, 3, 2], 20, 0.1]]\n", "wrong type: list, expected a table", "[[1, 3, 2], 20, 0.1]"),
+        (
+            "[[object]]\nshape = \"sphere\"\nmaterial = [1, 0, 0]\n",
+            "wrong type: list, expected a table",
+            "[1, 0, 0]",
+        ),
         ("x = [\n", "", ""),
     ];
     for (text, message, place) in cases {
@@ -187,7 +195,7 @@ fn materials_come_from_mtl_and_an_override_replaces_them() {
     let (folder, path) = scene_file(
         "[[object]]\nobj = \"m.obj\"\n[[object]]\nobj = \"m.obj\"\nmaterial = { k_l = 0.3 }\n[[light]]\nposition = [0, 0, 3]\npower = 1\n",
     );
-    let mtl = "newmtl dull red \nKd 1 0 0\nmap_Kd\nnewmtl shiny\nKd 0.5\nKs 1 1 1\nNs 20\n";
+    let mtl = "newmtl dull red \nKd 1 0 0\nnewmtl shiny\nKd 0.5\nKs 1 1 1\nNs 20\n";
     std::fs::write(folder.path().join("my file.mtl"), mtl).unwrap();
     let obj =
         "mtllib my file.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl dull red\nf 1 2 3\nusemtl shiny\nf 1 2 3\n";

@@ -67,7 +67,7 @@ fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let sampling = Sampling { first: 2, ..Sampling::all(6) };
     let session = Session::open(&device(), &Sources::Embedded, Arc::clone(scenes[0])).expect("it works");
-    let mut session = session.sampling(sampling);
+    let mut session = session.with_sampling(sampling);
     let mut prepared =
         session.prepare(&strategy, SIZE, COMMON_LOCAL_SIZE).map_err(|no| no.reason()).expect("it works");
     let caster = prepared.caster().map_err(|no| no.reason()).expect("it works");

@@ -169,8 +169,14 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let said = ground.place.mistake(&["merge", "out", "--quiet"], 1);
     has(
         &said,
-        &["points are missing", "of shard 2", "raycl run test.toml --out out --quiet --asleep 1 --shard 2/2"],
+        &["points are missing", "of shard 2", "raycl run test.toml --quiet --asleep 1 --out out --shard 2/2"],
     );
+    // The attempt was started when the folder had another name.
+    let [out, moved] = ["out", "moved it"].map(|name| ground.place.path(name));
+    std::fs::rename(&out, &moved).expect("a new name");
+    let of_moved = ground.place.mistake(&["merge", "moved it", "--quiet"], 1);
+    has(&of_moved, &["raycl run test.toml --quiet --asleep 1 --out 'moved it' --shard 2/2"]);
+    std::fs::rename(&moved, &out).expect("its name");
     let line = said.lines().find(|line| line.trim_start().starts_with("raycl run")).expect("a command");
     let words: Vec<&str> = line.split_whitespace().skip(1).collect();
     ground.place.output(&words);
@@ -206,6 +212,40 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     assert_eq!(records(0) + records(1), POINTS, "no point was measured twice");
     has(&ground.merge(), &["note: raycl ignores 1 damaged line of parts/shard-00001."]);
     ground.is_whole();
+    has(
+        &ground.place.output(&["repair", "out"]),
+        &["out/parts/shard-00001.", "/rounds.jsonl: removed damaged lines: 1, lines kept: "],
+    );
+    let said = ground.merge();
+    assert!(!said.contains("damaged"), "{said}");
+}
+
+/// If a scene and its copy were measured, each shard would measure points that another shard has measured too.
+#[test]
+fn of_scenes_with_the_same_content_one_is_measured() {
+    let ground = Ground::new();
+    let [scene, other] = ["triangle", "pyramid-upper"].map(|name| repository(&format!("scenes/{name}.toml")));
+    std::fs::copy(&scene, ground.place.path("copy.toml")).expect("a copy");
+    let scenes = format!("[{scene:?}, \"copy.toml\", {other:?}]");
+    let text = ground.place.text("test.toml").replace(&format!("[{scene:?}]"), &scenes);
+    ground.place.write("test.toml", &text);
+    let note = "scene copy.toml has the same content as triangle; it is measured once, as triangle";
+    let told = ground.place.output(&["run", "test.toml", "--dry-run", "--asleep", "1"]);
+    has(&told, &[&format!("note: {note}"), &format!("{} points, 0 of which", 2 * POINTS)]);
+    ["1/2", "2/2"].iter().for_each(|shard| ground.shard(shard));
+    let said = ground.merge();
+    has(&said, &[note, "; 0 samples not used"]);
+    assert!(!said.contains("several attempts"), "{said}");
+    let points = |file: &str| -> Vec<String> {
+        let plan: serde_json::Value = serde_json::from_str(&ground.place.text(file)).expect("JSON");
+        plan["points"].as_array().expect("a list").iter().map(|point| point.to_string()).collect()
+    };
+    for file in ["out/plan.json", "out/shards.json"] {
+        let points = points(file);
+        assert_eq!(points.iter().collect::<HashSet<_>>().len(), 2 * POINTS, "{file}");
+        assert_eq!(points.len(), 2 * POINTS, "{file}");
+    }
+    assert_eq!(ground.records("out/records.jsonl").len(), 2 * POINTS);
 }
 
 /// Returns the JSON objects in a text, one after another.

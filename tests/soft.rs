@@ -159,7 +159,7 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
         "const int source = sources->first_light + light;\n    return",
         "const int source = light;\n    return",
     );
-    let message = place.mistake(&[&usual[..], &ends, &["--cl-dir", &kernels]].concat(), 1);
+    let message = place.mistake(&[&usual[..], &ends, &["--quiet", "--cl-dir", &kernels]].concat(), 1);
     has(&message, &["the picture is wrong: "]);
 }
 

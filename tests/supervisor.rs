@@ -75,8 +75,8 @@ fn a_failed_launch_costs_its_point_only_even_if_the_device_then_refuses_everythi
         has_failed: bool,
     }
     impl Spawner for Failing {
-        fn spawn(&mut self, device: usize) -> raycl::Result<Box<dyn Worker>> {
-            let of = self.of.spawn(device)?;
+        fn spawn(&mut self, job: usize) -> raycl::Result<Box<dyn Worker>> {
+            let of = self.of.spawn(job)?;
             Ok(Box::new(FailingWorker { of, casting: self.casting, has_failed: false }))
         }
     }

@@ -160,6 +160,26 @@ fn a_broken_texture_is_a_wrong_picture() {
     }
 }
 
+/// In models whose texture is a palette, all corners of a face often have the same texture coordinates. Close to the
+/// edge of a dark colour, rounding then decides how much light of the neighbouring colour a pixel shows.
+#[test]
+fn a_face_at_the_edge_of_a_colour_of_a_palette_is_right_unless_it_shows_another_place() {
+    let cube = "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+                vt 0.499521484 0.5\nusemtl palette\nf 5/1 6/1 7/1 8/1\nf 2/1 3/1 7/1 6/1\nf 8/1 7/1 3/1 4/1\n";
+    let scene = "[camera]\nposition = [2, 2, 3]\nlook_at = [0.5, 0.5, 0.5]\n\
+                 [[light]]\nposition = [2, 3, 3]\npower = 14\n[[object]]\nmesh = \"cube.obj\"\n";
+    let mtl = "newmtl palette\nmap_Kd palette.png\n";
+    let place = Place::with(&[("cube.obj", cube), ("cube.mtl", mtl), ("scene.toml", scene)]);
+    let palette = RgbImage::from_fn(1024, 4, |x, _| Rgb([if x < 512 { 0 } else { 255 }; 3]));
+    palette.save(place.path("palette.png")).expect("a picture");
+    // Rounding moves a place by at most 0.0004 texels.
+    let moved = ("common/textures.cl", "(float)width - 0.5f", "(float)width - 0.498f");
+    for strategy in ["naive", "tile"] {
+        place.picture(&["--verify", "--strategy", strategy]);
+        place.notices(moved, strategy, &["--verify"]);
+    }
+}
+
 /// Returns a glTF file of one quad with this sampler, and with its picture in base64.
 pub fn gltf(sampler: &str, transform: &str) -> String {
     use base64::Engine as _;

@@ -34,7 +34,7 @@ struct Noting {
 }
 
 impl Spawner for Noting {
-    fn spawn(&mut self, _device: usize) -> raycl::Result<Box<dyn Worker>> {
+    fn spawn(&mut self, _job: usize) -> raycl::Result<Box<dyn Worker>> {
         Ok(Box::new(Self { run: self.run, log: Arc::clone(&self.log), reply: Reply::Started }))
     }
 }

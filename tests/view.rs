@@ -457,18 +457,26 @@ fn ctrl_c_ends_the_view_in_a_terminal() {
 #[test]
 fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
     use rustix::process::{Pid, Signal, kill_process};
-    // SIGTERM goes to the process that the user started. SIGABRT, as if a driver had crashed, goes to the child process
-    // that uses the driver.
-    for signal in [Signal::TERM, Signal::ABORT] {
+    // SIGABRT, as if a driver had crashed, goes to the child process that uses the driver. The other signals go to the
+    // process that the user started.
+    let signals = [
+        (Signal::TERM, "143", "SIGTERM"),
+        (Signal::HUP, "129", "SIGHUP"),
+        (Signal::QUIT, "131", "SIGQUIT"),
+        // raycl says nothing about SIGINT.
+        (Signal::INT, "130", ""),
+        (Signal::ABORT, "1", "SIGABRT"),
+    ];
+    for (signal, code, name) in signals {
         let place = place();
         let path = |name: &str| place.path(name).display().to_string();
         let (device, scene, program) = (device(), path("scene.toml"), env!("CARGO_BIN_EXE_raycl"));
-        let (process, mode) = (path("process"), path("mode"));
+        let (process, mode, ended) = (path("process"), path("mode"), path("code"));
         // The crash writes no file with the memory of the process. `cat` keeps the terminal open.
         let begin = "ulimit -c 0; echo $$ >\"$0\"; exec \"$@\"";
         let command = format!(
             "sh -c '{begin}' '{process}' '{program}' view '{scene}' --terminal --spin --device '{device}'; \
-             stty -a >'{mode}'; cat"
+             echo $? >'{ended}'; stty -a >'{mode}'; cat"
         );
         let tmux = Tmux::start(&place, &command);
         let state =
@@ -476,7 +484,7 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
         until("the last line tells the speed", || tmux.text().contains("rays/s"));
         assert_eq!(state(), "1 1 0\n");
         let first: u32 = place.text("process").trim().parse().expect("the number of a process");
-        let to = if signal == Signal::TERM { first } else { crate::faults::children(first)[0] };
+        let to = if signal == Signal::ABORT { crate::faults::children(first)[0] } else { first };
         let to = Pid::from_raw(to as i32).expect("a process has a number");
         kill_process(to, signal).expect("it lives");
         until("it has ended", || {
@@ -486,13 +494,13 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
             }
             std::fs::read_to_string(&mode).is_ok_and(|mode| !mode.is_empty())
         });
+        assert_eq!(place.text("code").trim(), code, "{signal:?}");
         let modes = place.text("mode");
         for usual in ["icanon", "echo", "isig"] {
             assert!(modes.split_whitespace().any(|mode| mode == usual), "{signal:?}, not {usual}: {modes}");
         }
         until("the usual screen is shown", || state() == "0 0 1\n");
         // The terminal may show what raycl has written a moment later.
-        let name = if signal == Signal::TERM { "SIGTERM" } else { "SIGABRT" };
         until("raycl names the signal", || tmux.text().contains(name));
     }
 }

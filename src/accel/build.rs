@@ -1,9 +1,8 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
-//! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in one of two
-//! buffers. Each cut moves the primitives to the other buffer, so all reads and writes are sequential. The primitives
-//! of large nodes are binned and moved in chunks on all cores. The two halves of a cut are independent tasks, except in
-//! small subtrees.
+//! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a buffer,
+//! and a cut moves them within this part of the buffer. The primitives of large nodes are binned and moved in chunks on
+//! all cores. The two halves of a cut are independent tasks, except in small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -29,8 +28,6 @@ const HALVING_DEPTH: u32 = 64;
 struct Work<'a> {
     /// The subtree's primitives.
     primitives: &'a mut [Primitive],
-    /// A second buffer of the same size, to which a cut moves the primitives.
-    spare: &'a mut [Primitive],
     /// The part of the leaf order that belongs to this subtree.
     order: &'a mut [u32],
     /// The subtree's box.
@@ -60,18 +57,15 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
     if primitives.is_empty() {
         return Bvh { nodes: Vec::new(), order: Vec::new(), depth: 0 };
     }
-    let mut spare = Vec::new();
-    primitives.par_iter().copied().collect_into_vec(&mut spare);
     let mut order = vec![0; primitives.len()];
     let (bounds, region) = primitives
         .par_chunks(CHUNK)
         .map(|chunk| (Primitive::bounds(chunk), Primitive::centre_bounds(chunk)))
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
-    let root =
-        Work { primitives: &mut primitives, spare: &mut spare, order: &mut order, bounds, region, depth: 0 };
+    let root = Work { primitives: &mut primitives, order: &mut order, bounds, region, depth: 0 };
     let tree = grow(root, leaf_size);
     // For large meshes, the use of memory is highest here, so the boxes are freed before the pieces are joined.
-    drop((primitives, spare));
+    drop(primitives);
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
 
@@ -115,11 +109,11 @@ fn divide(work: Work) -> [Work; 2] {
     let cut = if work.depth >= HALVING_DEPTH {
         None
     } else if count > PARALLEL_NODE {
-        cut_in_chunks(work.primitives, work.spare, work.region)
+        cut_in_chunks(work.primitives, work.region)
     } else if count > FINE_NODE {
-        cut::<FINE>(work.primitives, work.spare, work.region)
+        cut::<FINE>(work.primitives, work.region)
     } else {
-        cut::<COARSE>(work.primitives, work.spare, work.region)
+        cut::<COARSE>(work.primitives, work.region)
     };
     match cut {
         Some(cut) => work.split(cut),
@@ -130,45 +124,43 @@ fn divide(work: Work) -> [Work; 2] {
 /// Finds the best cut and moves the primitives. `region` comes from cutting the parent's region, so it may be larger
 /// than the bounds of the primitives' doubled centres. If no cut is found in `region`, the search is repeated with
 /// these exact bounds.
-fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
+fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);
-        Bins::of(source, &slicer).best_cut(&slicer, region).map(|cut| (slicer, cut))
+        Bins::of(primitives, &slicer).best_cut(&slicer, region).map(|cut| (slicer, cut))
     };
-    let (slicer, cut) = try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
-    partition(source, target, &slicer, &cut);
+    let (slicer, cut) = try_region(region).or_else(|| try_region(Primitive::centre_bounds(primitives)))?;
+    partition(primitives, &slicer, &cut);
     Some(cut)
 }
 
 /// Does the same as `cut`, but on all cores.
-fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
+fn cut_in_chunks(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);
-        let chunks: Vec<_> = source.par_chunks(CHUNK).map(|c| (c, Bins::of(c, &slicer))).collect();
-        let bins = chunks[1..].iter().fold(chunks[0].1.clone(), |sum, (_, bins)| sum.merge(bins));
-        bins.best_cut(&slicer, region).map(|cut| (slicer, chunks, cut))
+        let bins: Vec<_> = primitives.par_chunks(CHUNK).map(|chunk| Bins::of(chunk, &slicer)).collect();
+        let sum = bins[1..].iter().fold(bins[0].clone(), |sum, bins| sum.merge(bins));
+        sum.best_cut(&slicer, region).map(|cut| (slicer, bins, cut))
     };
-    let (slicer, chunks, cut) =
-        try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
-    partition_chunks(&chunks, target, &slicer, &cut);
+    let (slicer, bins, cut) =
+        try_region(region).or_else(|| try_region(Primitive::centre_bounds(primitives)))?;
+    partition_chunks(primitives, CHUNK, &bins, &slicer, &cut);
     Some(cut)
 }
 
 impl<'a> Work<'a> {
-    /// Returns the two sides of a cut; their primitives now lie in `spare`.
+    /// Returns the two sides of a cut, which has moved the primitives.
     fn split(self, cut: Cut) -> [Self; 2] {
-        let (left, right) = self.spare.split_at_mut(cut.left_count);
-        let (spare_left, spare_right) = self.primitives.split_at_mut(cut.left_count);
+        let (left, right) = self.primitives.split_at_mut(cut.left_count);
         let (order_left, order_right) = self.order.split_at_mut(cut.left_count);
-        let side = |primitives, spare, order, i: usize| Work {
+        let side = |primitives, order, i: usize| Work {
             primitives,
-            spare,
             order,
             bounds: cut.bounds[i],
             region: cut.regions[i],
             depth: self.depth + 1,
         };
-        [side(left, spare_left, order_left, 0), side(right, spare_right, order_right, 1)]
+        [side(left, order_left, 0), side(right, order_right, 1)]
     }
 
     /// Returns two halves whose numbers of triangles differ by at most one. [`divide`] uses them if no cut is found,
@@ -183,6 +175,6 @@ impl<'a> Work<'a> {
             bounds: [left, right].map(Primitive::bounds),
             regions: [left, right].map(Primitive::centre_bounds),
         };
-        Work { primitives: self.spare, spare: self.primitives, ..self }.split(cut)
+        self.split(cut)
     }
 }

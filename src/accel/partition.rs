@@ -1,77 +1,150 @@
-//! Moves a node's primitives to their side of a cut, from one buffer to the other.
+//! Moves a node's primitives to their side of a cut, within the node's own part of the buffer. A second buffer would
+//! take 32 more bytes per triangle while a tree is built.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::Primitive;
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Moves primitives left of the cut to the front of `target`, and all other primitives to the back.
-pub(super) fn partition<const N: usize>(
-    source: &[Primitive],
-    target: &mut [Primitive],
-    slicer: &Slicer<N>,
-    cut: &Cut,
-) {
+/// Moves the primitives left of the cut before all other primitives.
+pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &Slicer<N>, cut: &Cut) {
     match cut.axis {
-        0 => partition_on::<N, 0>(source, target, slicer, cut.slice),
-        1 => partition_on::<N, 1>(source, target, slicer, cut.slice),
-        _ => partition_on::<N, 2>(source, target, slicer, cut.slice),
+        0 => partition_on::<N, 0>(primitives, slicer, cut.slice),
+        1 => partition_on::<N, 1>(primitives, slicer, cut.slice),
+        _ => partition_on::<N, 2>(primitives, slicer, cut.slice),
     }
 }
 
-/// Writes each primitive to both ends of the free part of `target`, then shortens this part at one end. Writing to both
-/// ends needs no branch; a branch would often be mispredicted.
+/// Exchanges each primitive with the first one that belongs to the right side. This is done on both sides of the cut,
+/// since it needs no branch; a branch would often be mispredicted.
+///
+/// ```text
+///   0         left        at            the end
+///   | left side | right side | not yet seen |
+/// ```
 fn partition_on<const N: usize, const AXIS: usize>(
-    source: &[Primitive],
-    target: &mut [Primitive],
+    primitives: &mut [Primitive],
     slicer: &Slicer<N>,
     slice: usize,
 ) {
-    let (mut front, mut back) = (0, target.len());
-    for primitive in source {
-        let is_left = slicer.slice::<AXIS>(primitive) < slice;
-        target[front] = *primitive;
-        target[back - 1] = *primitive;
-        front += usize::from(is_left);
-        back -= usize::from(!is_left);
+    let mut left = 0;
+    for at in 0..primitives.len() {
+        let is_left = slicer.slice::<AXIS>(&primitives[at]) < slice;
+        primitives.swap(left, at);
+        left += usize::from(is_left);
     }
 }
 
-/// Moves the primitives of each chunk to their side of the cut, on all cores. `chunks` are pieces of the source, each
-/// with its bins. The bins determine how many primitives of a piece go to each side.
+/// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned alone;
+/// `bins` are the chunks' bins, which tell how many primitives of a chunk belong to the left side. Then, the primitives
+/// that still lie on the wrong side of the whole node exchange their places.
+///
+/// ```text
+///   chunk 0      chunk 1    |  chunk 2
+///   L L L R R    L L R R R  |  L L L L R      (L, R: belongs to the left or right side; |: the cut)
+///         \___________\________/ / / /
+/// ```
 pub(super) fn partition_chunks<const N: usize>(
-    chunks: &[(&[Primitive], Bins<N>)],
-    target: &mut [Primitive],
+    primitives: &mut [Primitive],
+    chunk: usize,
+    bins: &[Bins<N>],
     slicer: &Slicer<N>,
     cut: &Cut,
 ) {
-    let (mut left, mut right) = target.split_at_mut(cut.left_count);
-    let mut moves = Vec::with_capacity(chunks.len());
-    for (source, bins) in chunks {
-        let left_count = bins.count_below(cut.axis, cut.slice);
-        let (to_left, rest) = left.split_at_mut(left_count);
-        let (to_right, rest_right) = right.split_at_mut(source.len() - left_count);
-        (left, right) = (rest, rest_right);
-        moves.push((*source, to_left, to_right));
+    primitives.par_chunks_mut(chunk).for_each(|primitives| partition(primitives, slicer, cut));
+    let (mut rights, mut lefts) = (Vec::new(), Vec::new());
+    for (number, bins) in bins.iter().enumerate() {
+        let start = number * chunk;
+        let end = primitives.len().min(start + chunk);
+        let middle = start + bins.count_below(cut.axis, cut.slice);
+        rights.push(middle.min(cut.left_count)..end.min(cut.left_count));
+        lefts.push(start.max(cut.left_count)..middle.max(cut.left_count));
     }
-    moves.into_par_iter().for_each(|(source, to_left, to_right)| match cut.axis {
-        0 => scatter::<N, 0>(source, to_left, to_right, slicer, cut.slice),
-        1 => scatter::<N, 1>(source, to_left, to_right, slicer, cut.slice),
-        _ => scatter::<N, 2>(source, to_left, to_right, slicer, cut.slice),
-    });
+    let (before, after) = primitives.split_at_mut(cut.left_count);
+    let [rights, lefts] = [pieces(before, 0, &rights), pieces(after, cut.left_count, &lefts)];
+    pairs(rights, lefts).into_par_iter().for_each(|[right, left]| right.swap_with_slice(left));
 }
 
-fn scatter<const N: usize, const AXIS: usize>(
-    source: &[Primitive],
-    left: &mut [Primitive],
-    right: &mut [Primitive],
-    slicer: &Slicer<N>,
-    slice: usize,
-) {
-    let (mut left, mut right) = (left.iter_mut(), right.iter_mut());
-    for primitive in source {
-        let side = if slicer.slice::<AXIS>(primitive) < slice { &mut left } else { &mut right };
-        if let Some(place) = side.next() {
-            *place = *primitive;
+/// Returns the parts of `primitives` in the given ranges, which ascend; `first` is the place of the first primitive.
+fn pieces<'a>(
+    mut primitives: &'a mut [Primitive],
+    first: usize,
+    ranges: &[Range<usize>],
+) -> Vec<&'a mut [Primitive]> {
+    let mut place = first;
+    let mut pieces = Vec::new();
+    for range in ranges.iter().filter(|range| !range.is_empty()) {
+        let (piece, rest) = primitives.split_at_mut(range.start - place).1.split_at_mut(range.len());
+        pieces.push(piece);
+        (primitives, place) = (rest, range.end);
+    }
+    pieces
+}
+
+/// Cuts two lists of pieces, with equally many primitives in all, into pairs of pieces of equal lengths.
+fn pairs<'a>(
+    one: Vec<&'a mut [Primitive]>,
+    other: Vec<&'a mut [Primitive]>,
+) -> Vec<[&'a mut [Primitive]; 2]> {
+    let (mut one, mut other) = (one.into_iter(), other.into_iter());
+    let (mut left, mut right): (&mut [Primitive], &mut [Primitive]) = (&mut [], &mut []);
+    let mut pairs = Vec::new();
+    loop {
+        if left.is_empty() {
+            let Some(next) = one.next() else { return pairs };
+            left = next;
+        }
+        if right.is_empty() {
+            let Some(next) = other.next() else { return pairs };
+            right = next;
+        }
+        let len = left.len().min(right.len());
+        let (a, rest_of_left) = left.split_at_mut(len);
+        let (b, rest_of_right) = right.split_at_mut(len);
+        pairs.push([a, b]);
+        (left, right) = (rest_of_left, rest_of_right);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Returns the numbers of the triangles, in ascending order.
+    fn numbers(primitives: &[Primitive]) -> Vec<u32> {
+        let mut numbers: Vec<u32> = primitives.iter().map(|primitive| primitive.triangle()).collect();
+        numbers.sort_unstable();
+        numbers
+    }
+
+    #[test]
+    fn chunks_of_any_length_give_the_sides_of_one_partition() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        for chunk in 1..=9 {
+            let point = |_| Vec3::new(rng.random(), rng.random(), rng.random());
+            let points: Vec<Vec3> = (0..50).map(point).collect();
+            let mut primitives: Vec<_> =
+                points.iter().enumerate().map(|(i, point)| Primitive::new([*point; 3], i as u32)).collect();
+            let region = Primitive::centre_bounds(&primitives);
+            let slicer = Slicer::<8>::new(region);
+            let bins: Vec<_> = primitives.chunks(chunk).map(|chunk| Bins::of(chunk, &slicer)).collect();
+            let cut = Bins::of(&primitives, &slicer).best_cut(&slicer, region).unwrap();
+            let mut alone = primitives.clone();
+            partition(&mut alone, &slicer, &cut);
+            partition_chunks(&mut primitives, chunk, &bins, &slicer, &cut);
+            let sides = |primitives: &[Primitive]| {
+                let (left, right) = primitives.split_at(cut.left_count);
+                [left, right].map(numbers)
+            };
+            assert_eq!(sides(&primitives), sides(&alone));
+            let (left, right) = primitives.split_at(cut.left_count);
+            let [left, right] = [left, right].map(Primitive::centre_bounds);
+            assert!(left.high[cut.axis] <= right.low[cut.axis], "the cut of chunks of {chunk} is no plane");
+            assert_eq!(numbers(&primitives), (0..50).collect::<Vec<_>>());
         }
     }
 }

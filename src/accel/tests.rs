@@ -360,13 +360,13 @@ fn a_ray_along_an_axis_misses_boxes_beside_it() {
 }
 
 #[test]
-fn a_build_needs_the_order_the_nodes_and_two_buffers_of_boxes_or_the_nodes_again() {
-    let boxes = 2 * 1000 * size_of::<super::bounds::Primitive>();
+fn a_build_needs_the_order_the_nodes_and_the_boxes_or_the_nodes_again() {
+    let boxes = 1000 * size_of::<super::bounds::Primitive>();
     let order = 1000 * size_of::<u32>();
-    // Leaves of at most three triangles contain two on average: 501 leaves at most, and as many other nodes.
-    let nodes = 1002 * size_of::<Node>();
-    assert_eq!(Bvh::build_bytes(1000, 3), (boxes + order + nodes) as u64);
-    // With one triangle per leaf, the nodes take more bytes than the two buffers of boxes.
+    // Leaves of at most four triangles contain two and a half on average: 401 leaves at most, and as many other nodes.
+    let nodes = 802 * size_of::<Node>();
+    assert_eq!(Bvh::build_bytes(1000, 4), (boxes + order + nodes) as u64);
+    // With one triangle per leaf, the nodes take more bytes than the boxes.
     let nodes = 2002 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 1), (order + 2 * nodes) as u64);
 }

@@ -1,24 +1,49 @@
-//! Arguments that several subcommands share: a device, a strategy, a local size, `--set`.
+//! Arguments that several subcommands share: a device, a strategy, a local size, a time, `--set`.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, DeviceLimits, LaneTest, default_place, pick_one, places};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 use crate::settings;
 use crate::sources::Sources;
 use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, Traversal, fastest, preset};
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
+use std::ops::RangeInclusive;
+use std::time::Duration;
 
 /// Parses `WIDTHxHEIGHT`, or one number for both.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let (across, down) = text.split_once('x').unwrap_or((text, text));
+    let (across, down) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
         Ok(n) if (1..=4096).contains(&n) => Ok(n),
         _ => Err(format!(
-            "'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, with numbers from 1 to 4096"
+            "'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, or one number for both, from 1 to 4096"
         )),
     };
     Ok([number(across)?, number(down)?])
+}
+
+/// Returns a parser for clap that accepts a whole number of a range. clap's own parser does not tell the range if the
+/// text is not a whole number.
+pub fn whole<T: TryFrom<u32>>(
+    range: RangeInclusive<u32>,
+) -> impl Fn(&str) -> std::result::Result<T, String> + Clone {
+    move |text| {
+        let number = text.parse::<u32>().ok().filter(|number| range.contains(number));
+        number.and_then(|number| T::try_from(number).ok()).ok_or_else(|| {
+            match (range.start(), *range.end()) {
+                (least, u32::MAX) => format!("'{text}' is not a whole number of at least {least}"),
+                (least, most) => format!("'{text}' is not a whole number from {least} to {most}"),
+            }
+        })
+    }
+}
+
+/// Parses a positive number of seconds.
+pub fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
 }
 
 /// Parses `key=value`.
@@ -62,13 +87,22 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     };
     let mut strategy = preset(name)?.strategy;
     for part in parts {
-        let (axis, value) = part.split_once('=').ok_or_else(|| {
-            Error::input(format!("'{part}' in --strategy does not have the form axis=value"))
-                .with_help("name a preset first, then axes with their values: --strategy deferred,width=4")
-        })?;
+        let (axis, value) = part.split_once('=').ok_or_else(|| no_axis(part, name))?;
         strategy.set(axis.trim(), value.trim())?;
     }
     Ok(strategy)
+}
+
+/// Returns the error for a part of a strategy's text without `=`, after the part that names the preset `first`. The
+/// part may be the preset of another strategy.
+fn no_axis(part: &str, first: &str) -> Error {
+    let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
+    error.with_help(match preset(part) {
+        Ok(_) => format!(
+            "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
+        ),
+        Err(_) => "name a preset first, then axes with their values: --strategy deferred,width=4".to_owned(),
+    })
 }
 
 /// Returns the error for a text that names no strategy. Such a text is mostly the value of a shell's variable that is
@@ -126,11 +160,11 @@ pub fn is_axis(key: &str) -> bool {
 /// refused, since none resembles the name of an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
-    match nearest(key, names.iter().copied()) {
+    match meant(key, names.iter().copied()) {
         Some(meant) => Err(Error::input(format!(
             "--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"
         ))
-        .with_help(format!("did you mean '{meant}'? the axes are {}", names.join(", ")))),
+        .with_help(format!("{meant} the axes are {}", names.join(", ")))),
         None => Ok(()),
     }
 }
@@ -180,9 +214,33 @@ mod tests {
     #[test]
     fn sizes() {
         assert_eq!(parse_size("16x8"), Ok([16, 8]));
+        assert_eq!(parse_size("16X8"), Ok([16, 8]));
         assert_eq!(parse_size("4"), Ok([4, 4]));
-        for wrong in ["", "x", "0x4", "-1", "4x", "5000"] {
-            assert!(parse_size(wrong).is_err(), "{wrong}");
+        for wrong in ["", "x", "0x4", "-1", "4x", "5000", "8x8x8"] {
+            let told = parse_size(wrong).expect_err(wrong);
+            assert!(told.contains("such as 16x8, or one number for both"), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_whole_number_that_is_refused_is_told_with_its_range() {
+        let rate = whole::<u16>(1..=1000);
+        assert_eq!([rate("1"), rate("1000")], [Ok(1), Ok(1000)]);
+        for wrong in ["29.97", "0", "1001", "-1", "70000", "99999999999", "many", ""] {
+            assert_eq!(rate(wrong), Err(format!("'{wrong}' is not a whole number from 1 to 1000")));
+        }
+        let count = whole::<u32>(1..=u32::MAX);
+        assert_eq!(count("4294967295"), Ok(u32::MAX));
+        assert_eq!(count("0"), Err("'0' is not a whole number of at least 1".to_owned()));
+    }
+
+    #[test]
+    fn a_time_limit_is_a_positive_number_of_seconds() {
+        assert_eq!(parse_seconds("0.25"), Ok(Duration::from_millis(250)));
+        assert_eq!(parse_seconds("90"), Ok(Duration::from_secs(90)));
+        for wrong in ["0", "-1", "", "1s", "nan", "inf"] {
+            let message = parse_seconds(wrong).expect_err("it is no time");
+            assert!(message.contains(&format!("'{wrong}'")), "{message}");
         }
     }
 
@@ -216,7 +274,15 @@ mod tests {
         wide.set("width", "4")?;
         assert_eq!(parse_strategy("deferred,width=4")?, wide);
         assert_eq!(parse_strategy("width=4")?, wide);
-        assert!(parse_strategy("deferred,4").is_err());
+        for (text, help) in [
+            ("deferred,4", "name a preset first"),
+            ("naive,local-vectors", "a strategy has one preset, and 'local-vectors' is another one"),
+            ("width=4,naive", "a strategy has one preset, and 'naive' is another one"),
+        ] {
+            let error = parse_strategy(text).expect_err(text);
+            assert!(error.to_string().contains("does not have the form axis=value"), "{error}");
+            assert!(error.remedy().starts_with(help), "{}", error.remedy());
+        }
         for empty in ["", " ", ","] {
             let error = parse_strategy(empty).expect_err(empty);
             assert!(error.exit_code() == 2 && error.to_string().contains("names no strategy"), "{error}");

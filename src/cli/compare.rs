@@ -4,9 +4,14 @@ use crate::error::{Error, Result};
 use crate::measure::Verdict;
 use crate::output::{Choice, OutFolder};
 use crate::record::Folder;
+use crate::record::journals::SUMMARY;
 use crate::report::{self, Comparison};
 use crate::words::counted;
 use std::path::{Path, PathBuf};
+
+/// By default, a change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this
+/// percentage.
+pub(super) const THRESHOLD_PERCENT: f64 = 2.0;
 
 /// Arguments of `raycl compare`.
 #[derive(Debug, clap::Args)]
@@ -21,7 +26,7 @@ pub struct Args {
     after: PathBuf,
     /// Report a point as "same" if the whole 95% interval of its change lies between a speed-up and a slowdown of
     /// PERCENT
-    #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
+    #[arg(long, value_name = "PERCENT", default_value_t = THRESHOLD_PERCENT, value_parser = percent)]
     threshold: f64,
     /// Compare the times as they were measured. Without this option, raycl first divides each time by another time of
     /// the same run, such as the time of the anchor (a kernel that never changes), to allow for changes of the
@@ -90,21 +95,33 @@ pub fn run(args: Args) -> Result<()> {
     } else if !args.quiet {
         print_table(&comparison)?;
     }
-    match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, &after.path)),
-        _ => Ok(()),
-    }
+    refuse_regressions(&comparison, args.fail_on_regression, "", remedy(&comparison, &after.path))
 }
 
-/// Returns the error that lists the regressions in the folder `after`.
-fn regressed(comparison: &Comparison, worse: &[String], after: &Path) -> Error {
-    let help = match comparison.broken.is_empty() {
+/// Returns the remedy if the folder `after` has regressions.
+fn remedy(comparison: &Comparison, after: &Path) -> String {
+    match comparison.broken.is_empty() {
         true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \
                  busy during one of the runs"
             .to_owned(),
-        false => format!("{} gives the reason for each point that fails", after.join("summary.md").display()),
-    };
-    Error::run(format!("{}: {}", counted(worse.len(), "regression"), worse.join("; "))).with_help(help)
+        false => format!("{} gives the reason for each point that fails", after.join(SUMMARY).display()),
+    }
+}
+
+/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Nothing is refused
+/// without a limit. `between` is the part of the message after the number of regressions.
+pub(super) fn refuse_regressions(
+    comparison: &Comparison,
+    limit_percent: Option<f64>,
+    between: &str,
+    remedy: String,
+) -> Result<()> {
+    let worse = limit_percent.map_or(Vec::new(), |percent| comparison.regressions(percent));
+    if worse.is_empty() {
+        return Ok(());
+    }
+    let count = counted(worse.len(), "regression");
+    Err(Error::run(format!("{count}{between}: {}", worse.join("; "))).with_help(remedy))
 }
 
 /// Prints every point whose verdict is not "same", then the points that could not be compared, then the notes, then the

@@ -2,9 +2,11 @@
 
 use crate::error::{Error, Result};
 use crate::image::{
-    Radiance, alpha_difference, check_png, difference_image, read_picture, relative_difference, save_rgb8,
+    Radiance, Values, alpha_difference, check_png, difference_image, read_picture, relative_difference,
+    save_rgb8,
 };
 use crate::output::{Choice, Target};
+use crate::scene::Inputs;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -15,9 +17,10 @@ use std::path::PathBuf;
   raycl compare-images teapot.exr reference.exr --output difference.png
   raycl compare-images teapot.png reference.png --fail-below 40")]
 pub struct Args {
-    /// The picture to check: .png, .jpg, .exr or .hdr
+    /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance)
     found: PathBuf,
-    /// The expected picture, with which FOUND (the picture to check) is compared
+    /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have displayed
+    /// values, or both radiance
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]
@@ -61,14 +64,20 @@ struct Report {
     /// at least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
+    /// Remarks for the user: the two files have values of different kinds.
+    notes: Vec<String>,
 }
 
 /// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--output FILE.png");
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
-    target.iter().try_for_each(check_png)?;
-    let (mut found, mut expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
+    if let Some(target) = &target {
+        refuse_compared(&args, target)?;
+        check_png(target)?;
+    }
+    let ((mut found, of_found), (mut expected, of_expected)) =
+        (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
             "{} is {} x {} pixels and {} is {} x {}: only pictures of the same size can be compared",
@@ -85,7 +94,8 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(target) = &target {
         save_rgb8(&difference_image(&found, &expected), target)?;
     }
-    let report = compare(&found, &expected, args.output.as_ref());
+    let notes = other_values(&args, of_found, of_expected).into_iter().collect();
+    let report = Report { notes, ..compare(&found, &expected, args.output.as_ref()) };
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&report)?,
         (false, true) => {}
@@ -98,6 +108,33 @@ pub fn run(args: Args) -> Result<()> {
         .with_help("`--output FILE.png` saves a picture that shows where the pictures differ")),
         _ => Ok(()),
     }
+}
+
+/// Refuses to replace one of the compared pictures by the picture of their differences, even with `--force`.
+fn refuse_compared(args: &Args, target: &Target) -> Result<()> {
+    let compared = Inputs::new();
+    [&args.found, &args.expected].into_iter().for_each(|path| compared.add(path));
+    target.check_unread("one of the compared pictures", |path| compared.contains(path))
+}
+
+/// Returns a note if one picture has displayed values and the other one radiance. Such pictures differ in every pixel,
+/// even if they are of the same render.
+fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> {
+    let told = |path: &PathBuf, values| {
+        let what = match values {
+            Values::Displayed => "displayed values",
+            Values::Radiance => "linear radiance",
+        };
+        format!("{} has {what}", path.display())
+    };
+    (found != expected).then(|| {
+        format!(
+            "{} and {}, so the two differ even if they show the same picture: compare a .png or .jpg with a .png or \
+             .jpg, and an .exr or .hdr with an .exr or .hdr",
+            told(&args.found, found),
+            told(&args.expected, expected)
+        )
+    })
 }
 
 /// If only one of two pictures has alpha, the other one becomes opaque.
@@ -146,6 +183,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
         largest_error_at: largest.1,
         largest_relative_difference: relative,
         output: output.map(|path| path.display().to_string()),
+        notes: Vec::new(),
     }
 }
 
@@ -172,6 +210,7 @@ fn text(report: &Report) -> String {
         _ => lines.push(format!("equal in all {} pixels", report.pixels)),
     }
     lines.extend(report.output.iter().map(|path| format!("differences       {path}")));
+    lines.extend(report.notes.iter().map(|note| format!("note              {note}")));
     lines.join("\n")
 }
 
@@ -258,6 +297,7 @@ mod tests {
             largest_error_at: Some([12, 7]),
             largest_relative_difference: 0.5,
             output: Some("d.png".into()),
+            notes: vec!["a remark".into()],
         };
         let told = text(&report);
         let lines: Vec<String> =
@@ -270,6 +310,7 @@ mod tests {
                 "relative error 5.00e-1 at most, divided by the expected pixel's brightest channel",
                 "different pixels 3 of 400 (0.75%)",
                 "differences d.png",
+                "note a remark",
             ]
         );
         assert_eq!(["40", "40dB", "40 dB"].map(decibels), [Ok(40.0), Ok(40.0), Ok(40.0)]);

@@ -6,11 +6,13 @@ use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
 use crate::microscope::Microscope;
 use crate::output::{Choice, OutFolder};
+use crate::printer;
 use crate::program::compiled::is_ptx;
 use crate::program::{CACHE_DISABLE, CompiledKernel, Kept, Sources};
 use crate::report::{MICROSCOPE, microscope_page};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
+use crate::words::counted_of_were;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,17 +29,20 @@ Each strategy gets a folder inside the folder of --out, with these files: source
 The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers; for the others, the table that `raycl compile` prints does not show it. This table counts memory instructions only in PTX.")]
 pub struct Args {
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
-    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays
+    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays. A bare
+    /// mesh is compiled as for `raycl render --plain --samples 1`
     scene: PathBuf,
-    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
+    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several
+    /// times; if a strategy cannot be compiled, the others are compiled nevertheless
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
-    /// Local size: work-items per work-group, across and down [default: 8x8. For strategies in which 32 work-items
-    /// cast a tile of rays together: 32x4 if they can exchange values without barriers on the device, else 32x1]
+    /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
+    /// 32 work-items cast a tile of rays together: 32x4 if they can exchange values without barriers on the device,
+    /// else 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu) [default:
-    /// the device in your settings, else the most capable device]
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// accelerator) [default: the device in your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder
@@ -52,7 +57,7 @@ pub struct Args {
     json: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
-    cl_dir: Option<PathBuf>,
+    pub(super) cl_dir: Option<PathBuf>,
 }
 
 /// The compiled program of a strategy.
@@ -73,7 +78,7 @@ struct Compilation {
 /// The image size. The compiled code does not depend on the size, so any size will do.
 const IMAGE_SIZE: [u32; 2] = [64, 64];
 
-/// Builds the program of every strategy.
+/// Builds the program of every strategy. Fails if a program cannot be built, after the others have been built.
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;
@@ -84,8 +89,17 @@ pub fn run(args: Args) -> Result<()> {
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
     let device = one_device(args.device.as_deref(), &sources)?;
     let mut session = Session::open(&device, &sources, Arc::new(scene))?.keeping(Kept::default());
+    let mut failed = Vec::new();
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
-        let (made, files) = compile(&args, &device, &mut session, strategy)?;
+        let (made, files) = match compile(&args, &device, &mut session, strategy) {
+            Ok(compiled) => compiled,
+            Err(error) if strategies.len() == 1 => return Err(error),
+            Err(error) => {
+                failed.push((text.as_str(), error.exit_code()));
+                printer::tell(format!("{}:\n{:?}", printer::plain(text), miette::Report::new(error)));
+                continue;
+            }
+        };
         if let Some(out) = &mut out {
             keep(out, text, &made, files)?;
         }
@@ -94,10 +108,25 @@ pub fn run(args: Args) -> Result<()> {
             false => super::print(text_of(text, &made))?,
         }
     }
-    match &args.out {
-        Some(out) if !args.json => super::print(format!("Written to {}", out.display())),
-        _ => Ok(()),
+    let is_written = !args.json && failed.len() < strategies.len();
+    if let Some(out) = args.out.as_ref().filter(|_| is_written) {
+        super::print(format!("Written to {}", out.display()))?;
     }
+    refuse_not_compiled(&failed, strategies.len())
+}
+
+/// Returns an error if programs could not be compiled. `failed` has the names of their strategies, and the exit codes
+/// of the errors, which have been printed.
+fn refuse_not_compiled(failed: &[(&str, u8)], all: usize) -> Result<()> {
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<_> = failed.iter().map(|(name, _)| *name).collect();
+    let count = counted_of_were(failed.len(), all, "program");
+    let message = format!("{count} not compiled: {}", names.join(" and "));
+    let are_mistakes = failed.iter().all(|(_, code)| *code == 2);
+    let error = if are_mistakes { Error::input(message) } else { Error::run(message) };
+    Err(error.with_help("the messages above give the reasons"))
 }
 
 /// The names of all files that a strategy's folder may contain.
@@ -227,6 +256,18 @@ fn text_of(name: &str, made: &Compilation) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn programs_that_fail_are_named_and_only_mistakes_count_as_the_users() {
+        assert!(refuse_not_compiled(&[], 2).is_ok());
+        for (failed, code, message) in [
+            (&[("naive", 2)][..], 2, "1 of 3 programs was not compiled: naive"),
+            (&[("naive", 2), ("bvh", 1)], 1, "2 of 3 programs were not compiled: naive and bvh"),
+        ] {
+            let error = refuse_not_compiled(failed, 3).unwrap_err();
+            assert_eq!((error.exit_code(), error.to_string().as_str()), (code, message));
+        }
+    }
 
     #[test]
     fn a_folder_has_the_binary_of_its_latest_program_only() {

@@ -12,7 +12,9 @@ use crate::experiment::lists_devices;
 use crate::memory::{address_space_limit, readable};
 use crate::own_program::own_program;
 use crate::printer;
+use crate::sources::{Sources, some_of};
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitStatus;
 #[cfg(unix)]
 use terminal::LentTerminal;
@@ -37,24 +39,34 @@ pub fn is_inside() -> bool {
 /// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
 /// processes of `raycl run` do not use huge pages either. If `uses_terminal` is true (for `raycl view --terminal`), the
 /// terminal is restored however the child process ends, but only on Unix, and only if standard input and standard
-/// output are a terminal.
+/// output are a terminal. `cl_dir` is the folder of the user's kernel files, if the command uses one: if the child
+/// process crashes, a mistake in these files is more likely than one in a driver.
 ///
 /// # Errors
 ///
 /// Fails if a driver ended the child process, and the command cannot run again without the failing drivers. Also fails
 /// if a driver ends the second child process.
-pub fn run(reads_standard_input: bool, shows_pictures: bool, uses_terminal: bool) -> Result<()> {
+pub fn run(
+    reads_standard_input: bool,
+    shows_pictures: bool,
+    uses_terminal: bool,
+    cl_dir: Option<&Path>,
+) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));
-    let terminal = if uses_terminal { LentTerminal::new().map_err(failed)? } else { None };
+    let terminal = if uses_terminal { LentTerminal::new().map_err(not_lent)? } else { None };
     let status = attempt(allocator.as_slice(), terminal.as_ref())?;
-    let Some(cause) = drivers_doing(status) else { return end_as(status) };
-    end_as(without_broken(&cause, reads_standard_input, terminal.as_ref())?)
+    if drivers_doing(status).is_none() {
+        return end_as(status);
+    }
+    end_as(without_broken(status, cl_dir, reads_standard_input, terminal.as_ref())?)
 }
 
-/// Tries the drivers one by one, and runs the command again without the drivers that fail.
+/// Tries the drivers one by one, and runs the command again without the drivers that fail. `status` is the exit status
+/// of the first attempt.
 fn without_broken(
-    cause: &str,
+    status: ExitStatus,
+    cl_dir: Option<&Path>,
     reads_standard_input: bool,
     terminal: Option<&LentTerminal>,
 ) -> Result<ExitStatus> {
@@ -66,11 +78,12 @@ fn without_broken(
             Some(why) => broken.push((driver, why)),
         }
     }
+    let cause = drivers_doing(status).unwrap_or_default();
     if broken.is_empty() {
-        return Err(Error::run(format!(
-            "{cause}, although each driver alone lists its devices without failing"
-        ))
-        .with_help(otherwise(address_space_limit())));
+        return Err(kernels_doing(status, cl_dir).unwrap_or_else(|| {
+            let why = "although each driver alone lists its devices without failing";
+            Error::run(format!("{cause}, {why}")).with_help(otherwise(address_space_limit()))
+        }));
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -79,13 +92,33 @@ fn without_broken(
         return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
             .with_help("name a file instead of `-`: raycl then runs again without the drivers that fail"));
     }
-    let folder = tempfile::tempdir().map_err(failed)?;
-    let status = attempt(&only(&good, folder.path()).map_err(failed)?, terminal)?;
+    let folder = tempfile::tempdir().map_err(no_list)?;
+    let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(Error::run(format!("{cause}, even without the drivers that were left out"))
-            .with_help("another driver fails too: try another device with --device, or update the driver")),
+        Some(cause) => Err(kernels_doing(status, cl_dir).unwrap_or_else(|| {
+            Error::run(format!("{cause}, even without the drivers that were left out"))
+                .with_help("another driver fails too: try another device with --device, or update the driver")
+        })),
     }
+}
+
+/// Returns the error if a process crashed that used kernel files of the user; `None` if it used none, or did not crash.
+/// `cl_dir` is the folder of these files.
+fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>) -> Option<Error> {
+    let (signal, name) = crash(status)?;
+    let sources = Sources::Folder(cl_dir?.to_owned());
+    let files = sources.changed_paths(&sources.own_files().unwrap_or_default());
+    if files.is_empty() {
+        return None;
+    }
+    Some(
+        Error::run(format!(
+            "raycl's child process crashed: {name} (signal {signal}); --cl-dir adds or changes {}",
+            some_of(&files)
+        ))
+        .with_help(OWN_KERNELS),
+    )
 }
 
 /// Returns the advice for the user if every driver works when it is loaded alone. In a small address space, drivers can
@@ -106,18 +139,18 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
 fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
-    let mut child = command.spawn().map_err(failed)?;
+    let mut child = command.spawn().map_err(not_started)?;
     let ended = match terminal {
         Some(terminal) => terminal.wait(&mut child),
         None => child.wait(),
     };
-    ended.map_err(failed)
+    ended.map_err(not_awaited)
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
 fn why_broken(driver: &Driver) -> Result<Option<String>> {
-    let folder = tempfile::tempdir().map_err(failed)?;
-    let alone = only(std::slice::from_ref(driver), folder.path()).map_err(failed)?;
+    let folder = tempfile::tempdir().map_err(no_list)?;
+    let alone = only(std::slice::from_ref(driver), folder.path()).map_err(no_list)?;
     lists_devices(&alone)
 }
 
@@ -126,16 +159,21 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     if status.code() == Some(HUNG) {
         return Some("a driver did not answer".to_owned());
     }
-    let (signal, name) = signal(status)?;
-    CRASHES
-        .contains(&name)
-        .then(|| format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
+    let (signal, name) = crash(status)?;
+    Some(format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
+}
+
+/// Returns the signal that ended a process, if the process crashed.
+fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
+    signal(status).filter(|(_, name)| CRASHES.contains(name))
 }
 
 /// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the
 /// process, so they are not the driver's fault.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
+/// The remedy after a crash of a process that used kernel files of the user.
+const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 /// The remedy after SIGKILL.
 const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
 /// The remedy after other signals from outside the process.
@@ -169,12 +207,17 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If the process ends here,
-/// no destructor runs, so the caller must have removed its temporary folders.
+/// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If SIGINT (Ctrl-C) ended
+/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. If the process
+/// ends here, no destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     // Neither the ended process nor a shell says anything: the shell sees only that this process exits.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
+    }
+    if signal(status).is_some_and(|(_, name)| name == "SIGINT") {
+        // If this fails, the exit code still names the signal.
+        let _ = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGINT);
     }
     match exit_code(status) {
         0 => Ok(()),
@@ -207,10 +250,24 @@ pub fn ends_with_its_parent() {
 #[cfg(not(target_os = "linux"))]
 pub fn ends_with_its_parent() {}
 
-fn failed(error: impl std::fmt::Display) -> Error {
+fn not_started(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the child process that runs the command could not be started: {error}")).with_help(
-        "check that raycl's executable can be read and run, and that the temporary folder is writable",
+        "check that raycl's executable can be read and run, and that `ulimit -u` allows more processes",
     )
+}
+
+fn not_awaited(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("waiting for the child process that runs the command failed: {error}"))
+}
+
+fn not_lent(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("the terminal could not be prepared for the child process: {error}"))
+        .with_help("run the command again, or in a window, without --terminal")
+}
+
+fn no_list(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("the list of drivers for the child process could not be written: {error}"))
+        .with_help("free up space in the folder for temporary files, or set TMPDIR to another folder")
 }
 
 #[cfg(all(test, unix))]
@@ -223,6 +280,27 @@ mod tests {
         let limited = otherwise(Some(1_500_000_000));
         assert!(limited.contains("only 1.5 GB") && limited.contains("ulimit -v unlimited"), "{limited}");
         assert!(otherwise(None).starts_with("try another device") && limited.ends_with(&otherwise(None)));
+    }
+
+    #[test]
+    fn a_crash_with_kernel_files_of_the_user_is_blamed_on_these_files_first() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("cast")).expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+        write("cast/shade.cl", &Sources::Embedded.read("cast/shade.cl").expect("a kernel file"));
+        let told = |folder: Option<&Path>| kernels_doing(ExitStatus::from_raw(11), folder);
+        // A copy of a built-in file is not to blame.
+        assert!(told(None).is_none() && told(Some(folder.path())).is_none());
+        write("cast/entry.cl", "// mine\n");
+        let error = told(Some(folder.path())).expect("a message");
+        let entry = folder.path().join("cast/entry.cl");
+        let message = "raycl's child process crashed: SIGSEGV (signal 11); --cl-dir adds or changes";
+        assert_eq!(error.to_string(), format!("{message} {}", entry.display()));
+        for part in ["out of bounds", "barriers", "`bytes_per_ray`", "without --cl-dir", "oclgrind"] {
+            assert!(error.remedy().contains(part), "{part}: {}", error.remedy());
+        }
+        // A driver that does not answer is no crash.
+        assert!(kernels_doing(ExitStatus::from_raw(HUNG << 8), Some(folder.path())).is_none());
     }
 
     #[test]

@@ -28,17 +28,18 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Local size: work-items per work-group, across and down [default: 8x8. For strategies in which 32 work-items
-    /// cast a tile of rays together: 32x4 if they can exchange values without barriers on --device, else 32x1]
+    /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
+    /// 32 work-items cast a tile of rays together: 32x4 if they can exchange values without barriers on --device, else
+    /// 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, its label
-    /// in `raycl devices`, or its kind (cpu, gpu) [default: no particular device]
+    /// in `raycl devices`, or its kind (cpu, gpu, accelerator) [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
-    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays [default:
-    /// a small scene]
+    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays. A bare
+    /// mesh is compiled as for `raycl render --plain --samples 1` [default: a small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls
@@ -51,7 +52,7 @@ pub struct Args {
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
-    cl_dir: Option<PathBuf>,
+    pub(super) cl_dir: Option<PathBuf>,
 }
 
 impl Args {

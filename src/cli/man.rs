@@ -1,6 +1,6 @@
 //! `raycl man`: prints man pages, generated from the text of `--help`.
 
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 use crate::output::{Choice, OutFolder};
 use clap::{Command, CommandFactory as _};
 use clap_mangen::Man;
@@ -51,8 +51,8 @@ fn unknown(pages: &[Page], command: &str) -> Error {
     let names: Vec<_> = pages.iter().filter_map(|(name, _)| name.strip_prefix("raycl-")).collect();
     let error = Error::input(format!("there is no command '{command}'"));
     let list = format!("the commands are {}", names.join(", "));
-    error.with_help(match nearest(command, names) {
-        Some(meant) => format!("did you mean '{meant}'? {list}"),
+    error.with_help(match meant(command, names) {
+        Some(meant) => format!("{meant} {list}"),
         None => list,
     })
 }

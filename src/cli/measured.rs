@@ -1,8 +1,10 @@
-//! What a command that measures several things keeps if an error ends it before all of them are measured.
+//! What a command that measures several things keeps and says if not all of them are measured.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::output::Target;
 use crate::printer;
+use crate::record::Record;
+use crate::words::counted_of;
 use serde::Serialize;
 
 /// Returns the values before the first error, and this error.
@@ -25,10 +27,21 @@ pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Re
     Ok(())
 }
 
+/// Returns how many points failed, such as "2 of 4 points failed"; `None` if no point failed. Points that do not fit on
+/// their device, and points whose preset is meant for another kind of device, are not failures.
+pub fn failures(records: &[Record]) -> Option<String> {
+    let failed = records.iter().filter(|record| !record.outcome.is_fine()).count();
+    (failed > 0).then(|| format!("{} failed", counted_of(failed, records.len(), "point")))
+}
+
+/// Returns an error with this remedy if points failed.
+pub fn refuse_failed(records: &[Record], remedy: impl Into<String>) -> Result<()> {
+    failures(records).map_or(Ok(()), |told| Err(Error::run(told).with_help(remedy)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
 
     #[test]
     fn what_was_measured_before_an_error_is_kept() {

@@ -1,11 +1,13 @@
 //! `raycl merge`: merges the shards of an experiment into one folder of results.
 
+use super::measured::refuse_failed;
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
+use crate::record::journals::{RECORDS, SUMMARY};
 use crate::record::{Folder, Record, renew_intervals, summary_terminal};
 use crate::report;
 use crate::shard::{Merged, Missing, ShardPlan, Status, merge, no_shards, status};
-use crate::words::{counted, counted_are, counted_of_were};
+use crate::words::{counted, counted_are};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -61,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
     let folder = Folder::read(&args.out)?;
     // A point's 95% interval depends on all launches (worker processes), but the process that measured a shard had only
     // the samples of its own launches.
-    renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
+    renew_intervals(&args.out.join(RECORDS), &folder.records)?;
     let (question, expectation) = folder.question();
     folder.summarise(&question, &expectation)?;
     let mut out = OutFolder::open(&args.out, Choice::without_force("another OUT"))?;
@@ -113,13 +115,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         let help = format!("these commands measure the missing points\n{}", lines.join("\n"));
         return Err(Error::run(format!("{} missing", counted_are(missing.count(), "point"))).with_help(help));
     }
-    match records.iter().filter(|record| !record.outcome.is_fine()).count() {
-        0 => Ok(()),
-        failed => {
-            Err(Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")))
-                .with_help(format!("{} gives the reason for each point", out.join("summary.md").display())))
-        }
-    }
+    refuse_failed(records, format!("{} gives the reason for each point", out.join(SUMMARY).display()))
 }
 
 /// Prints the state of each attempt, that is, of each process that was started to measure a shard.
@@ -213,7 +209,7 @@ mod tests {
         assert!(complete(&Missing::default(), &fine, Path::new("out")).is_ok());
         let records = [&fine[..], &[with(Outcome::WrongImage)]].concat();
         let (said, remedy) = refused(&Missing::default(), &records);
-        assert_eq!(said, "1 of 4 points was not measured");
+        assert_eq!(said, "1 of 4 points failed");
         assert!(remedy.contains("out/summary.md"), "{remedy}");
     }
 

@@ -33,9 +33,10 @@ mod turn;
 pub mod view;
 mod watch;
 
-pub use output::{end_at_once, print, print_coloured, print_json, print_report, table, tell};
+pub use output::{end_at_once, print, print_coloured, print_json, print_report, table};
 
 use std::ffi::OsString;
+use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
@@ -167,6 +168,19 @@ impl Command {
             _ => false,
         }
     }
+
+    /// Returns the folder of the user's kernel files, for commands that start drivers in their own process.
+    fn cl_dir(&self) -> Option<&Path> {
+        match self {
+            Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
+                subject.cl_dir.as_deref()
+            }
+            Self::Compile(compile::Args { cl_dir, .. })
+            | Self::Kernel(kernel::Args { cl_dir, .. })
+            | Self::Peak(peak::Args { cl_dir, .. }) => cl_dir.as_deref(),
+            _ => None,
+        }
+    }
 }
 
 impl Cli {
@@ -202,7 +216,8 @@ impl Cli {
             if !guarded::is_inside() {
                 let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
                 let uses_terminal = matches!(&self.command, Command::View(args) if args.uses_terminal());
-                return guarded::run(self.command.reads_standard_input(), shows_pictures, uses_terminal);
+                let (reads_input, cl_dir) = (self.command.reads_standard_input(), self.command.cl_dir());
+                return guarded::run(reads_input, shows_pictures, uses_terminal, cl_dir);
             }
             guarded::ends_with_its_parent();
         }
@@ -288,7 +303,7 @@ mod tests {
         for option in ["--samples", "--width"] {
             let typed = words(&["raycl", "render", "a.obj", option, "-3"]);
             let text = Cli::parse_words(&typed).expect_err("a mistake").to_string();
-            assert!(text.contains("'-3'") && text.contains("1..="), "{text}");
+            assert!(text.contains("'-3'") && text.contains("whole number from 1 to"), "{text}");
         }
         for unknown in ["-j", "-8"] {
             let typed = words(&["raycl", "render", unknown, "a.obj"]);

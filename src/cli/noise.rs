@@ -3,6 +3,7 @@
 use super::choice::parse_assignment;
 use super::progress::observer;
 use super::run;
+use crate::config::{Experiment, parse_built_in, with_absolute_paths};
 use crate::error::{Error, Result};
 use crate::record::{Folder, Noise, percent, significant};
 use crate::words::counted;
@@ -18,10 +19,11 @@ use std::path::Path;
 For each device, the command prints the smallest difference that one launch can show, and the smallest difference that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
     /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu); or all [default: the devices in your settings, else all]
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository)
+    /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository). Paths of
+    /// scenes are relative to the current folder
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
@@ -50,8 +52,10 @@ pub fn run(args: Args) -> Result<()> {
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     unpack(folder.path()).map_err(failed)?;
-    let (config, out) = (folder.path().join(FILES[0].0), folder.path().join("out"));
-    let mut run = run::Args::of(config, &out, &args.device, &args.set, [false, false]);
+    let set = with_absolute_paths(&args.set);
+    let experiment = experiment(folder.path(), &set)?;
+    let out = folder.path().join("out");
+    let mut run = run::Args::of(experiment.path, &out, &args.device, &set);
     run.no_wait = args.no_wait;
     let (_, measured) = run::measure(&run, observer(args.quiet, false).as_mut())?;
     measured.map_err(to_be_repeated)?;
@@ -64,6 +68,17 @@ pub fn run(args: Args) -> Result<()> {
         true => noise.iter().try_for_each(super::print_json),
         false => noise.iter().try_for_each(|one| super::print(text(one))),
     }
+}
+
+/// Returns the experiment whose files were unpacked into a folder, with the values that the user sets.
+fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
+    let (name, text) = FILES[0];
+    let experiment = parse_built_in(&folder.join(name), name, text, set)?;
+    if experiment.strategies.is_empty() {
+        let help = "add one with --set 'strategies=[\"naive\"]'; `raycl strategies` lists the presets";
+        return Err(Error::input("the experiment has no kernel, so it measures no device").with_help(help));
+    }
+    Ok(experiment)
 }
 
 /// Says, if the measurement was interrupted, that it has to be repeated: the temporary folder with its results is
@@ -222,10 +237,34 @@ mod tests {
         assert_eq!(told(Error::run("full").with_help("make room")), "make room");
     }
 
-    #[test]
-    fn the_experiment_that_is_built_in_can_be_read() {
+    /// Returns the experiment with a changed value.
+    fn with(key: &str, value: &str) -> Result<Experiment> {
         let folder = tempfile::tempdir().expect("a folder");
         unpack(folder.path()).expect("it writes");
-        crate::config::load(&folder.path().join(FILES[0].0), &[]).expect("its scene is there");
+        experiment(folder.path(), &with_absolute_paths(&[(key.to_owned(), value.to_owned())]))
+    }
+
+    #[test]
+    fn the_experiment_that_is_built_in_can_be_read() {
+        with("timing.launches", "1").expect("its scene is there");
+    }
+
+    #[test]
+    fn scenes_that_are_set_are_relative_to_the_current_folder() {
+        // Cargo runs the tests in the repository's folder.
+        let own = with("scenes", "[\"scenes/teapot.toml\"]").expect("the scene is there");
+        assert!(own.scenes[0].path.is_absolute() && own.scenes[0].path.ends_with("scenes/teapot.toml"));
+        let missing = with("scenes", "[\"none/teapot.toml\"]").expect_err("a mistake").in_a_line();
+        assert!(missing.starts_with("--set:1:") && missing.contains("there is no scene file"), "{missing}");
+    }
+
+    #[test]
+    fn a_mistake_in_a_value_is_told_without_the_temporary_folder() {
+        let Error::Input(limit) = with("timing.max_samples", "10").expect_err("a mistake") else { panic!() };
+        assert_eq!(limit.message, "max_samples 10 is less than min_samples 1000");
+        let label = "min_samples is 1000 in configs/noise.toml (built in):";
+        assert!(limit.label.starts_with(label), "{}", limit.label);
+        let none = with("strategies", "[]").expect_err("a mistake");
+        assert!(none.exit_code() == 2 && none.to_string().contains("has no kernel"), "{none}");
     }
 }

@@ -3,10 +3,9 @@
 mod paper;
 mod results;
 
-use std::str::FromStr;
-
 use serde_json::{Value, json};
 
+use super::choice::parse_size;
 use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, capabilities, multiprocessor, occupancy};
 use crate::error::{Error, Result};
 
@@ -30,9 +29,9 @@ pub struct Args {
     /// raycl repeats uses 108)
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
     local_bytes_per_item: u32,
-    /// Local sizes, such as 8x8,64x1
-    #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
-    local_sizes: Vec<LocalSize>,
+    /// Local sizes, such as 8x8,64x1; 8 stands for 8x8
+    #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values = LOCAL_SIZES, value_parser = parse_size)]
+    local_sizes: Vec<[u32; 2]>,
     /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
     /// contains its kernel's number of registers and occupancy; with --compute-capability, the number of registers is
     /// enough. Rasterisers are left out, since their main kernels have work-groups of a fixed size. DIR is a folder of
@@ -58,43 +57,16 @@ fn help_of_capability() -> String {
 }
 
 /// The paper's local sizes.
-const LOCAL_SIZES: [LocalSize; 9] = [
-    LocalSize(2, 2),
-    LocalSize(4, 4),
-    LocalSize(6, 6),
-    LocalSize(8, 8),
-    LocalSize(10, 10),
-    LocalSize(12, 12),
-    LocalSize(14, 14),
-    LocalSize(16, 16),
-    LocalSize(32, 32),
-];
+const LOCAL_SIZES: [&str; 9] = ["2x2", "4x4", "6x6", "8x8", "10x10", "12x12", "14x14", "16x16", "32x32"];
 
-/// A local size: work-items of a work-group, across and down.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct LocalSize(u32, u32);
-
-impl LocalSize {
-    fn items(self) -> u32 {
-        self.0.saturating_mul(self.1)
-    }
+/// Returns the number of work-items in a work-group of this size.
+fn items([across, down]: [u32; 2]) -> u32 {
+    across * down
 }
 
-impl std::fmt::Display for LocalSize {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}x{}", self.0, self.1)
-    }
-}
-
-impl FromStr for LocalSize {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let side = |side: &str| side.parse().ok().filter(|&items: &u32| items > 0);
-        text.split_once(['x', 'X'])
-            .and_then(|(across, down)| Some(Self(side(across)?, side(down)?)))
-            .ok_or_else(|| "expected WIDTHxHEIGHT in work-items, as in 16x16".into())
-    }
+/// Returns a local size in the form in which it is printed: `16x16`.
+fn named([across, down]: [u32; 2]) -> String {
+    format!("{across}x{down}")
 }
 
 /// The inputs that the predictions in all rows of a table share.
@@ -106,12 +78,12 @@ struct Question {
 }
 
 impl Question {
-    fn answer(&self, size: LocalSize) -> Occupancy {
-        occupancy(self.sm, self.registers, self.group_local_bytes(size), size.items())
+    fn answer(&self, size: [u32; 2]) -> Occupancy {
+        occupancy(self.sm, self.registers, self.group_local_bytes(size), items(size))
     }
 
-    fn group_local_bytes(&self, size: LocalSize) -> u64 {
-        u64::from(self.local_bytes) + u64::from(self.local_bytes_per_item) * u64::from(size.items())
+    fn group_local_bytes(&self, size: [u32; 2]) -> u64 {
+        u64::from(self.local_bytes) + u64::from(self.local_bytes_per_item) * u64::from(items(size))
     }
 }
 
@@ -136,7 +108,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(question_text(&question, &args.local_sizes))
 }
 
-fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
+fn question_text(question: &Question, sizes: &[[u32; 2]]) -> String {
     let header =
         ["local size", "items", "__local B", "groups", "warps", "threads", "occupancy", "limited by"];
     let mut table = super::table(&header, 1);
@@ -146,8 +118,8 @@ fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
     for &size in sizes {
         let got = question.answer(size);
         table.add_row([
-            size.to_string(),
-            size.items().to_string(),
+            named(size),
+            items(size).to_string(),
             question.group_local_bytes(size).to_string(),
             got.groups.to_string(),
             got.warps.to_string(),
@@ -165,7 +137,7 @@ fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
     )
 }
 
-fn question_json(question: &Question, sizes: &[LocalSize]) -> Value {
+fn question_json(question: &Question, sizes: &[[u32; 2]]) -> Value {
     json!({
         "compute_capability": question.sm.compute_capability,
         "registers_per_item": question.registers,
@@ -173,14 +145,14 @@ fn question_json(question: &Question, sizes: &[LocalSize]) -> Value {
     })
 }
 
-fn row_json(question: &Question, size: LocalSize) -> Value {
+fn row_json(question: &Question, size: [u32; 2]) -> Value {
     let got = question.answer(size);
     let (limiter, reason) = match &got.limiter {
         Limiter::CannotLaunch(reason) => ("cannot launch".to_owned(), Some(reason)),
         other => (other.to_string(), None),
     };
     json!({
-        "local_size": [size.0, size.1],
+        "local_size": size,
         "local_bytes": question.group_local_bytes(size),
         "groups": got.groups,
         "warps": got.warps,
@@ -207,22 +179,15 @@ mod tests {
     }
 
     #[test]
-    fn local_sizes_are_read_and_refused() {
-        assert_eq!("64x1".parse(), Ok(LocalSize(64, 1)));
-        for wrong in ["64", "0x8", "-8x8", "8x", "8x8x8", "x"] {
-            assert!(wrong.parse::<LocalSize>().is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
     fn local_bytes_an_item_add_to_those_a_group() {
         let sm = multiprocessor("2.0").unwrap();
         let question = Question { sm, registers: 20, local_bytes: 1000, local_bytes_per_item: 108 };
-        assert_eq!(question.group_local_bytes(LocalSize(16, 16)), 28648);
-        let json = question_json(&question, &LOCAL_SIZES);
+        assert_eq!(question.group_local_bytes([16, 16]), 28648);
+        let sizes = LOCAL_SIZES.map(|size| parse_size(size).unwrap());
+        let json = question_json(&question, &sizes);
         assert_eq!(json["rows"][7]["limited_by"], "local memory");
         assert_eq!(json["rows"][8]["limited_by"], "cannot launch");
-        let text = question_text(&question, &LOCAL_SIZES);
+        let text = question_text(&question, &sizes);
         assert!(text.contains("111592 B > 49152 B") && text.contains("48 KiB of __local memory"), "{text}");
     }
 }

@@ -23,10 +23,7 @@ pub fn print_coloured(text: &str) -> Result<()> {
 fn write(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::run(format!("cannot write to standard output: {error}"))
-                .with_help("if standard output is redirected to a file, free up space on the file's disk"))
-        }
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::unwritable_output(&error)),
         _ => Ok(()),
     }
 }
@@ -35,14 +32,6 @@ fn write(text: &str) -> Result<()> {
 /// would.
 pub fn end_at_once() {
     signal_hook::low_level::exit(0);
-}
-
-/// Writes `text` to standard error, unless `quiet` is set. Commands use this function for text that must not be mixed
-/// with their output, such as a picture on standard output.
-pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
-    // If standard error is closed, the error is ignored, since the command's output is complete nevertheless.
-    let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };
-    Ok(())
 }
 
 /// Writes `value` to standard output as indented JSON.
@@ -58,13 +47,16 @@ pub fn print_report(
     streams: bool,
     (json, quiet): (bool, bool),
 ) -> Result<()> {
-    match (json, streams) {
-        (true, true) => tell(false, json_of(report)?),
-        (true, false) => print_json(report),
-        (false, true) => tell(quiet, text()),
-        (false, false) if quiet => Ok(()),
-        (false, false) => print(text()),
+    let shown = match json {
+        true => json_of(report)?,
+        false if quiet => return Ok(()),
+        false => text(),
+    };
+    if !streams {
+        return print(shown);
     }
+    printer::tell(printer::plain(&shown));
+    Ok(())
 }
 
 fn json_of(value: &impl Serialize) -> Result<String> {

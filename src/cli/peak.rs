@@ -31,8 +31,8 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 
 The numbers are medians of repeated measurements, with quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles are computed from the highest clock rate that the driver reports, not from the clock rate during the measurement.")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor; a label in `raycl devices`; a kind (cpu, gpu); or all [default:
-    /// the device in your settings, else the most capable device]
+    /// The devices: part of a name, platform or vendor; a label in `raycl devices`; a kind (cpu, gpu, accelerator);
+    /// or all [default: the device in your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
@@ -50,7 +50,7 @@ pub struct Args {
     json: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
-    cl_dir: Option<PathBuf>,
+    pub(super) cl_dir: Option<PathBuf>,
 }
 
 /// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the file of

@@ -171,8 +171,10 @@ impl Observer for Lines {
 /// Shows the progress of several runs like that of one run: the counts continue from run to run.
 pub struct Stages {
     inner: Box<dyn Observer>,
-    /// Number of points and of steps in all runs.
-    all: [usize; 2],
+    /// Number of points in all runs.
+    points: usize,
+    /// Number of steps in all runs.
+    steps: usize,
     done: usize,
     taken: usize,
     stage: String,
@@ -181,8 +183,8 @@ pub struct Stages {
 
 impl Stages {
     /// Makes an observer that reports to `inner`, for runs with these total numbers of points and steps.
-    pub fn of(all: [usize; 2], inner: Box<dyn Observer>) -> Self {
-        Self { inner, all, done: 0, taken: 0, stage: String::new(), begun: false }
+    pub fn of(points: usize, steps: usize, inner: Box<dyn Observer>) -> Self {
+        Self { inner, points, steps, done: 0, taken: 0, stage: String::new(), begun: false }
     }
 
     /// Starts the next run.
@@ -205,7 +207,7 @@ impl Stages {
 impl Observer for Stages {
     fn begins(&mut self, _points: usize, _steps: usize) {
         if !std::mem::replace(&mut self.begun, true) {
-            self.inner.begins(self.all[0], self.all[1]);
+            self.inner.begins(self.points, self.steps);
         }
     }
 
@@ -366,7 +368,7 @@ mod tests {
     #[test]
     fn several_runs_count_as_one() {
         let heard = Heard::default();
-        let mut stages = Stages::of([5, 15], Box::new(heard.clone()));
+        let mut stages = Stages::of(5, 15, Box::new(heard.clone()));
         for (name, done) in [("a", 0), ("b", 1)] {
             stages.enter(name.to_owned());
             stages.begins(2, 6);

@@ -11,6 +11,7 @@ mod report;
 mod split;
 mod timeline;
 
+use super::choice::whole;
 use super::subject::Subject;
 use super::watch::{Watched, folders, watch};
 use crate::device::DeviceInfo;
@@ -27,11 +28,11 @@ use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
-use judge::{check, refuse_not_finite, saved_at};
+use judge::{check, verified};
 use motion::Motion;
 use notify::RecursiveMode;
 use opening::{Opened, open};
-use report::{Report, Verified};
+use report::{Report, Verification};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -54,9 +55,9 @@ use timeline::Timeline;
 `raycl strategies` lists the presets and axes; `raycl devices` lists the devices.")]
 pub struct Args {
     #[command(flatten)]
-    subject: Subject,
+    pub(super) subject: Subject,
     /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the
-    /// scene's name with .png]
+    /// name of the scene's file, with the extension .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes
@@ -67,7 +68,7 @@ pub struct Args {
     #[arg(long)]
     force: bool,
     /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
-    /// vendor; a kind (cpu, gpu); or all
+    /// vendor; a kind (cpu, gpu, accelerator); or all
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
@@ -78,7 +79,7 @@ pub struct Args {
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
     /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1 sample; for a bare mesh, 6 samples in
     /// pixels that differ from their neighbours and 1 sample in all others]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples for every pixel, and the other samples only where neighbouring pixels differ
     /// [default number of samples: 16]
@@ -86,14 +87,14 @@ pub struct Args {
     adaptive: bool,
     /// Cast the frame this many times, and report the median times. If this is more than once, raycl casts one more
     /// frame first, which does not count if it takes less than a second
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
     #[arg(long, requires = "repeat")]
     no_wait: bool,
     /// Compare the picture with the reference picture, which the host casts in double precision, and exit with code 1
     /// if the picture is wrong. With =N, compare only N random pixels
-    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = whole::<u32>(1..=u32::MAX))]
     verify: Option<Option<u32>>,
     /// Render the picture again whenever a file of the scene or a kernel file of --cl-dir changes; Ctrl-C ends the
     /// command
@@ -144,11 +145,17 @@ fn watched_folders(args: &Args) -> Vec<(PathBuf, RecursiveMode)> {
     folders(&args.subject.scene, args.subject.cl_dir.as_deref())
 }
 
-/// Returns the files that the command writes.
+/// Returns the paths of the files that the command writes.
 fn written(args: &Args) -> Vec<PathBuf> {
+    targets(args).iter().map(|target| target.path().to_owned()).collect()
+}
+
+/// Returns the files of a picture: those of its layers, then the picture itself.
+fn targets(args: &Args) -> Vec<Target> {
     let picture = target(args);
-    let layers = layer_files(args, &picture).unwrap_or_default();
-    layers.iter().chain([&picture]).map(|target| target.path().to_owned()).collect()
+    let mut targets = layer_files(args, &picture).unwrap_or_default();
+    targets.push(picture);
+    targets
 }
 
 fn render(args: &Args) -> Result<()> {
@@ -171,7 +178,7 @@ fn render(args: &Args) -> Result<()> {
         device.test_lanes(&sources)?;
     }
     let fastest = args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
-    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).with_sampling(sampling);
     let tree_was_built = tree.is_some();
     let session = session.verifying(args.verify.is_some()).with_layers(args.layers.is_some());
     let mut session = session.with_program(early).with_tree(tree).rounding_stacks();
@@ -190,10 +197,10 @@ fn render(args: &Args) -> Result<()> {
         save_layers(image, &found, &layer_targets)?;
     }
     timeline.ends("save");
-    let judged = radiance.as_ref().map(|image| judged(args, &scene, image, (&strategy, &cast), &target));
-    let verified = judged.transpose()?.flatten();
+    let (verified, wrong) = judged(args, &scene, radiance.as_ref(), (&strategy, &cast), &target);
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    let kept = keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
+    let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
+    let kept = wrong.is_none().then(keep).unwrap_or_default();
     let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(kept).collect();
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
@@ -214,22 +221,22 @@ fn render(args: &Args) -> Result<()> {
         notes,
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
-    tell(args, &report, &device.info)
+    tell(args, &report, &device.info, wrong)
 }
 
-/// Checks a picture's values and, with `--verify`, compares it with the reference.
+/// Checks a picture's values and, with `--verify`, compares it with the reference. Returns what the report says about
+/// the verification and, if the picture is wrong, the error with which the command ends after the report.
 fn judged(
     args: &Args,
     scene: &Scene,
-    image: &Radiance,
+    image: Option<&Radiance>,
     (strategy, cast): (&Strategy, &Cast),
     target: &Target,
-) -> Result<Option<Verified>> {
-    refuse_not_finite(image, &saved_at(target.path()))?;
-    let check = |some| {
+) -> (Option<Verification>, Option<Error>) {
+    let Some(image) = image else { return (None, None) };
+    verified(image, target, args.verify, |some| {
         check(scene, (image, cast.hits), (strategy, cast.sampled()), cast.parts.as_ref(), target, some)
-    };
-    args.verify.map(check).transpose()
+    })
 }
 
 /// Saves a picture. Returns the picture's radiance, or `None` if `picture` has only the displayed 8-bit colours.
@@ -247,11 +254,14 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; to standard error if the picture goes to standard output. Without `--watch`, the function then
-/// ends the process.
-fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
+/// Prints the report; to standard error if the picture goes to standard output. Then returns the error `wrong` if the
+/// picture is wrong. Otherwise, without `--watch`, the function ends the process.
+fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>) -> Result<()> {
     let streams = target(args).is_standard_output();
     super::print_report(report, || report.text(device), streams, (args.json, args.quiet))?;
+    if let Some(wrong) = wrong {
+        return Err(wrong);
+    }
     if !args.watch {
         super::end_at_once();
     }
@@ -286,7 +296,8 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, ms_since(start))
 }
 
-/// Returns the picture's path; the default is the scene's name with `.png`, or `picture.png` for standard input.
+/// Returns the picture's path; the default is the name of the scene's file with the extension `.png`, or `picture.png`
+/// for standard input.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.subject.scene);
     let stem = match scene.file_stem() {
@@ -307,9 +318,18 @@ fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 
-/// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded.
+/// Returns an error if a file that the command writes is a file of the scene. The scene has been loaded.
+fn spare_scene(target: &Target) -> Result<()> {
+    target.check_unread("a file of the scene", |path| INPUTS.contains(path))
+}
+
+/// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
+/// of the picture is a file of the scene.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
+    if !args.motion.moves() {
+        targets(args).iter().try_for_each(spare_scene)?;
+    }
     if !args.motion.animates()
         && let Some(animation) = loaded.animation.take()
     {

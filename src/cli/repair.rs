@@ -2,17 +2,25 @@
 
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
-use crate::record::{Repaired, repair};
+use crate::record::journals::RECORDS;
+use crate::record::{Repaired, no_results, repair};
+use crate::shard::{Attempt, ShardPlan, State, status};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// The time between two readings of the attempts' counters, like the default of `raycl merge --status`.
+const BETWEEN: Duration = Duration::from_secs(5);
 
 /// Arguments of `raycl repair`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   raycl repair results/quick
-  raycl run configs/quick.toml --resume      measures the damaged points again")]
+  raycl run configs/quick.toml --resume      measures the damaged points again
+  raycl repair /shared/figure-8              also repairs the parts of an experiment that is divided into shards")]
 pub struct Args {
-    /// A folder that `raycl run` wrote
+    /// A folder that `raycl run` or `raycl run --shard` wrote
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Print one JSON object
@@ -21,38 +29,143 @@ pub struct Args {
 }
 
 /// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and records of
-/// control points. A copy of the original of each changed file stays in the folder.
+/// control points. A copy of the original of each changed file stays in its folder. If the folder is that of an
+/// experiment in shards, the journals of all attempts are repaired too, except those of attempts that may be running.
+/// If an attempt has not reported its end, this takes five seconds, in which its counter shows whether it is running.
 pub fn run(args: Args) -> Result<()> {
-    if !args.folder.join("records.jsonl").is_file() {
-        let error =
-            Error::input(format!("{} holds no results: records.jsonl is missing", args.folder.display()));
-        return Err(
-            error.with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
-        );
-    }
-    let _lock = Lock::take(&args.folder)?;
-    let repaired = repair(&args.folder)?;
-    if args.json {
-        return super::print_json(&json(&repaired));
-    }
-    if repaired.is_empty() {
-        return super::print("no line is damaged");
-    }
-    let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
-        format!(
-            "{}: removed damaged lines: {damaged}, lines kept: {kept}; copy of the original: {}",
-            file.display(),
-            copy.display()
-        )
-    };
-    super::print(repaired.iter().map(line).collect::<Vec<_>>().join("\n"))
+    let found = Found::of(&args.folder, BETWEEN)?;
+    if args.json { super::print_json(&found.json()) } else { super::print(found.text()) }
 }
 
-/// Returns the object for `--json`. A path need not be UTF-8, which JSON requires.
-fn json(repaired: &[Repaired]) -> Value {
-    let one = |Repaired { file, copy, damaged, kept }: &Repaired| {
-        let [file, copy] = [file, copy].map(|path| path.display().to_string());
-        json!({ "file": file, "copy": copy, "damaged": damaged, "kept": kept })
-    };
-    json!({ "repaired": repaired.iter().map(one).collect::<Vec<_>>() })
+/// What a repair found.
+struct Found {
+    /// The journals that were damaged, with the paths of their folders.
+    repaired: Vec<Repaired>,
+    /// The folders of attempts that are still running, whose journals were therefore not repaired.
+    running: Vec<PathBuf>,
+}
+
+impl Found {
+    /// Repairs the journals of a folder and, if it is that of an experiment in shards, the journals of all attempts.
+    /// The attempts' counters are read twice, with the time `between` in between.
+    fn of(folder: &Path, between: Duration) -> Result<Self> {
+        let has_shards = ShardPlan::read(folder)?.is_some();
+        if !has_shards && !folder.join(RECORDS).is_file() {
+            return Err(no_results(folder));
+        }
+        let _lock = Lock::take(folder)?;
+        let mut found = Self { repaired: repair(folder)?, running: Vec::new() };
+        if has_shards {
+            let stopped = stopped(folder, between);
+            for attempt in Attempt::all(folder) {
+                found.repair(attempt.folder, stopped.contains(&attempt.name))?;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Repairs the journals of an attempt, unless it is running.
+    fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
+        match is_stopped.then(|| Lock::take(&attempt)) {
+            Some(Ok(_lock)) => self.repaired.extend(repair(&attempt)?),
+            // The attempt is counting, or another process holds its lock.
+            None | Some(Err(Error::Input(_))) => self.running.push(attempt),
+            Some(Err(error)) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Formats what was found for a person, one line for each journal and each running attempt.
+    fn text(&self) -> String {
+        let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
+            let (file, copy) = (file.display(), copy.display());
+            format!(
+                "{file}: removed damaged lines: {damaged}, lines kept: {kept}; copy of the original: {copy}"
+            )
+        };
+        let mut lines: Vec<String> = self.repaired.iter().map(line).collect();
+        lines.extend(lines.is_empty().then(|| "no line is damaged".to_owned()));
+        let running = |folder: &PathBuf| {
+            format!("{}: not repaired, since the attempt is still running", folder.display())
+        };
+        lines.extend(self.running.iter().map(running));
+        lines.join("\n")
+    }
+
+    /// Returns the object for `--json`. A path need not be UTF-8, which JSON requires.
+    fn json(&self) -> Value {
+        let shown = |path: &PathBuf| path.display().to_string();
+        let one = |Repaired { file, copy, damaged, kept }: &Repaired| {
+            let [file, copy] = [file, copy].map(shown);
+            json!({ "file": file, "copy": copy, "damaged": damaged, "kept": kept })
+        };
+        json!({
+            "repaired": self.repaired.iter().map(one).collect::<Vec<_>>(),
+            "running": self.running.iter().map(shown).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Returns the names of the attempts that have ended or were lost. A lock does not show this on a file system without
+/// locks, nor if the attempt runs on another machine whose locks this machine does not see.
+fn stopped(folder: &Path, between: Duration) -> HashSet<String> {
+    let all = status(folder, between).into_iter();
+    all.filter(|one| matches!(one.state, State::Ended(_) | State::Lost)).map(|one| one.name).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::shard::{About, End};
+
+    /// A folder of shards need not have been merged, so it may lack a journal of records.
+    #[test]
+    fn the_journals_of_attempts_are_repaired_unless_an_attempt_is_running() {
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let journals = [1, 2].map(|shard| {
+            let attempt = Attempt::begin(out, &About { shard, of: 2, ..About::default() }).unwrap();
+            std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
+            attempt.ended(&End::Interrupted).unwrap();
+            attempt.folder.join(RECORDS)
+        });
+        let of = |out| Found::of(out, Duration::ZERO);
+        let error = of(out).err().unwrap();
+        assert!(error.exit_code() == 2 && error.to_string().contains("holds no results"), "{error}");
+        let plan = serde_json::to_string(&ShardPlan::default()).unwrap();
+        std::fs::write(out.join("shards.json"), plan).unwrap();
+        let running = Lock::take(journals[1].parent().unwrap()).unwrap();
+        let [first, second] = journals.each_ref().map(|journal| journal.display().to_string());
+        let found = of(out).unwrap();
+        let text = found.text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].starts_with(&format!("{first}: removed damaged lines: 1, lines kept: 0")), "{text}");
+        let folder = second.strip_suffix("/records.jsonl").unwrap();
+        assert_eq!(lines[1..], [format!("{folder}: not repaired, since the attempt is still running")]);
+        assert_eq!(
+            (&found.json()["repaired"][0]["file"], &found.json()["running"][0]),
+            (&first.into(), &folder.into())
+        );
+        drop(running);
+        assert!(of(out).unwrap().text().starts_with(&second));
+        assert_eq!(of(out).unwrap().text(), "no line is damaged");
+    }
+
+    /// On a file system without locks, only its counter shows that an attempt is running.
+    #[test]
+    fn an_attempt_that_may_be_running_is_not_repaired_even_without_a_lock() {
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let plan = serde_json::to_string(&ShardPlan::default()).unwrap();
+        let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
+        std::fs::write(out.join("shards.json"), plan).unwrap();
+        std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
+        let found = Found::of(out, Duration::ZERO).unwrap();
+        assert!(found.repaired.is_empty() && found.running == [attempt.folder.clone()], "{}", found.text());
+        // The counter of a lost attempt stands still.
+        std::fs::write(attempt.folder.join("pulse"), "7 0 1\n").unwrap();
+        let found = Found::of(out, Duration::ZERO).unwrap();
+        assert!(found.repaired.len() == 1 && found.running.is_empty(), "{}", found.text());
+    }
 }

@@ -1,16 +1,19 @@
 //! `raycl reproduce`: measures the paper's experiments and writes a page that judges the paper's claims.
 
 use super::choice::parse_assignment;
+use super::measured::failures;
 use super::progress::{Stages, observer};
 use super::run;
+use crate::config::with_absolute_paths;
 use crate::error::{Error, Result};
 use crate::experiment::find_devices;
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::record::Folder;
+use crate::record::journals::RECORDS;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
 use crate::settings::results;
-use crate::words::counted_of_were;
+use crate::words::quote;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -23,18 +26,19 @@ use std::path::{Path, PathBuf};
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
     /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu); or all [default: the devices in your settings, else all]
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// The folder in which to write a folder of results for each experiment, and the page that judges the student
     /// paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into the folder of --out even if it contains files that raycl did not write. Files with the name of a page
-    /// or plot are replaced; existing results are kept
+    /// Write into the folder of --out even if it contains files that raycl did not write. If such a file has the name
+    /// of a file that raycl writes there (a page, a plot, or a copy of a config or scene), it is replaced. Existing
+    /// measurements are never replaced
     #[arg(long)]
     force: bool,
-    /// Change a value in the configs of all experiments
+    /// Change a value in the configs of all experiments. Paths of scenes are relative to the current folder
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
@@ -67,7 +71,7 @@ pub fn run(args: Args) -> Result<()> {
         [] => Ok(()),
         some => Err(Error::run(some.join("; ")).with_help(
             "the reproduction's page was written nevertheless; for each config, the file summary.md in the \
-                 config's folder of results says why points were not measured",
+                 config's folder of results says why points failed",
         )),
     }
 }
@@ -80,7 +84,7 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
     let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
     let [total, steps] = [0, 1].map(|place| counts.iter().map(|count| count[place]).sum::<usize>());
-    let mut stages = Stages::of([total, steps], observer(args.quiet, args.verbose));
+    let mut stages = Stages::of(total, steps, observer(args.quiet, args.verbose));
     let mut failed = Vec::new();
     for (place, (name, run)) in runs.iter().enumerate() {
         stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));
@@ -88,10 +92,7 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
         let records = end.map_err(|error| stopped(error, args, out, &mut stages, total))?;
         let folder = args.out.join(name);
         report::write(&[Folder::read(&folder)?], &mut OutFolder::open(&folder, out.choice())?)?;
-        let missing = records.iter().filter(|record| !record.outcome.is_fine()).count();
-        if missing > 0 {
-            failed.push(format!("{name}: {} not measured", counted_of_were(missing, records.len(), "point")));
-        }
+        failed.extend(failures(&records).map(|told| format!("{name}: {told}")));
     }
     stages.end();
     Ok(failed)
@@ -99,33 +100,29 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
 
 fn arguments(args: &Args, name: &str) -> run::Args {
     let config = args.out.join("configs").join(format!("{name}.toml"));
-    let taken = [args.resume, args.force];
-    let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
-    run.no_wait = args.no_wait;
+    let set = with_absolute_paths(&args.set);
+    let mut run = run::Args::of(config, &args.out.join(name), &args.device, &set);
+    (run.resume, run.force, run.no_wait) = (args.resume, args.force, args.no_wait);
     // The page needs the devices' peak rates, to check the latencies that the paper states and to explain which memory
     // is fastest.
-    run.peak = (name == "figure-8").then(|| "measure".to_owned());
+    run.peak = (name == "figure-8").then_some(None);
     run
 }
 
 /// Writes the page from the results that were measured before the error, and returns the error with a help line that
-/// says how to continue. A failed run keeps its remedy. An error about a mistake in the input is returned unchanged.
+/// says how to continue.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out)
         .map_or(String::new(), |page| format!("a page of the finished points: {}\n", page.display()));
     let help = format!("{page}to continue from here: {}", resuming(args));
-    match error {
+    let error = match error {
         Error::Interrupted { .. } => {
-            let message = format!("{} of {total} points are done", stages.done());
-            Error::interrupted(message).with_help(help)
+            Error::interrupted(format!("{} of {total} points are done", stages.done()))
         }
-        Error::Input(_) => error,
-        Error::Run { .. } => {
-            let help = format!("{}\n{help}", error.remedy());
-            error.with_help(help)
-        }
-    }
+        other => other,
+    };
+    error.to_be_continued(help)
 }
 
 /// Returns the command that continues the reproduction.
@@ -137,7 +134,7 @@ fn resuming(args: &Args) -> String {
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.force.then(|| "--force".to_owned()));
     words.push("--resume".to_owned());
-    words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
+    words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
 
 /// Prints the path of each config's report, and the path of the page.
@@ -145,15 +142,15 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     if args.quiet {
         return Ok(());
     }
-    for folder in present(&args.out).filter(|folder| folder.join("report.html").exists()) {
-        super::print(format!("Report:       {}", folder.join("report.html").display()))?;
+    for page in present(&args.out).map(|folder| folder.join(report::PAGE)).filter(|page| page.exists()) {
+        super::print(format!("Report:       {}", page.display()))?;
     }
     super::print(format!("Reproduction: {}", page.display()))
 }
 
 /// Returns those folders of the configs' results that exist.
 fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
-    CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists())
+    CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join(RECORDS).exists())
 }
 
 /// Writes copies of the paper's configs and scenes into the output folder.
@@ -214,7 +211,7 @@ mod tests {
     fn only_figure_8_measures_the_devices_peak_rates() {
         for (name, _) in CONFIGS {
             let run = arguments(&args(), name);
-            assert_eq!(run.peak, (name == "figure-8").then(|| "measure".to_owned()), "{name}");
+            assert_eq!(run.peak, (name == "figure-8").then_some(None), "{name}");
         }
         assert!(CONFIGS.iter().any(|(name, _)| *name == "figure-8"));
     }
@@ -242,6 +239,9 @@ mod tests {
         ] {
             assert!(command(&args).contains(part), "{part}");
         }
+        let own = command(&Args { set: vec![("scenes".to_owned(), "['sc/a.toml']".to_owned())], ..args() });
+        let path = std::path::absolute("sc/a.toml").expect("a path");
+        assert!(own.contains(path.to_str().expect("UTF-8")), "the current folder's scene: {own}");
     }
 
     #[test]
@@ -250,7 +250,7 @@ mod tests {
         let told = |error: Error| {
             let choice = Choice::new(false, "--out DIR");
             let mut out = OutFolder::open(folder.path(), choice).expect("a folder");
-            let mut stages = Stages::of([4, 4], observer(true, false));
+            let mut stages = Stages::of(4, 4, observer(true, false));
             let stopped = stopped(error, &args(), &mut out, &mut stages, 4);
             (stopped.to_string(), stopped.remedy().to_owned())
         };

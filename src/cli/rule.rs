@@ -1,12 +1,13 @@
 //! `raycl rule`, for contributors. `render` chooses a strategy by a rule. This command checks the rule's choices
 //! against measurements, and computes the rule's constants from measurements.
 
-use super::choice::one_device;
+use super::choice::{one_device, whole};
 use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::output::{Choice, Target};
+use crate::printer;
 use crate::program::Sources;
 use crate::reader;
 use crate::rule::{Case, LastScene, Measured, Sweep, cases, source};
@@ -28,14 +29,15 @@ pub struct Args {
     /// A TOML file of cases, such as docs/rule.toml: each case names a scene and a picture size to measure
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu)
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// accelerator)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
     /// Number of rounds. The time of each candidate strategy is the shortest of all rounds
-    #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
     /// A note about the machine, stored with the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
@@ -156,7 +158,7 @@ fn measured(
     rounds: u32,
 ) -> Result<Measured> {
     let scene = checked(case, path, last)?;
-    super::tell(false, format!("measuring {}", case.name))?;
+    printer::tell(printer::plain(&format!("measuring {}", case.name)));
     Measured::of(case, scene, device, rounds)
 }
 

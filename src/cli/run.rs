@@ -16,23 +16,26 @@ mod two_kernels;
 
 pub(crate) use interruption::forget_interruption;
 
-use super::choice::parse_assignment;
+use super::choice::{parse_assignment, parse_seconds, whole};
+use super::measured::refuse_failed;
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, places};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{
-    Fault, Listed, Observer, Past, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
+    Fault, Listed, Observer, Past, Plan, Results, Run, asleep, distinct_scenes, dry_run, find_devices,
+    keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::peak::Peak;
+use crate::printer;
 use crate::program::Sources;
+use crate::record::journals::{IMAGES, RECORDS, SUMMARY};
 use crate::record::{Folder, Record, summary_terminal};
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
-use crate::words::counted_of_were;
-use earlier::{finished, foreseen};
+use earlier::foreseen;
 use environment::environment;
 use folders::{default_folder, new_folder};
 use forecast::forecast;
@@ -67,14 +70,14 @@ pub struct Args {
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
-    force: bool,
+    pub(super) force: bool,
     /// The devices to use instead of the config's devices: part of a name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu); or all
+    /// devices`; a kind (cpu, gpu, accelerator); or all
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
-    resume: bool,
+    pub(crate) resume: bool,
     /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
     /// points held it at that moment
     #[arg(long, requires = "resume")]
@@ -88,8 +91,8 @@ pub struct Args {
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
     /// `raycl peak --out`. Without FILE, raycl first measures them
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
-    pub(super) peak: Option<String>,
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
+    pub(super) peak: Option<Option<PathBuf>>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
@@ -125,7 +128,7 @@ pub struct Args {
     shard: Option<Asked>,
     /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, and the
     /// second job merges the results. raycl itself submits no job
-    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = whole::<u32>(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3
     #[arg(long, hide = true)]
@@ -137,20 +140,14 @@ pub struct Args {
 
 impl Args {
     /// Returns the arguments of a run that another subcommand starts.
-    pub(crate) fn of(
-        config: PathBuf,
-        out: &Path,
-        device: &[String],
-        set: &[(String, String)],
-        [resume, force]: [bool; 2],
-    ) -> Self {
+    pub(crate) fn of(config: PathBuf, out: &Path, device: &[String], set: &[(String, String)]) -> Self {
         let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
         Self {
             config,
             out,
-            force,
+            force: false,
             device,
-            resume,
+            resume: false,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
             spread: false,
@@ -182,7 +179,8 @@ fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()>
 
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
-    named_in_text(std::iter::once(&args.config).chain(&args.out).chain(&args.cl_dir))?;
+    let peak = args.peak.iter().flatten();
+    named_in_text(std::iter::once(&args.config).chain(&args.out).chain(&args.cl_dir).chain(peak))?;
     if args.dry_run {
         return foresee(&args);
     }
@@ -276,6 +274,7 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
+    let experiment = distinct_scenes(experiment)?;
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
@@ -284,27 +283,41 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let expected = if args.resume { None } else { Some(foreseen(&run, &out, &Past::default())?) };
     let out = if is_new { new_folder(&experiment.name) } else { out };
     let open = if args.resume { Results::resume } else { Results::create };
-    let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    spread.iter().try_for_each(|spread| spread.write(&out))?;
-    let has_peak = keep_peak(args, &run, peak, &mut results, observer, &interrupted);
-    let measured = has_peak.and_then(|()| {
+    let mut results = match open(&out, &environment(&experiment, &infos, &sources)) {
+        Ok(results) => results,
+        // A folder that exists can be continued.
+        Err(error) if out.is_dir() => return Ok((out, Err(error))),
+        Err(error) => return Err(error),
+    };
+    let is_ready = spread
+        .iter()
+        .try_for_each(|spread| spread.write(&out))
+        .and_then(|()| keep_peak(args, &run, peak, &mut results, observer, &interrupted));
+    let measured = is_ready.and_then(|()| {
         if !args.quiet {
             let expected = expected.map_or_else(|| foreseen(&run, &out, results.past()), Ok)?;
             observer.says(&expected.to_string());
+            say_copies(&experiment, observer);
         }
         measuring::execute(args, run, &out, &mut results, observer, &interrupted)
     });
     Ok((out, measured))
 }
 
+/// Says which scenes of the config are not measured, since the content of each equals that of another scene.
+fn say_copies(experiment: &Experiment, observer: &mut dyn Observer) {
+    let notes = experiment.scenes.iter().flat_map(|scene| &scene.notes);
+    notes.for_each(|note| observer.says(&format!("note: {note}")));
+}
+
 /// Returns the file of `--peak=FILE`; `None` if no file is given.
-fn peak_file(args: &Args) -> Option<&str> {
-    args.peak.as_deref().filter(|given| *given != "measure")
+fn peak_file(args: &Args) -> Option<&Path> {
+    args.peak.as_ref()?.as_deref()
 }
 
 /// Returns the peak rates in the file of `--peak=FILE`; `None` if no file is given.
 fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
-    peak_file(args).map(|file| Peak::read(Path::new(file))).transpose()
+    peak_file(args).map(Peak::read).transpose()
 }
 
 /// Stores the devices' peak rates in the folder, if requested: those of the file or, without a file, measured ones.
@@ -326,13 +339,17 @@ fn keep_peak(
         no_wait: args.no_wait,
     };
     results.keep_peak(of_file.map_or_else(|| wanted.measured(observer, interrupted), Ok)?)?;
-    let note = without_peaks(args, run.devices, results.peak());
-    note.iter().try_for_each(|note| super::tell(args.quiet, note))
+    if !args.quiet
+        && let Some(note) = without_peaks(args, run.devices, results.peak())
+    {
+        printer::tell(printer::plain(&note));
+    }
+    Ok(())
 }
 
 /// Returns a note that names the devices without peak rates, if the rates come from a file and there are such devices.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak]) -> Option<String> {
-    let file = peak_file(args)?;
+    let file = peak_file(args)?.display();
     let is_unknown = |label: &&str| peaks.iter().all(|peak| peak.device != *label);
     let mut unknown: Vec<&str> =
         devices.iter().map(|device| device.label.as_str()).filter(is_unknown).collect();
@@ -352,7 +369,7 @@ fn choice(args: &Args) -> Choice {
 
 /// Returns the number of points and of steps in a run; a step is one launch (worker process) of one point.
 pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
-    let experiment = config::load(&args.config, &args.set)?;
+    let experiment = distinct_scenes(config::load(&args.config, &args.set)?)?;
     let infos = chosen(args, &experiment, devices)?;
     let points = Plan::new(&experiment, infos.len()).points.len();
     Ok([points, points * experiment.timing.launches as usize])
@@ -383,31 +400,27 @@ fn foresee(args: &Args) -> Result<()> {
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
+    let experiment = distinct_scenes(experiment)?;
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     let past = if args.resume { Past::in_folder(&out)? } else { Past::default() };
     let expected = foreseen(&run, &out, &past)?;
-    let points = dry_run(&run, &finished(&run, &past.records))?;
+    let points = dry_run(&run, &past)?;
     if args.quiet && !args.json {
         return Ok(());
     }
     forecast(&points, &expected, args.json)
 }
 
-/// Parses a positive number of seconds.
-fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
-    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
-}
-
 /// Writes the report, then prints the results and their paths. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);
-    let written = crate::report::write(folders, &mut OutFolder::open(out, choice(args))?)?;
+    let written =
+        OutFolder::open(out, choice(args)).and_then(|mut to| crate::report::write(folders, &mut to));
+    let written = written.map_err(|error| say_how_to_resume(error, args, out))?;
     let records = &folder.records;
     if args.json {
         for record in records {
@@ -417,23 +430,18 @@ fn report(args: &Args, out: &Path) -> Result<()> {
         super::print_coloured(&summary_terminal(records, super::colour::on_output()))?;
         folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
-        super::print(format!("Pictures: {}", out.join("images").display()))?;
+        super::print(format!("Pictures: {}", out.join(IMAGES).display()))?;
         super::print(format!(
             "Tables:   {}, {}; every point: {}",
-            out.join("summary.md").display(),
+            out.join(SUMMARY).display(),
             out.join("summary.csv").display(),
-            out.join("records.jsonl").display()
+            out.join(RECORDS).display()
         ))?;
     }
     if args.cl_dir.len() == 2 {
         two_kernels::compare(&folder, args.fail_on_regression, leaves_out_tables(args))?;
     }
-    let failed = records.iter().filter(|record| !record.outcome.is_fine()).count();
-    if failed == 0 {
-        return Ok(());
-    }
-    let error = Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")));
-    Err(error.with_help(format!("{} gives the reason for each point", out.join("summary.md").display())))
+    refuse_failed(records, format!("{} gives the reason for each point", out.join(SUMMARY).display()))
 }
 
 /// Returns whether the tables are left out of the output.
@@ -448,7 +456,7 @@ mod tests {
 
     #[test]
     fn json_has_no_tables_in_between() {
-        let quiet = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[], [false; 2]);
+        let quiet = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[]);
         assert!(leaves_out_tables(&quiet));
         let told = Args { quiet: false, ..quiet };
         assert!(!leaves_out_tables(&told));
@@ -459,12 +467,8 @@ mod tests {
     fn a_run_of_another_command_has_its_choices_and_the_usual_limit() {
         let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
         let set = [("timing.seed".to_owned(), "3".to_owned())];
-        let of = |resumes_and_forces| {
-            Args::of("a.toml".into(), Path::new("out"), &words(&["cpu"]), &set, resumes_and_forces)
-        };
-        let args = of([true, false]);
-        assert_eq!((args.resume, args.force), (true, false));
-        assert_eq!((of([false, true]).resume, of([false, true]).force), (false, true));
+        let args = Args::of("a.toml".into(), Path::new("out"), &words(&["cpu"]), &set);
+        assert_eq!((args.resume, args.force), (false, false));
         assert_eq!((args.config, args.out), (PathBuf::from("a.toml"), Some(PathBuf::from("out"))));
         assert_eq!((args.device, args.set), (words(&["cpu"]), set.to_vec()));
         // If a run is started by another subcommand, its time limit equals the default of `raycl run --hang-limit`.
@@ -557,15 +561,5 @@ mod tests {
         );
         let fewer = fixtures::args(&[config, "--set", "timing.launches=1", "--set", "baselines=[]"]);
         assert_eq!(count(&fewer, &devices[..1]).unwrap(), [4, 4]);
-    }
-
-    #[test]
-    fn a_time_limit_is_a_positive_number_of_seconds() {
-        assert_eq!(parse_seconds("0.25"), Ok(Duration::from_millis(250)));
-        assert_eq!(parse_seconds("90"), Ok(Duration::from_secs(90)));
-        for wrong in ["0", "-1", "", "1s", "nan", "inf"] {
-            let message = parse_seconds(wrong).expect_err("it is no time");
-            assert!(message.contains(&format!("'{wrong}'")), "{message}");
-        }
     }
 }

@@ -4,7 +4,7 @@ mod look;
 
 use super::choice::{
     StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
-    requested_strategy,
+    requested_strategy, whole,
 };
 use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
@@ -22,20 +22,20 @@ pub struct Subject {
     /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
     pub scene: PathBuf,
     /// Pixels across
-    #[arg(long, default_value_t = 1280, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 1280, value_parser = whole::<u32>(1..=65536))]
     pub width: u32,
     /// Pixels down
-    #[arg(long, default_value_t = 800, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 800, value_parser = whole::<u32>(1..=65536))]
     pub height: u32,
-    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu) [default:
-    /// the device in your settings, else the most capable device]
+    /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,
+    /// accelerator) [default: the device in your settings, else the most capable device]
     #[arg(long)]
     pub device: Option<String>,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the strategy that
     /// raycl expects to be fastest on the device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     pub strategy: Option<String>,
-    /// Local size: work-items per work-group, across and down
+    /// Local size: work-items per work-group, across and down; 8 stands for 8x8
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub local_size: Option<[u32; 2]>,
     /// Change an axis of the strategy or a value of the scene

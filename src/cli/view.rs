@@ -1,5 +1,6 @@
 //! `raycl view`: shows a scene from all around, in a window or in the terminal.
 
+use super::choice::{parse_seconds, whole};
 use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::Result;
@@ -9,15 +10,16 @@ use crate::view::{Live, Total, Until, Viewer, keys};
 use crate::words::counted;
 use serde::Serialize;
 use std::io::IsTerminal as _;
+use std::time::Duration;
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub struct Args {
     #[command(flatten)]
-    subject: Subject,
+    pub(super) subject: Subject,
     /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, default_value_t = 64, value_parser = whole::<u32>(1..=1024))]
     samples: u32,
     /// Show the scene in this terminal, at the terminal's size. HOW is the form in which raycl draws pictures.
     /// Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
@@ -27,11 +29,11 @@ pub struct Args {
     #[arg(long)]
     spin: bool,
     /// End after this many frames, or sooner if all samples are cast
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_parser = whole::<u32>(1..=u32::MAX))]
     frames: Option<u32>,
     /// End after this many seconds
     #[arg(long, value_parser = parse_seconds)]
-    seconds: Option<f64>,
+    seconds: Option<Duration>,
     /// Print one JSON object at the end
     #[arg(long)]
     json: bool,
@@ -70,13 +72,6 @@ fn after_help() -> String {
     )
 }
 
-fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("expected a positive number of seconds".to_owned()),
-    }
-}
-
 /// The fields of `--json`.
 #[derive(Serialize)]
 struct Report {
@@ -94,10 +89,12 @@ struct Report {
     seconds: f64,
     /// The number of frames after the first, divided by `seconds`.
     frames_per_s: f64,
-    /// The median device time of a frame.
-    frame_ms: f64,
-    /// Primary and shadow rays of all frames, divided by the device time of these frames.
-    rays_per_s: f64,
+    /// The number of frames that were cast since the strategy, the local size, the device or a file changed last.
+    timed_frames: usize,
+    /// The median device time of these frames; null if there are none.
+    frame_ms: Option<f64>,
+    /// Primary and shadow rays of these frames, divided by the device time of these frames; null if there are none.
+    rays_per_s: Option<f64>,
     /// Notes about the scene as it was last read, such as a file that could not be read.
     notes: Vec<String>,
 }
@@ -121,12 +118,12 @@ fn show(args: Args, screen: impl Screen) -> Result<()> {
     let mut watched = watched(&subject)?;
     let has_changed = || watched.as_mut().is_some_and(Watched::has_changed);
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
-    let (live, total) = viewer.run(Until { frames, seconds }, has_changed)?;
+    let (live, total) = viewer.run(Until { frames, time: seconds }, has_changed)?;
     let ended = report(&live, total);
     super::print_report(&ended, || text(&ended), streams, (json, quiet))
 }
 
-/// Begins to watch the files of a scene, and the folder of `--cl-dir`. Returns `None` if the scene comes from standard
+/// Begins to watch the folders of a scene's file and of `--cl-dir`. Returns `None` if the scene comes from standard
 /// input: such a scene cannot be read again, so nothing is watched.
 fn watched(subject: &Subject) -> Result<Option<Watched>> {
     if subject.reads_standard_input() {
@@ -136,7 +133,7 @@ fn watched(subject: &Subject) -> Result<Option<Watched>> {
 }
 
 fn report(live: &Live, total: Total) -> Report {
-    let Total { frames, seconds, frames_per_s, frame_ms, rays_per_s } = total;
+    let Total { frames, seconds, frames_per_s, timed_frames, frame_ms, rays_per_s } = total;
     Report {
         scene: live.scene().name.clone(),
         triangles: live.scene().mesh.triangles.len(),
@@ -147,6 +144,7 @@ fn report(live: &Live, total: Total) -> Report {
         frames,
         seconds,
         frames_per_s,
+        timed_frames,
         frame_ms,
         rays_per_s,
         notes: live.loaded().notes.clone(),
@@ -160,30 +158,34 @@ fn text(report: &Report) -> String {
         format!("device    {}", report.device),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
-        format!("kernel    {:10.2} ms{}", report.frame_ms, kernel_remark(report)),
-        format!("speed     {}{}", frames_per_s(report), crate::words::rate(report.rays_per_s, "rays")),
     ];
+    lines.extend(report.frame_ms.map(|ms| format!("kernel    {ms:10.2} ms{}", kernel_remark(report))));
+    lines.extend(speed(report).map(|speed| format!("speed     {speed}")));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
     lines.join("\n")
 }
 
-/// Returns a remark that the kernel's time is a median, if there are several frames.
+/// Returns a remark that the kernel's time is a median, if it is the time of several frames.
 fn kernel_remark(report: &Report) -> String {
-    let frames = || format!(", the median of {}", counted(report.frames as usize, "frame"));
-    (report.frames > 1).then(frames).unwrap_or_default()
+    let frames = || format!(", the median of {}", counted(report.timed_frames, "frame"));
+    (report.timed_frames > 1).then(frames).unwrap_or_default()
 }
 
-/// Returns the frames per second as text; an empty text for a single frame, which has no rate.
-fn frames_per_s(report: &Report) -> String {
-    let rate = || format!("{:.1} frames/s, ", report.frames_per_s);
-    (report.frames > 1).then(rate).unwrap_or_default()
+/// Returns the frames per second, which a single frame does not have, and the rays per second; `None` if there are
+/// neither.
+fn speed(report: &Report) -> Option<String> {
+    let frames = (report.frames > 1).then(|| format!("{:.1} frames/s", report.frames_per_s));
+    let rays = report.rays_per_s.map(|rate| crate::words::rate(rate, "rays"));
+    let rates: Vec<String> = frames.into_iter().chain(rays).collect();
+    (!rates.is_empty()).then(|| rates.join(", "))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn told(frames: u32, notes: &[&str]) -> String {
+    fn told(frames: u32, timed_frames: usize, notes: &[&str]) -> String {
+        let is_timed = timed_frames > 0;
         text(&Report {
             scene: "little".to_owned(),
             triangles: 1,
@@ -194,23 +196,32 @@ mod tests {
             frames,
             seconds: 1.0,
             frames_per_s: 2.0,
-            frame_ms: 1.5,
-            rays_per_s: 4e6,
+            timed_frames,
+            frame_ms: is_timed.then_some(1.5),
+            rays_per_s: is_timed.then_some(4e6),
             notes: notes.iter().map(|&note| note.to_owned()).collect(),
         })
     }
 
     #[test]
     fn one_frame_has_neither_a_median_nor_frames_per_second() {
-        let (one, three) = (told(1, &[]), told(3, &[]));
+        let (one, three) = (told(1, 1, &[]), told(3, 3, &[]));
         assert!(one.contains(" 1.50 ms\n") && one.ends_with("speed     4.00 Mrays/s"), "{one}");
         assert!(three.contains(" 1.50 ms, the median of 3 frames\n"), "{three}");
         assert!(three.ends_with("speed     2.0 frames/s, 4.00 Mrays/s"), "{three}");
     }
 
     #[test]
+    fn the_median_is_told_with_the_frames_since_the_last_switch() {
+        let (two_of_nine, none_of_nine) = (told(9, 2, &[]), told(9, 0, &[]));
+        assert!(two_of_nine.contains(" 1.50 ms, the median of 2 frames\n"), "{two_of_nine}");
+        assert!(!none_of_nine.contains("kernel"), "{none_of_nine}");
+        assert!(none_of_nine.ends_with("speed     2.0 frames/s"), "{none_of_nine}");
+    }
+
+    #[test]
     fn notes_about_the_scene_are_at_the_end() {
-        let told = told(3, &["a remark", "another"]);
+        let told = told(3, 3, &["a remark", "another"]);
         assert!(told.ends_with("rays/s\nnote      a remark\nnote      another"), "{told}");
     }
 }

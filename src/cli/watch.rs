@@ -83,12 +83,8 @@ impl Watched {
 /// canonical paths, so the folder must be canonical. Returns an error if the folder cannot be read.
 fn resolved(folder: &Path) -> Result<PathBuf> {
     folder.canonicalize().map_err(|error| {
-        Error::unreadable(
-            "folder",
-            folder,
-            &error,
-            "check the path of the scene, and that of --cl-dir if it is given",
-        )
+        let otherwise = "check the path of the scene, and that of --cl-dir if it is given";
+        Error::unreadable_folder(folder, &error, otherwise)
     })
 }
 
@@ -114,7 +110,9 @@ pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Resu
         if let Err(error) = done {
             printer::tell(format!("{:?}", miette::Report::new(error)));
         }
-        super::tell(quiet, "waiting until a file changes (Ctrl-C ends raycl)")?;
+        if !quiet {
+            printer::tell("waiting until a file changes (Ctrl-C ends raycl)");
+        }
         if !next_change(&watched.changes) {
             return Ok(());
         }
@@ -241,7 +239,14 @@ mod tests {
                 message.starts_with(&format!("cannot read the folder `{}`: ", missing.display())),
                 "{message}"
             );
+            assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
+        // A file is no folder, however similar its name is.
+        std::fs::write(place.path().join("missin"), "").expect("a file");
+        let meant = place.path().join("misssing");
+        std::fs::create_dir(&meant).expect("a folder");
+        let error = resolved(&missing).expect_err("the folder is missing");
+        assert_eq!(error.remedy(), format!("did you mean `{}`?", meant.display()));
     }
 
     #[test]

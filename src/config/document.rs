@@ -3,11 +3,14 @@
 use std::ops::Range;
 
 use serde::de::DeserializeOwned;
-use toml::de::{DeArray, DeTable, DeValue, Deserializer};
+use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
+use crate::toml_error::in_plain_words;
+use crate::toml_read::from_table;
+use crate::words::counted;
 
 /// The default remedy for a mistake.
 const KEYS: &str =
@@ -63,9 +66,10 @@ impl Document {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for (layer, over) in padded.iter().zip(&self.overrides) {
             let layer = DeTable::parse(layer).map_err(|error| self.syntax(&error, over.start))?;
-            merge_tables(table.get_mut(), layer.into_inner());
+            merge_tables(table.get_mut(), layer.into_inner())
+                .map_err(|(span, message)| self.error(span, message, "no such index"))?;
         }
-        T::deserialize(Deserializer::from(table)).map_err(|error| self.misfit(&error))
+        from_table(table).map_err(|error| self.misfit(&error))
     }
 
     /// Returns an error for a mistake at `span`, in the file or in an override.
@@ -118,8 +122,9 @@ impl Document {
             let key = quoted.next().unwrap_or_default();
             return self.error(span, format!("the key '{key}' is missing"), format!("'{key}' belongs here"));
         }
-        let (message, expected) = in_plain_words(message);
-        self.error(span, message, expected)
+        let message = in_plain_words(message.trim()).replace('`', "");
+        let label = message.find("expected ").map_or("here", |place| &message[place..]).to_owned();
+        self.error(span, message, label)
     }
 
     /// Returns the error for a key that is none of `known`.
@@ -148,49 +153,87 @@ fn toml_line(key: &str, value: &str) -> Result<String> {
     }
 }
 
+/// Returns the overrides with absolute paths of scenes. Other paths of scenes are relative to the current folder.
+pub fn with_absolute_paths(overrides: &[(String, String)]) -> Vec<(String, String)> {
+    overrides.iter().map(|given| absolute(&given.0, &given.1).unwrap_or_else(|| given.clone())).collect()
+}
+
+/// Returns an override with absolute paths; `None` if it has no relative path of a scene.
+fn absolute(key: &str, value: &str) -> Option<(String, String)> {
+    let table: toml::Table = toml::from_str(&toml_line(key, value).ok()?).ok()?;
+    let (top, given) = table.into_iter().next()?;
+    let mut changed = given.clone();
+    if ["scenes", "scene"].contains(&top.as_str()) {
+        resolve(&mut changed, &top);
+    }
+    (changed != given).then(|| (top, changed.to_string()))
+}
+
+/// Makes paths absolute: every text in `scenes`, and every `file` of `scene`. `key` is the key of `value`, or `scenes`
+/// for all values in `scenes`.
+fn resolve(value: &mut Value, key: &str) {
+    match value {
+        Value::String(path) if ["scenes", "file"].contains(&key) => {
+            let whole = std::path::absolute(path.as_str());
+            if let Some(whole) = whole.as_ref().ok().and_then(|whole| whole.to_str()) {
+                whole.clone_into(path);
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| resolve(item, key)),
+        Value::Table(table) => {
+            for (name, item) in table.iter_mut() {
+                resolve(item, if key == "scenes" { key } else { name.as_str() });
+            }
+        }
+        _ => {}
+    }
+}
+
 /// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are replaced.
-/// [`merge`] also merges a table into an array if the table's keys are indices of the array.
-fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
+/// [`merge`] also merges a table into an array if the table's keys are indices.
+fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     for (key, value) in above {
         match below.get_mut(key.get_ref().as_ref()) {
-            Some(old) => merge(old, value),
+            Some(old) => merge(key.get_ref(), old, value)?,
             None => {
                 below.insert(key, value);
             }
         }
     }
+    Ok(())
 }
 
-fn merge<'i>(below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) {
+/// The result of merging an override; an index that a list does not have, with the message for it, is an error.
+type Merged = std::result::Result<(), (Range<usize>, String)>;
+
+/// Merges `above` into `below`, the value of the key `name`.
+fn merge<'i>(name: &str, below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) -> Merged {
     match (below.get_mut(), above.get_ref()) {
-        (DeValue::Table(old), DeValue::Table(new)) => merge_tables(old, new.clone()),
-        (DeValue::Array(old), DeValue::Table(new)) if in_bounds(old, new) => {
+        (DeValue::Table(old), DeValue::Table(new)) => return merge_tables(old, new.clone()),
+        (DeValue::Array(old), DeValue::Table(new)) if has_indices(new) => {
+            let count = old.len();
             for (key, value) in new.clone() {
-                let place = key.get_ref().parse().unwrap_or(usize::MAX);
-                if let Some(item) = old.get_mut(place) {
-                    merge(item, value);
-                }
+                let index = key.get_ref().parse().unwrap_or(usize::MAX);
+                let item = old.get_mut(index).ok_or_else(|| (key.span(), no_index(name, count)))?;
+                merge(&format!("{name}.{index}"), item, value)?;
             }
         }
         _ => *below = above,
     }
+    Ok(())
 }
 
-/// Returns whether every key of `table` is an index of `array`, as 0 is in `strategy.0.width = 8`.
-fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
-    table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
+/// Returns whether every key of `table` is an index, as 0 is in `strategy.0.width = 8`.
+fn has_indices(table: &DeTable<'_>) -> bool {
+    !table.is_empty() && table.keys().all(|key| key.get_ref().parse::<usize>().is_ok())
 }
 
-/// Returns serde's message without the names of Rust types, and the part of it that says which value serde expected.
-fn in_plain_words(message: &str) -> (String, String) {
-    let words = [
-        ("expected i64", "expected a whole number"),
-        ("expected f64", "expected a number"),
-        ("expected a sequence", "expected a list"),
-        ("invalid type: ", "wrong type: "),
-    ];
-    let message =
-        words.iter().fold(message.trim().replace('`', ""), |text, (from, to)| text.replace(from, to));
-    let label = message.find("expected ").map_or("here", |place| &message[place..]).to_string();
-    (message, label)
+/// Returns the message for an index that the list `name` does not have.
+fn no_index(name: &str, count: usize) -> String {
+    let indices = match count {
+        0 => "there is no index".to_owned(),
+        1 => "the only index is 0".to_owned(),
+        _ => format!("the indices are 0 to {}", count - 1),
+    };
+    format!("'{name}' has {}; {indices}", counted(count, "element"))
 }

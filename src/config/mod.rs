@@ -14,6 +14,7 @@ mod types;
 mod validate;
 mod wire;
 
+pub use document::with_absolute_paths;
 pub use types::{Baseline, Emulate, Experiment, NamedStrategy, SceneChoice, Timing};
 
 use std::path::Path;
@@ -56,7 +57,22 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
 /// Returns the experiment that the `text` of a config describes. `path` is the config's name in messages; paths of
 /// scenes are relative to the folder of `path`.
 pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
-    let document = Document::new(path.display().to_string(), text, overrides)?;
+    parse_as(path.display().to_string(), path, text, overrides)
+}
+
+/// Like [`parse`], for the `text` of a config that is built into raycl. `path` may be a file that the user does not
+/// know, so messages show `name` instead.
+pub fn parse_built_in(
+    path: &Path,
+    name: &str,
+    text: &str,
+    overrides: &[(String, String)],
+) -> Result<Experiment> {
+    parse_as(format!("{name} (built in)"), path, text.to_owned(), overrides)
+}
+
+fn parse_as(shown: String, path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
+    let document = Document::new(shown, text, overrides)?;
     let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;
     validate::experiment(wire, path, &document)
 }

@@ -45,6 +45,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     let error = document.error(name.span(), message, format!("{} is not a file", path.display()));
     Err(match nearest_file(&path) {
         Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
+        None if Path::new(name.get_ref()).is_absolute() => error.with_help("name the file of a scene"),
         None => error.with_help("paths are relative to the config file"),
     })
 }

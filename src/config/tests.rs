@@ -191,6 +191,19 @@ fn a_wrong_type_says_what_was_expected() {
     let text = GOOD.replace("[\"naive\", \"local-vectors\"]", "3");
     refuses(&text, &["wrong type: integer 3, expected a list", "test.toml:6:14"]);
     refuses(&GOOD.replace("[64, 1]", "\"64x1\""), &["expected a size", "test.toml:5:19"]);
+    for (more, found, place) in [
+        ("emulate = 3", "integer 3", "7:11"),
+        ("emulate = []", "list", "7:11"),
+        ("emulate = [9, 7]", "list", "7:11"),
+        ("timing = \"x\"", "string \"x\"", "7:10"),
+        ("timing = [0, 2, 7, 9, 20, 1, 0.5]", "list", "7:10"),
+        ("scene = [3]", "integer 3", "7:10"),
+        ("scene = [[\"../scenes/gourd.toml\", {}]]", "list", "7:10"),
+        ("scene = [{ file = \"../scenes/gourd.toml\", set = 3 }]", "integer 3", "7:49"),
+    ] {
+        let message = format!("wrong type: {found}, expected a table");
+        refuses(&format!("{GOOD}{more}\n"), &[&message, &format!("test.toml:{place}")]);
+    }
     refuses(&format!("{GOOD}[timing]\nseed = 1.5"), &["expected a whole number", "test.toml:8:8"]);
     refuses(&format!("{GOOD}[timing]\ntime_limit_ms = \"5 s\""), &["expected a number", "test.toml:8:17"]);
     refuses(
@@ -239,7 +252,8 @@ fn timing_out_of_range_says_the_range() {
 #[test]
 fn emulation_lowers_a_devices_limits_and_never_raises_them() {
     let emulate = Emulate { local_bytes: Some(16384), constant_bytes: Some(1 << 20) };
-    assert_eq!(emulate.apply(EXAMPLE_LIMITS), DeviceLimits { local_bytes: 16384, ..EXAMPLE_LIMITS });
+    let lowered = DeviceLimits { local_bytes: 16384, local_is_emulated: true, ..EXAMPLE_LIMITS };
+    assert_eq!(emulate.apply(EXAMPLE_LIMITS), lowered);
     assert_eq!(Emulate::default().apply(EXAMPLE_LIMITS), EXAMPLE_LIMITS);
 }
 
@@ -389,12 +403,73 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(
         refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
     );
-    assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("expected a list"));
+    assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("wrong type: table, expected a list"));
     let with_one = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n");
-    assert!(refusal(&with_one, &[("strategy.1.width", "8")]).contains("expected a list"));
+    for (text, [key, value], message) in [
+        (&*with_one, ["strategy.1.width", "8"], "'strategy' has 1 element; the only index is 0"),
+        (GOOD, ["local_sizes.3", "8"], "'local_sizes' has 3 elements; the indices are 0 to 2"),
+        (GOOD, ["local_sizes.1.2", "8"], "'local_sizes.1' has 2 elements; the indices are 0 to 1"),
+        (
+            &GOOD.replace("[8, [64, 1], 8]", "[]"),
+            ["local_sizes.0", "8"],
+            "'local_sizes' has 0 elements; there is no index",
+        ),
+    ] {
+        let report = refusal(text, &[(key, value)]);
+        assert!(report.contains(message) && report.contains("--set:1:"), "{report}");
+    }
+    assert!(refusal(GOOD, &[("local_sizes", "{}")]).contains("wrong type: table, expected a list"));
     assert!(
         refusal(&with_one, &[("strategy", "{ 0 = { width = 8 }, first = 1 }")]).contains("expected a list")
     );
+}
+
+#[test]
+fn a_limit_that_is_set_below_the_configs_own_is_told_with_both_places() {
+    let text = format!("{GOOD}[timing]\nmin_samples = 100\nmax_samples = 100\n");
+    let report = refusal(&text, &[("timing.max_samples", "10")]);
+    for words in [
+        "max_samples 10 is less than min_samples 100",
+        "--set:1:22",
+        "test.toml:8",
+        "--set timing.min_samples=10",
+    ] {
+        assert!(report.contains(words), "{words:?} is not in\n{report}");
+    }
+    let both = [("timing.max_samples", "10"), ("timing.min_samples", "10")];
+    assert_eq!(load_with(&text, &both).unwrap().timing.max_samples, 10);
+    assert!(refusal(&text, &[("timing.min_samples", "200")]).contains("min_samples 200 is out of range"));
+    for most in ["0", "-5"] {
+        let report = refusal(&text, &[("timing.max_samples", most)]);
+        assert!(report.contains(&format!("max_samples {most} is out of range")), "{report}");
+    }
+}
+
+#[test]
+fn paths_of_scenes_in_overrides_become_absolute_and_nothing_else_changes() {
+    let whole = |path: &str| std::path::absolute(path).unwrap().display().to_string();
+    let changed = |key: &str, value: &str| {
+        let (key, value) = with_absolute_paths(&[(key.into(), value.into())]).remove(0);
+        toml::from_str::<toml::Table>(&format!("{key} = {value}")).unwrap()
+    };
+    let [a, b] = ["sc/a.toml", "../b.toml"].map(whole);
+    for (key, value, expected) in [
+        ("scenes", "[\"sc/a.toml\", \"/c.toml\"]", format!("scenes = [{a:?}, \"/c.toml\"]")),
+        ("scenes.0", "sc/a.toml", format!("scenes.0 = {a:?}")),
+        ("scene.0.file", "../b.toml", format!("scene.0.file = {b:?}")),
+        (
+            "scene",
+            "[{ file = \"../b.toml\", set = { name = [\"x\"] } }]",
+            format!("scene = [{{ file = {b:?}, set = {{ name = [\"x\"] }} }}]"),
+        ),
+    ] {
+        let expected: toml::Table = toml::from_str(&expected).unwrap();
+        assert_eq!(changed(key, value), expected, "{key} = {value}");
+    }
+    for (key, value) in [("strategies", "[\"naive\"]"), ("question", "a.toml"), ("scene.0.set.x", "[1]")] {
+        let given = [(key.to_owned(), value.to_owned())];
+        assert_eq!(with_absolute_paths(&given), given);
+    }
 }
 
 #[test]

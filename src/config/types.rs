@@ -21,6 +21,9 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
+    /// The places, in the config's list of scenes, of the scenes that were removed from `scenes`, since the content of
+    /// each equals that of an earlier scene.
+    pub left_out: Vec<usize>,
     /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable device. Empty if the config names none.
@@ -51,6 +54,13 @@ impl Experiment {
         };
         self.strategies.iter().filter(is_wanted)
     }
+
+    /// Removes the scenes at these places in the config's list of scenes. No scene may have been removed before.
+    pub fn leave_out(&mut self, places: Vec<usize>) {
+        let mut place = 0..;
+        self.scenes.retain(|_| place.next().is_none_or(|place| !places.contains(&place)));
+        self.left_out = places;
+    }
 }
 
 /// A scene file, and values to change in it.
@@ -67,6 +77,13 @@ pub struct SceneChoice {
     /// The largest number of triangles that a tree can index. Loading fails if the scene has more. `None` unless the
     /// scene is the config's only scene, every strategy needs a tree, and there is no baseline.
     pub most_triangles: Option<u64>,
+    /// The scene's name in results, which differs from the names of the experiment's other scenes; `None` before the
+    /// scenes are loaded.
+    pub name: Option<String>,
+    /// The hash of the scene's content; `None` before the scenes are loaded.
+    pub hash: Option<String>,
+    /// Notes on other scenes of the config with the same content.
+    pub notes: Vec<String>,
 }
 
 impl SceneChoice {
@@ -78,6 +95,9 @@ impl SceneChoice {
             overrides: Vec::new(),
             suffix: String::new(),
             most_triangles: None,
+            name: None,
+            hash: None,
+            notes: Vec::new(),
         }
     }
 
@@ -90,12 +110,15 @@ impl SceneChoice {
         let mut loaded =
             load_scene_named_in(&self.named_in, &self.path, &self.overrides, self.most_triangles)?;
         loaded.scene.name.push_str(&self.suffix);
+        loaded.notes.extend_from_slice(&self.notes);
         Ok(loaded)
     }
 
-    /// Returns the scene's name for progress and logs: the file's stem with the suffix.
+    /// Returns the scene's name for progress and logs: its name in results or, before the scenes are loaded, the file's
+    /// stem with the suffix.
     pub fn label(&self) -> String {
-        self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned() + &self.suffix
+        let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy();
+        self.name.clone().unwrap_or_else(|| stem().into_owned() + &self.suffix)
     }
 }
 
@@ -174,12 +197,11 @@ impl Emulate {
     /// Returns the limits of `device`. A limit that is given here replaces the device's limit if the given limit is
     /// smaller.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
-        let lower = |own: u64, cap: Option<u64>| cap.map_or(own, |cap| cap.min(own));
-        DeviceLimits {
-            local_bytes: lower(device.local_bytes, self.local_bytes),
-            constant_bytes: lower(device.constant_bytes, self.constant_bytes),
-            ..device
-        }
+        let lower =
+            |own: u64, cap: Option<u64>| cap.filter(|cap| *cap < own).map_or((own, false), |cap| (cap, true));
+        let (local_bytes, local_is_emulated) = lower(device.local_bytes, self.local_bytes);
+        let (constant_bytes, constant_is_emulated) = lower(device.constant_bytes, self.constant_bytes);
+        DeviceLimits { local_bytes, local_is_emulated, constant_bytes, constant_is_emulated, ..device }
     }
 }
 

@@ -12,7 +12,7 @@ use super::sizes::{image_sizes, local_sizes};
 use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::accel::WideBvh;
-use crate::error::{Result, nearest};
+use crate::error::{Error, Result, meant};
 
 /// The largest number of launches (worker processes) of a group.
 pub(super) const MOST_LAUNCHES: i64 = 100;
@@ -46,6 +46,7 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         expectation: stated(&wire.expectation, "expectation")?.unwrap_or_default(),
         name,
         scenes,
+        left_out: Vec::new(),
         compare_scenes: wire.compare_scenes,
         devices: devices(document, wire.devices)?,
         image_sizes: image_sizes(document, &wire.image_sizes)?,
@@ -84,8 +85,8 @@ fn baselines(document: &Document, list: &[Spanned<String>]) -> Result<Vec<Baseli
             let message =
                 format!("'{}' is not a baseline; expected one of {}", name.get_ref(), names.join(", "));
             let error = document.error(name.span(), message, "no such baseline");
-            match nearest(name.get_ref(), names.iter().copied()) {
-                Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
+            match meant(name.get_ref(), names.iter().copied()) {
+                Some(meant) => error.with_help(meant),
                 None => error,
             }
         })
@@ -106,7 +107,26 @@ fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     })
 }
 
+/// Returns the error for a `max_samples` in `--set` that is less than the config's own `min_samples`; `None` if there
+/// is no such contradiction. The user wrote only the first value. A `max_samples` that is out of range by itself is no
+/// contradiction, since no `min_samples` suits it.
+fn contradiction(document: &Document, wire: &wire::Timing) -> Option<Error> {
+    let (min, max) = (wire.min_samples.as_ref()?, wire.max_samples.as_ref()?);
+    let (least, most) = (min.get_ref(), max.get_ref());
+    let is_of_set = document.is_override(&max.span()) && !document.is_override(&min.span());
+    (is_of_set && *most >= 1 && least > most).then(|| {
+        let message = format!("max_samples {most} is less than min_samples {least}");
+        let label = format!("min_samples is {least} in {}", document.place_of(min.span()));
+        document
+            .error(max.span(), message, label)
+            .with_help(format!("set the other value, too: --set timing.min_samples={most}"))
+    })
+}
+
 fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
+    if let Some(error) = contradiction(document, wire) {
+        return Err(error);
+    }
     let default = Timing::default();
     let count =
         |value: &Option<Spanned<i64>>, what: &str, range: RangeInclusive<i64>, default: u32| match value {

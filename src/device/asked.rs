@@ -31,6 +31,8 @@ impl Asked {
         DeviceLimits {
             local_bytes: self.number(Query::LocalMemSize),
             constant_bytes: self.number(Query::MaxConstantBufferSize),
+            local_is_emulated: false,
+            constant_is_emulated: false,
             global_bytes: self.number(Query::GlobalMemSize),
             allocation_bytes: self.number(Query::MaxMemAllocSize),
             work_group_size: self.number(Query::MaxWorkGroupSize) as usize,

@@ -10,6 +10,12 @@ pub struct DeviceLimits {
     pub local_bytes: u64,
     /// Bytes of `__constant` memory of a kernel.
     pub constant_bytes: u64,
+    /// True if `local_bytes` is not the device's limit, but that of a smaller device that an experiment imitates.
+    #[serde(skip)]
+    pub local_is_emulated: bool,
+    /// True if `constant_bytes` is the limit of a smaller device that an experiment imitates.
+    #[serde(skip)]
+    pub constant_is_emulated: bool,
     /// Bytes of global memory.
     pub global_bytes: u64,
     /// Bytes of the largest buffer.
@@ -84,6 +90,8 @@ pub(crate) mod tests {
     pub(crate) const EXAMPLE: DeviceLimits = DeviceLimits {
         local_bytes: 49152,
         constant_bytes: 65536,
+        local_is_emulated: false,
+        constant_is_emulated: false,
         global_bytes: 1 << 33,
         allocation_bytes: 1 << 31,
         work_group_size: 1024,

@@ -3,7 +3,7 @@
 
 mod table;
 
-pub use table::{MULTIPROCESSORS, Multiprocessor, capabilities, multiprocessor};
+pub use table::{Multiprocessor, capabilities, multiprocessor};
 
 /// Threads per warp.
 const WARP: u64 = 32;
@@ -152,6 +152,7 @@ fn before_3(sm: &Multiprocessor) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::table::MULTIPROCESSORS;
     use super::*;
 
     fn of(capability: &str, registers: u32, local_bytes: u64, threads: u32) -> Occupancy {

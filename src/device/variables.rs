@@ -12,9 +12,10 @@ struct Driver {
 /// The variables that affect times or pictures, for each driver. The key under which a measured point is stored is a
 /// hash. It also depends on the variables of the driver of the point's device, if they are set. Sources: the
 /// documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide, Intel's guides
-/// to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), and Mesa's list of environment variables.
+/// to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), Mesa's list of environment variables, and
+/// Oclgrind's manual.
 /// Intel's compiler for GPUs takes each of its flags from a variable that begins with IGC_.
-const DRIVERS: [Driver; 5] = [
+const DRIVERS: [Driver; 6] = [
     Driver {
         platform: "portable computing language",
         deciding: &[
@@ -74,6 +75,8 @@ const DRIVERS: [Driver; 5] = [
         ],
     },
     Driver { platform: "rusticl", deciding: &["LP_NUM_THREADS", "RUSTICL_FEATURES"] },
+    // `oclgrind --build-options` sets this variable.
+    Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
 
 /// Variables that match a pattern in `DRIVERS`, but only make the driver print or write more.
@@ -171,7 +174,8 @@ mod tests {
         let pocl = of("Portable Computing Language", &set);
         assert_eq!(pocl, ["POCL_AFFINITY=1", "POCL_WORK_GROUP_METHOD=1"]);
         assert_eq!(of("NVIDIA CUDA", &set), ["CUDA_FORCE_PTX_JIT=1"]);
-        assert!(of("Oclgrind", &set).is_empty());
+        assert!(of("another", &set).is_empty());
+        assert_eq!(of("Oclgrind", &["OCLGRIND_BUILD_OPTIONS", "OCLGRIND_LOG"]), ["OCLGRIND_BUILD_OPTIONS=1"]);
         let set =
             ["AMD_OCL_BUILD_OPTIONS_APPEND", "GPU_ENABLE_WAVE32_MODE", "IGC_VISAOptions", "LP_NUM_THREADS"];
         let amds = of("AMD Accelerated Parallel Processing", &set);

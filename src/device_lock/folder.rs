@@ -8,7 +8,7 @@ use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// The environment variable that names another folder for the locks.
-pub const VARIABLE: &str = "RAYCL_LOCK_DIR";
+const VARIABLE: &str = "RAYCL_LOCK_DIR";
 
 /// A folder of locks.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 //! measures times that it reports. Without the lock, two simultaneous measurements would slow each other down
 //! unnoticed.
 
+mod claim;
 mod folder;
 mod holder;
 mod name;
@@ -9,6 +10,7 @@ mod name;
 pub use name::LockName;
 
 use crate::error::{Error, Result};
+use claim::Claim;
 use folder::Folder;
 use holder::Holder;
 use std::fs::{File, TryLockError};
@@ -31,9 +33,13 @@ pub struct Locks {
 /// A lock on a device, released when dropped. The operating system releases the lock, however the process ends.
 pub struct Held {
     file: File,
+    /// Given up after the lock is released, so that the next thread of this process finds the lock free. `None` only in
+    /// tests, in which a lock counts as held by another process.
+    _claim: Option<Claim>,
 }
 
-/// What a process tells while it waits for a lock.
+/// What a process tells while it waits for a lock. Of a wait for another thread of its own, it tells only that the wait
+/// goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting<'a> {
     /// The wait begins, or another process has taken the lock meanwhile. The line describes the process that holds the
@@ -75,20 +81,22 @@ impl Locks {
         Self { folder: Folder::named(folder), wait }
     }
 
-    /// Takes a device's lock as soon as no other process holds the lock. If `wait` is false, returns an error instead
-    /// of waiting. While waiting, this function calls `tells`. An interruption ends the wait.
+    /// Takes a device's lock as soon as no other process and no other thread holds the lock. If `wait` is false and
+    /// another process holds the lock, returns an error instead of waiting. While waiting, this function calls `tells`.
+    /// An interruption ends the wait.
     pub fn take(
         &self,
         device: &LockName,
         tells: &mut dyn FnMut(Waiting<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Held> {
+        let claim = self.claim(device, tells, interrupted)?;
         let mut told = None;
         loop {
             let failed = |error| self.folder.unusable(&error);
             let file = self.folder.open(device.file()).map_err(failed)?;
             match self.try_hold(file, device).map_err(failed)? {
-                Attempt::Held(held) => return Ok(held),
+                Attempt::Held(file) => return Ok(Held { file, _claim: Some(claim) }),
                 Attempt::Removed => continue,
                 Attempt::Busy => {}
             }
@@ -100,13 +108,36 @@ impl Locks {
                 tells(Waiting::For(&format!("waiting for {holder}, which is measuring on {device}")));
                 told = Some(holder);
             }
-            if interrupted.load(Ordering::Relaxed) {
-                return Err(Error::interrupted(format!("raycl was waiting for {device}")).with_help(
-                    "run the command again when the other process has ended; with --no-wait, raycl ends immediately instead of waiting",
-                ));
+            pause(device, tells, interrupted).map_err(|error| error.with_help(
+                "run the command again when the other process has ended; with --no-wait, raycl ends immediately instead of waiting",
+            ))?;
+        }
+    }
+
+    /// Waits until no other thread of this process holds the device's lock or waits for it. If all threads measure for
+    /// one command, this wait needs no message, and `--no-wait` does not forbid it.
+    fn claim(
+        &self,
+        device: &LockName,
+        tells: &mut dyn FnMut(Waiting<'_>),
+        interrupted: &AtomicBool,
+    ) -> Result<Claim> {
+        let file = self.folder.path(device.file());
+        loop {
+            match Claim::of(&file) {
+                Some(claim) => return Ok(claim),
+                None => pause(device, tells, interrupted)?,
             }
-            std::thread::sleep(LOOK_UP);
-            tells(Waiting::Still);
+        }
+    }
+
+    /// For tests: takes a free lock as if another process held it.
+    #[cfg(test)]
+    pub(crate) fn held_by_another_process(&self, device: &LockName) -> Held {
+        let file = self.folder.open(device.file()).expect("a lock's file");
+        match self.try_hold(file, device).expect("a lock") {
+            Attempt::Held(file) => Held { file, _claim: None },
+            Attempt::Busy | Attempt::Removed => panic!("the lock is not free"),
         }
     }
 
@@ -126,15 +157,16 @@ impl Locks {
     }
 
     /// Takes the locks of several devices, each lock once: two drivers may list the same GPU under different labels,
-    /// and a process that took this GPU's lock twice would wait for itself. All processes take the locks in the same
-    /// order, so no two processes can wait for each other. While waiting, this function calls `tells`.
+    /// and a thread that took this GPU's lock twice would wait for itself. All threads of all processes take the locks
+    /// in the order of the locks' files, and only with this function, so no two of them can wait for each other. While
+    /// waiting, this function calls `tells`.
     pub fn take_all_telling(
         &self,
         mut devices: Vec<LockName>,
         tells: &mut dyn FnMut(Waiting<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
-        devices.sort();
+        devices.sort_by(|one, other| one.file().cmp(other.file()));
         devices.dedup_by(|a, b| a.file() == b.file());
         devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
@@ -155,13 +187,24 @@ impl Locks {
         }
         // The description is only for messages of waiting processes, and a full disk must not stop a measurement.
         let _ = Holder::of_this_process().write(&mut file);
-        Ok(Attempt::Held(Held { file }))
+        Ok(Attempt::Held(file))
     }
+}
+
+/// Waits for a moment for a device's lock. An interruption causes an error.
+fn pause(device: &LockName, tells: &mut dyn FnMut(Waiting<'_>), interrupted: &AtomicBool) -> Result<()> {
+    if interrupted.load(Ordering::Relaxed) {
+        return Err(Error::interrupted(format!("raycl was waiting for {device}")));
+    }
+    std::thread::sleep(LOOK_UP);
+    tells(Waiting::Still);
+    Ok(())
 }
 
 /// The result of one attempt to take a lock.
 enum Attempt {
-    Held(Held),
+    /// This process holds the lock of the file.
+    Held(File),
     /// Another process holds the lock.
     Busy,
     /// The lock's file was removed after it was opened.
@@ -190,7 +233,7 @@ mod tests {
     fn one_holds_a_device_and_another_is_refused_or_waits_and_says_for_whom() {
         let folder = tempfile::tempdir().unwrap();
         let locks = Locks::in_folder(&folder.path().join("locks"), false);
-        let held = locks.take(&cpu(), &mut |_| {}, &OFF).unwrap();
+        let held = locks.held_by_another_process(&cpu());
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
         let process = format!("process {}", std::process::id());
         assert_eq!(refused.exit_code(), 1);
@@ -232,7 +275,7 @@ mod tests {
         drop(locks.folder.open(cpu().file()).unwrap());
         // Like a file on a full disk, this file can be locked and not written.
         let file = File::open(locks.folder.path(cpu().file())).unwrap();
-        let Attempt::Held(_held) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
+        let Attempt::Held(_file) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
         assert!(refused.to_string().starts_with("another process is measuring"), "{refused}");
     }
@@ -250,9 +293,63 @@ mod tests {
     fn an_interruption_ends_the_waiting() {
         let folder = tempfile::tempdir().unwrap();
         let locks = Locks::in_folder(folder.path(), true);
+        let ended = || locks.take(&cpu(), &mut |_| {}, &AtomicBool::new(true)).err().unwrap();
+        let held = locks.held_by_another_process(&cpu());
+        assert!(ended().exit_code() == 130 && ended().remedy().contains("--no-wait"), "{}", ended().remedy());
+        drop(held);
         let _held = locks.take(&cpu(), &mut |_| {}, &OFF).unwrap();
-        let ended = locks.take(&cpu(), &mut |_| {}, &AtomicBool::new(true)).err().unwrap();
-        assert_eq!(ended.exit_code(), 130);
+        assert!(
+            ended().exit_code() == 130 && !ended().remedy().contains("--no-wait"),
+            "{}",
+            ended().remedy()
+        );
+    }
+
+    #[test]
+    fn a_thread_waits_for_another_one_without_a_word_and_even_with_no_wait() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), false);
+        let mut held = Some(locks.take(&cpu(), &mut |_| {}, &OFF).unwrap());
+        let mut tells = |waiting: Waiting<'_>| {
+            assert_eq!(waiting, Waiting::Still);
+            held = None;
+        };
+        assert!(locks.take(&cpu(), &mut tells, &OFF).is_ok() && held.is_none());
+    }
+
+    #[test]
+    fn a_thread_that_was_refused_leaves_the_lock_to_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), false);
+        let held = locks.held_by_another_process(&cpu());
+        assert!(locks.take(&cpu(), &mut |_| {}, &OFF).is_err());
+        drop(held);
+        assert!(locks.take(&cpu(), &mut |_| panic!("it is free"), &OFF).is_ok());
+    }
+
+    /// If both threads took the locks in the order of their lists, each would soon hold one lock and wait for the
+    /// other.
+    #[test]
+    fn threads_that_need_the_same_locks_take_them_in_one_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let gpu = LockName::of(Some(&example("CUDA", "H200", DeviceKind::Gpu, 132)));
+        std::thread::scope(|scope| {
+            for names in [[cpu(), gpu.clone()], [gpu.clone(), cpu()]] {
+                let folder = folder.path();
+                scope.spawn(move || {
+                    let (locks, mut waits) = (Locks::in_folder(folder, false), 0);
+                    let mut tells = |_: Waiting<'_>| {
+                        waits += 1;
+                        assert!(waits < 1200, "the threads wait for each other");
+                    };
+                    for _ in 0..5 {
+                        let held = locks.take_all_telling(names.to_vec(), &mut tells, &OFF).unwrap();
+                        assert_eq!(held.len(), 2);
+                        std::thread::yield_now();
+                    }
+                });
+            }
+        });
     }
 
     #[test]

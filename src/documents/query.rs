@@ -8,7 +8,7 @@ use super::occupancy::threads;
 use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
 use super::published::published;
 use super::sources::{Source, Sources};
-use crate::error::nearest;
+use crate::error;
 use crate::record::{Record, not_enough, ranking, ratio, significant, why_unranked};
 use crate::report::exponent;
 use crate::strategy::PRESETS;
@@ -232,7 +232,7 @@ fn is(record: &Record, word: &str) -> bool {
 
 fn meant(records: &[Record], word: &str) -> String {
     let names = records.iter().flat_map(|record| [record.name.as_str(), record.scene.as_str()]);
-    nearest(word, names).map_or(String::new(), |meant| format!("; did you mean '{meant}'?"))
+    error::meant(word, names).map_or(String::new(), |meant| format!("; {meant}"))
 }
 
 #[cfg(test)]

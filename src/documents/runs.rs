@@ -32,6 +32,6 @@ fn devices(environment: &Value) -> String {
 /// Returns the command line without the program's own path, which depends on the machine.
 fn command(environment: &Value) -> String {
     let words = environment["command_line"].as_array().map_or(&[][..], Vec::as_slice);
-    let words = words.iter().skip(1).filter_map(Value::as_str).map(crate::report::quote);
+    let words = words.iter().skip(1).filter_map(Value::as_str).map(crate::words::quote);
     format!("`raycl {}`", words.collect::<Vec<_>>().join(" "))
 }

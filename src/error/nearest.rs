@@ -1,25 +1,51 @@
 //! Suggests corrections of misspelt names.
 
+use crate::reader::folder_of;
 use std::path::{Path, PathBuf};
 
-/// Returns the candidate most similar to `word`, if one is similar enough.
+/// Returns the candidate most similar to `word`, if one is similar enough. Upper and lower case count only if two
+/// candidates are equally similar without them.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A word that is much longer than every name is not a misspelt name, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
+    let small = word.to_lowercase();
     candidates
-        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
+        .map(|candidate| (strsim::damerau_levenshtein(&small, &candidate.to_lowercase()), candidate))
         .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 3)
-        .min_by_key(|(distance, _)| *distance)
+        // Words without a common character are not similar, however short they are.
+        .filter(|(distance, candidate)| *distance < word.chars().count().max(candidate.chars().count()))
+        .min_by_key(|(distance, candidate)| (*distance, strsim::damerau_levenshtein(word, candidate)))
         .map(|(_, candidate)| candidate)
 }
 
-/// Looks for a missing file in its folder. Returns the file or folder with the most similar name, if one is similar
+/// Returns the question whether the name most similar to `word` was meant: "did you mean 'vectors'?". `None` if no name
+/// is similar enough.
+pub fn meant<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    nearest(word, names).map(|name| format!("did you mean '{name}'?"))
+}
+
+/// Returns the end of a message about an unknown word: "; did you mean `vectors`?", or nothing if no name is similar
 /// enough.
+pub fn or_meant<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(word, names).map_or(String::new(), |name| format!("; did you mean `{name}`?"))
+}
+
+/// Looks for a missing file in its folder. Returns the file with the most similar name, if one is similar enough.
 pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
-    let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
+    nearest_entry(missing, Path::is_file)
+}
+
+/// Looks for a missing folder in the folder around it. Returns the folder with the most similar name, if one is similar
+/// enough.
+pub fn nearest_folder(missing: &Path) -> Option<PathBuf> {
+    nearest_entry(missing, Path::is_dir)
+}
+
+/// Returns the entry with the most similar name beside `missing`, among those whose paths `fits` accepts.
+fn nearest_entry(missing: &Path, fits: impl Fn(&Path) -> bool) -> Option<PathBuf> {
+    let names: Vec<String> = std::fs::read_dir(folder_of(missing))
         .ok()?
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter_map(|entry| entry.ok().filter(|entry| fits(&entry.path()))?.file_name().into_string().ok())
         .collect();
     let wanted = missing.file_name()?.to_string_lossy();
     let meant = nearest(&wanted, names.iter().map(String::as_str)).filter(|name| *name != wanted)?;
@@ -40,6 +66,10 @@ mod tests {
         assert_eq!((nearest("lcl", names), nearest("loxyz", names)), (Some("local"), None));
         let [most, longer] = [100, 101].map(|length| "k".repeat(length));
         assert_eq!((nearest(&most, [&*most]), nearest(&longer, [&*longer])), (Some(&*most), None));
+        let materials = ["red", "RED", "Red"];
+        assert_eq!((nearest("Red", materials), nearest("reD", materials)), (Some("Red"), Some("red")));
+        assert_eq!(nearest("M1.OBJ", ["M2.stl", "m1.obj"]), Some("m1.obj"));
+        assert_eq!((nearest("-", ["k", "x"]), nearest("", ["k"])), (None, None));
         // Of equally similar names, the first is returned. A more similar name is preferred to an earlier name.
         assert_eq!((nearest("a1", ["a2", "a3"]), nearest("a1", ["b2", "a1b"])), (Some("a2"), Some("a1b")));
     }
@@ -51,5 +81,10 @@ mod tests {
         let meant = nearest_file(&folder.path().join("taepot.toml"));
         assert_eq!(meant, Some(folder.path().join("teapot.toml")));
         assert_eq!(nearest_file(&folder.path().join("nowhere/teapot.toml")), None);
+        std::fs::create_dir(folder.path().join("taepot")).unwrap();
+        assert_eq!(nearest_file(&folder.path().join("teapot")), None, "a folder is no file");
+        let meant = nearest_folder(&folder.path().join("teapot"));
+        assert_eq!(meant, Some(folder.path().join("taepot")));
+        assert_eq!(nearest_folder(&folder.path().join("teapot.tom")), None, "a file is no folder");
     }
 }

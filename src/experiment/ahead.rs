@@ -15,6 +15,7 @@ use crate::accel::FINGERPRINT;
 use crate::device_lock::LockName;
 use crate::error::{Error, Result};
 use crate::program::Kept;
+use crate::words::counted;
 use builder::{Patience, Pool};
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,13 +28,13 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 /// share of memory, since new processes would have to start their drivers. The processes' programs and drivers do not
 /// count here: they need the same memory for every scene, so they do not make a small scene large.
 const PLENTY: usize = 4;
-/// A program, identified by its device and the hash of its source and options. A program that traverses a tree also
+/// A program, identified by its job and the hash of its source and options. A program that traverses a tree also
 /// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
 /// scene, so such a program is also identified by its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
-    /// The number of the worker that measures on the program's device.
-    pub device: usize,
+    /// The number of the job whose worker measures with the program.
+    pub job: usize,
     /// The hash of the source and the options, as far as they are known before the tree is built.
     pub hash: String,
     /// The hash of the scene, if the program uses a tree.
@@ -97,12 +98,11 @@ impl Tally {
     /// Formats the counts for a person; `None` if no program was compiled or taken from the cache.
     pub fn text(&self) -> Option<String> {
         let Self { compiled, kept, work_ms, waited_ms } = *self;
-        let programs = |count: usize| format!("{count} program{}", if count == 1 { "" } else { "s" });
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
         (compiled + kept > 0).then(|| {
             format!(
                 "Built: {} compiled, {kept} taken from the cache; this took {} of work in all, and the run waited {} for programs",
-                programs(compiled),
+                counted(compiled, "program"),
                 seconds(work_ms),
                 seconds(waited_ms)
             )
@@ -113,9 +113,9 @@ impl Tally {
 /// The programs of a run: the run requests them, and builders build those that no earlier run has stored.
 #[derive(Default)]
 pub struct Ahead {
-    /// The stored programs of each worker's device.
+    /// The stored programs of each job's device.
     kept: Vec<Kept>,
-    /// The lock of each worker's device. Builders may always use a device that has no lock here.
+    /// The lock of each job's device. Builders may always use a device that has no lock here.
     locks: Vec<LockName>,
     state: Mutex<State>,
     changed: Condvar,
@@ -135,7 +135,7 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of worker `i`'s device, and
+    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of job `i`'s device, and
     /// `locks[i]` is the lock of this device. No program is begun on a device before [`Self::go_on`] names its lock.
     pub fn new(kept: Vec<Kept>, locks: Vec<LockName>) -> Self {
         Self { kept, locks, ..Self::default() }
@@ -262,13 +262,13 @@ impl Ahead {
     /// many builders, and no other process measures on the device.
     fn place_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
-            |order: &Order| number < order.room.builders && self.is_free(state, order.program.device);
+            |order: &Order| number < order.room.builders && self.is_free(state, order.program.job);
         state.waiting.iter().position(may_begin)
     }
 
-    /// Returns whether builders may begin programs on a worker's device.
-    fn is_free(&self, state: &State, device: usize) -> bool {
-        self.locks.get(device).is_none_or(|lock| state.free.contains(lock))
+    /// Returns whether builders may begin programs on a job's device.
+    fn is_free(&self, state: &State, job: usize) -> bool {
+        self.locks.get(job).is_none_or(|lock| state.free.contains(lock))
     }
 
     fn finish(&self, program: Program, built: Option<Built>) {
@@ -277,7 +277,7 @@ impl Ahead {
                 tally.work_ms += built.build_ms;
                 *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
             });
-            if let (Some(kept), Some(key)) = (self.kept.get(program.device), &built.key) {
+            if let (Some(kept), Some(key)) = (self.kept.get(program.job), &built.key) {
                 kept.name(&program.name(), key);
             }
         }
@@ -291,14 +291,14 @@ impl Ahead {
         self.locked().ordered.len()
     }
 
-    /// Returns whether builders may begin programs on a worker's device.
+    /// Returns whether builders may begin programs on a job's device.
     #[cfg(test)]
-    pub(super) fn may_build_on(&self, device: usize) -> bool {
-        self.is_free(&self.locked(), device)
+    pub(super) fn may_build_on(&self, job: usize) -> bool {
+        self.is_free(&self.locked(), job)
     }
 
     fn is_stored(&self, program: &Program) -> bool {
-        self.kept.get(program.device).is_some_and(|kept| kept.has(&program.name()))
+        self.kept.get(program.job).is_some_and(|kept| kept.has(&program.name()))
     }
 
     fn counted(&self, count: impl FnOnce(&mut Tally)) {

@@ -3,9 +3,10 @@
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
+use super::request_handler::no_such_point;
 use super::{Plan, Point};
 use crate::device::{DeviceInfo, DeviceKind, DeviceLimits};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::record::Outcome;
 use std::time::{Duration, Instant};
@@ -27,6 +28,8 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
         limits: DeviceLimits {
             local_bytes: 1 << 20,
             constant_bytes: 1 << 20,
+            local_is_emulated: false,
+            constant_is_emulated: false,
             global_bytes: 1 << 40,
             allocation_bytes: 1 << 40,
             work_group_size: 1024,
@@ -89,13 +92,12 @@ impl<'a> Asleep<'a> {
     }
 
     fn check(&mut self, number: usize) -> Result<Reply> {
-        let gone = || Error::run("a worker process received a request for an unknown point");
-        let point: Point = *self.plan.points.get(number).ok_or_else(gone)?;
+        let point: Point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
         if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
-            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(gone)?;
+            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
             self.scene = Some((point.scene, choice.load()?.into()));
         }
-        let (_, at) = self.scene.as_ref().ok_or_else(gone)?;
+        let (_, at) = self.scene.as_ref().ok_or_else(no_such_point)?;
         let mut record = self.drafter.draft(&point, point.device.map(|_| &self.device), at)?;
         (record.outcome, record.image_hash) = (Outcome::Measured, Some(String::new()));
         Ok(Reply::Checked { record: Box::new(record), ready: true })

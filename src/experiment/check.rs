@@ -8,7 +8,7 @@ use super::reference_cache::ReferenceCache;
 use super::{Pictures, Point, PointFailure, Work, host, views};
 use crate::anchor::Anchor;
 use crate::config::Baseline;
-use crate::device::Device;
+use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::launch::{Queue, Refused, Session};
@@ -50,8 +50,8 @@ impl<'a> Checker<'a> {
     }
 
     /// Returns the device.
-    pub fn device(&self) -> Option<&'a Device> {
-        self.device.as_ref().map(|(device, _)| *device)
+    pub fn device(&self) -> Option<&'a DeviceInfo> {
+        self.device.as_ref().map(|(device, _)| &device.info)
     }
 
     /// Builds the device's anchor.
@@ -107,7 +107,7 @@ impl<'a> Checker<'a> {
             Ok(cast) if verified == Some(&*Pictures::hash(&cast.image)) => Ok(Ok(cast.ready)),
             Ok(cast) => Ok(self.judge(&cast, point.scene, scene, record)?.map(|()| cast.ready)),
             Err(Refused::Mistake(error)) => Err(error),
-            Err(refused) => Ok(Err(PointFailure::of(&refused, self.device().map(|device| &device.info)))),
+            Err(refused) => Ok(Err(PointFailure::of(&refused, self.device()))),
         }
     }
 

@@ -1,8 +1,7 @@
 //! Completes a point's record from its frames.
 
-use super::preempted::without_preempted;
 use crate::launch::FrameTimes;
-use crate::measure::{StopReason, Summary};
+use crate::measure::{StopReason, Summary, median_of, utilization, without_preempted};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::SensorReading;
 use std::collections::BTreeSet;
@@ -20,6 +19,13 @@ pub struct Taken {
     pub times: FrameTimes,
 }
 
+impl Taken {
+    /// Returns the ratio of the frame's processor time to its elapsed time; `None` if it is unknown.
+    fn utilization(&self) -> Option<f64> {
+        utilization(self.times.processor_ms, self.times.host_ms)
+    }
+}
+
 /// Returns the launches in which each point has at least `least` samples. `points` has the samples of each point.
 pub fn complete_launches(points: &[impl AsRef<[Taken]>], least: usize) -> BTreeSet<u32> {
     let has =
@@ -35,28 +41,25 @@ pub fn complete_launches(points: &[impl AsRef<[Taken]>], least: usize) -> BTreeS
 /// not affect the results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
-    let remaining = without_preempted(taken);
+    let remaining = without_preempted(taken, |one| Some((one.launch, one.utilization()?)));
     record.preempted_samples = remaining.as_ref().map(|remaining| (all - remaining.len()) as u32);
     let taken = remaining.as_deref().unwrap_or(taken);
     let frames: Vec<FrameTimes> = taken.iter().map(|taken| taken.times).collect();
     record.sample_launches = taken.iter().map(|taken| taken.launch).collect();
     record.samples_at_ms = taken.iter().map(|taken| taken.at_ms).collect();
-    let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
-        let times: Vec<f64> = frames.iter().filter_map(time).collect();
-        Summary::of(&times).map(|summary| summary.median_ms)
-    };
+    record.utilization = median_of(&taken.iter().filter_map(Taken::utilization).collect::<Vec<_>>());
     record.outcome = Outcome::Measured;
     record.stop_reason = reason.map(|reason| reason.name().to_owned());
     record.samples_ms = frames.iter().map(|frame| frame.frame_ms).collect();
     if let Some(summary) = Summary::of(&record.samples_ms) {
-        record.median_ms = Some(summary.median_ms);
-        record.q1_ms = Some(summary.q1_ms);
-        record.q3_ms = Some(summary.q3_ms);
+        record.median_ms = Some(summary.median);
+        record.q1_ms = Some(summary.q1);
+        record.q3_ms = Some(summary.q3);
     }
-    record.host_median_ms = median(&|frame| Some(frame.host_ms));
-    record.primary_ms = median(&|frame| frame.primary_ms);
-    record.shadow_ms = median(&|frame| frame.shadow_ms);
-    record.shade_ms = median(&|frame| frame.shade_ms);
+    record.host_median_ms = FrameTimes::median_of(&frames, |frame| Some(frame.host_ms));
+    record.primary_ms = FrameTimes::median_of(&frames, |frame| frame.primary_ms);
+    record.shadow_ms = FrameTimes::median_of(&frames, |frame| frame.shadow_ms);
+    record.shade_ms = FrameTimes::median_of(&frames, |frame| frame.shade_ms);
     record.batch = frames.iter().filter_map(|frame| frame.batch).max();
     record.sensed = SensorReading::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
     let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);
@@ -174,6 +177,7 @@ mod tests {
         samples[1].at_ms = 7.0;
         complete(&mut record, &samples, None);
         assert_eq!((record.samples_ms, record.preempted_samples), (vec![5.0; 5], Some(3)));
+        assert_eq!((record.utilization, completed(5.0, 5.1, None).utilization), (Some(10.0 / 6.0), None));
         assert_eq!(
             (record.sample_launches.len(), record.samples_at_ms, record.host_median_ms),
             (5, vec![0.0; 5], Some(6.0))

@@ -1,15 +1,16 @@
 //! The draft of a point: the part of the point's record that is known before the point is tried, including the key.
 
 use super::host::Identity;
-use super::{KeyParts, Point, Work, key};
+use super::key::{KeyParts, key};
+use super::{Point, Work};
 use crate::accel;
-use crate::config::Experiment;
+use crate::config::{Experiment, SceneChoice};
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::peak::describe_test;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
-use crate::scene::{Loaded, Scene};
+use crate::scene::{Loaded, Scene, Setting};
 use crate::strategy::{Strategy, Workload};
 use std::sync::Arc;
 
@@ -44,26 +45,17 @@ impl Drafter<'_> {
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let mut tree = "";
-        let chosen = &experiment.scenes[point.scene];
         let mut record = Record {
-            scene: at.scene.name.clone(),
-            scene_hash: Some(at.hash.clone()),
             image_size: point.image_size,
             triangles: Some(at.scene.mesh.triangles.len() as u64),
             lights: Some(at.scene.lights.len() as u64),
-            scene_file: Some(chosen.path.display().to_string()),
-            scene_values: chosen
-                .overrides
-                .iter()
-                .map(|set| format!("{} = {}", set.path, set.value))
-                .collect(),
             scene_notes: at.notes.clone(),
             seed: Some(experiment.timing.seed),
             revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
             device_kind: device.map(|device| device.kind.name().to_owned()),
             threads: device.and_then(|device| device.threads),
-            ..Record::default()
+            ..of_scene(&experiment.scenes[point.scene], at)
         };
         match point.work {
             Work::Host(baseline) => {
@@ -111,6 +103,19 @@ impl Drafter<'_> {
             timing: &self.experiment.timing.to_string(),
             tree,
         })
+    }
+}
+
+/// Returns a record that only identifies a scene: by its name, its content, its file, and the values that the config
+/// sets in the file.
+pub(super) fn of_scene(chosen: &SceneChoice, at: &Hashed) -> Record {
+    let value = |set: &Setting| format!("{} = {}", set.path, set.value);
+    Record {
+        scene: at.scene.name.clone(),
+        scene_hash: Some(at.hash.clone()),
+        scene_file: Some(chosen.path.display().to_string()),
+        scene_values: chosen.overrides.iter().map(value).collect(),
+        ..Record::default()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Predicts what a run would do, without compiling anything.
 
 use super::pending::{Kernels, of_point};
-use super::{Point, Run, Work};
+use super::{Past, Point, Run, Work};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::record::HOST;
@@ -24,14 +24,13 @@ pub struct Forecast {
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
-    /// True if the point already has a record, so that a resumed run does not measure it again. The record of a skipped
-    /// point (see `not_for`) does not count.
+    /// True if the point already has a record, so that a resumed run does not measure it again.
     pub done: bool,
 }
 
 /// Returns a forecast for every point of a run. If two folders of kernels are compared, a point that uses kernels has a
-/// forecast for each folder. `done` contains the keys of the points that the run does not measure again.
-pub fn dry_run(run: &Run<'_>, done: &[String]) -> Result<Vec<Forecast>> {
+/// forecast for each folder. `past` contains the run's results so far.
+pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let afterwards = Afterwards { verified: true, layers: false };
     let scenes = run.load_scenes()?;
@@ -67,9 +66,10 @@ pub fn dry_run(run: &Run<'_>, done: &[String]) -> Result<Vec<Forecast>> {
         let of_folder = |one: &Kernels<'_>| one.during(|| forecast(point, one));
         forecasts.extend(of_point(&kernels, point).iter().map(of_folder));
     }
-    if !done.is_empty() {
+    if !past.records.is_empty() {
         // These are the same points in the same order, the plan's.
         let pending = run.pending_points(&plan, &plan.whole())?;
+        let done = run.done(pending.iter().flatten(), past);
         for (forecast, pending) in forecasts.iter_mut().zip(pending.iter().flatten()) {
             forecast.done = done.contains(&pending.record.key);
         }
@@ -80,9 +80,11 @@ pub fn dry_run(run: &Run<'_>, done: &[String]) -> Result<Vec<Forecast>> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
+    use super::super::pending::PendingPoint;
     use super::super::{asleep, fixtures};
     use super::*;
     use crate::program::Sources;
+    use crate::record::{Outcome, Record};
 
     /// The device in this test is a GPU.
     #[test]
@@ -92,7 +94,7 @@ mod tests {
         let experiment = fixtures::experiment(lines);
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
-        let all = dry_run(&fixtures::run(&experiment, &devices, &locks), &[]).unwrap();
+        let all = dry_run(&fixtures::run(&experiment, &devices, &locks), &Past::default()).unwrap();
         let [host, naive, local, wide] = &all[..] else { panic!("{all:?}") };
         assert_eq!((host.device.as_str(), host.label.as_str()), (HOST, "triangle 8x5 host serial-f32"));
         assert!(host.needs.is_none() && host.refused.is_none() && host.not_for.is_none());
@@ -117,13 +119,33 @@ mod tests {
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
         let run = Run { other_sources: Some(&mine), ..fixtures::run(&experiment, &devices, &locks) };
-        let all = dry_run(&run, &[]).unwrap();
+        let all = dry_run(&run, &Past::default()).unwrap();
         let labels: Vec<&str> = all.iter().map(|forecast| forecast.label.as_str()).collect();
         let point = "triangle 8x5 naive-scratch 4x4";
         let [built_in, of_mine] = ["built in", "mine"].map(|folder| format!("{point} ({folder})"));
         assert_eq!(labels, ["triangle 8x5 host serial-f32", built_in.as_str(), of_mine.as_str()]);
         let bytes = |one: &Forecast| one.needs.as_ref().unwrap().scratch_bytes;
         assert_eq!(bytes(&all[2]), 2 * bytes(&all[1]));
+    }
+
+    /// The device in this test is a GPU.
+    #[test]
+    fn a_point_that_was_passed_over_is_done_and_the_run_counts_it_too() {
+        let experiment = fixtures::experiment("local_sizes = [4]\n[[strategy]]\npreset = 'wide'");
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let pending = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
+        let of = |pending: &PendingPoint| {
+            let outcome = if pending.not_for.is_some() { Outcome::OtherKind } else { Outcome::Crashed };
+            Record { outcome, ..pending.record.clone() }
+        };
+        let past = Past { records: pending.iter().flatten().map(of).collect(), ..Past::default() };
+        let done = |run: &Run<'_>| -> Vec<bool> {
+            dry_run(run, &past).unwrap().iter().map(|forecast| forecast.done).collect()
+        };
+        assert_eq!(done(&run), [true, true]);
+        assert_eq!(done(&Run { retry_failed: true, ..run }), [false, true]);
     }
 
     #[test]
@@ -140,7 +162,8 @@ mod tests {
         let pending: Vec<_> = pending.iter().flatten().collect();
         assert_eq!(pending.len(), 10);
         for one in &pending {
-            let all = dry_run(&run, std::slice::from_ref(&one.record.key)).unwrap();
+            let record = Record { outcome: Outcome::Measured, ..one.record.clone() };
+            let all = dry_run(&run, &Past { records: vec![record], ..Past::default() }).unwrap();
             assert!(pending.iter().map(|one| &one.label).eq(all.iter().map(|forecast| &forecast.label)));
             let is_this: Vec<bool> = pending.iter().map(|of| of.record.key == one.record.key).collect();
             assert_eq!(all.iter().map(|forecast| forecast.done).collect::<Vec<_>>(), is_this);

@@ -5,10 +5,9 @@ use super::group::leaves_out_moved;
 use super::moved_processors::{WAITS, most_additional};
 use super::pending::PendingPoint;
 use super::rounds::MOST as MOST_ROUNDS;
-use super::{Plan, Run};
+use super::{Cost, Past, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
-use crate::shard::Cost;
 use crate::words::counted;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -23,9 +22,10 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured, and how many of them have a time in an earlier record. Control points that
-    /// blocks borrow are not counted.
-    pub points: [usize; 2],
+    /// Number of points to be measured. Control points that blocks borrow are not counted.
+    pub points: usize,
+    /// How many of these points have a time in an earlier record.
+    pub known: usize,
     /// Number of launches per point.
     pub launches: usize,
     /// Smallest number of frames that each point still needs.
@@ -35,7 +35,7 @@ pub struct Expected {
     /// Longest time by which the run may exceed `time` if the host moves this virtual machine's processors: launches
     /// then wait, take more rounds, or are replaced by additional launches.
     pub additional: Duration,
-    /// Number of finished points that are not in the plan, for example because the config has changed.
+    /// Number of points with a record that are not in the plan, for example because the config has changed.
     pub others: usize,
 }
 
@@ -55,18 +55,11 @@ struct Known {
 impl Run<'_> {
     /// Predicts the duration of the run from `earlier` records. A point's time comes from a record of the same scene,
     /// device, strategy, local size and image size. If there is no such record, the time comes from a record of the
-    /// same scene, device and strategy, scaled by the number of pixels. Points whose keys are in `done` are not
-    /// measured again, nor are the launches of a group that are complete in `samples`, which has the samples of earlier
-    /// sessions by the keys of points.
-    pub fn expected(
-        &self,
-        earlier: &[Record],
-        done: &[String],
-        samples: &HashMap<String, Vec<Taken>>,
-    ) -> Result<Expected> {
+    /// same scene, device and strategy, scaled by the number of pixels. `past` contains the run's results so far: its
+    /// finished points and its complete launches are not measured again.
+    pub fn expected(&self, earlier: &[Record], past: &Past) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
-        let by_name = by_name(earlier);
-        let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
+        let earlier = ByName::of(earlier);
         let mut expected = Expected {
             launches,
             least_frames: launches * self.stopping_rule().least(),
@@ -75,16 +68,17 @@ impl Run<'_> {
         let (mut all, mut additional) = (Together::default(), Together::default());
         let plan = self.plan();
         let groups = self.pending_points(&plan, &self.pieces(&plan))?;
+        let done = self.done(groups.iter().flatten(), past);
         for group in &groups {
-            let (own, again) = left(group, done);
+            let (own, again) = left(group, &done);
             let known = |drafts: &[&Record]| -> Vec<Known> {
-                drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect()
+                drafts.iter().filter_map(|draft| self.known(draft, earlier.of_same(draft)?)).collect()
             };
             let timed = known(&own);
-            expected.points[0] += own.len();
-            expected.points[1] += timed.len();
+            expected.points += own.len();
+            expected.known += timed.len();
             let timed = [timed, known(&again)].concat();
-            let launches = self.launches_left(own.iter().chain(&again).copied(), samples);
+            let launches = self.launches_left(own.iter().chain(&again).copied(), &past.samples);
             expected.least_frames = expected.least_frames.min(launches * self.stopping_rule().least());
             let is_on_host = group.iter().all(|pending| pending.record.is_baseline());
             all.add(is_on_host, self.group_ms(&timed, launches));
@@ -94,7 +88,7 @@ impl Run<'_> {
         }
         // If a shard is measured, `groups` lacks the points of the other shards' blocks, so `others` stays 0.
         if self.spread || self.blocks.is_none() {
-            expected.others = not_planned(&groups, done);
+            expected.others = not_planned(&groups, past);
         }
         // The times come from a file of records, which may contain anything; an invalid time counts as zero.
         let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
@@ -108,11 +102,10 @@ impl Run<'_> {
     /// points. Times come from `earlier` records, or else from the amount of computation. Each cost states the
     /// index of its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
-        let plan = Plan::new(self.experiment, self.devices.len().min(1));
-        let by_name = by_name(earlier);
-        let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
+        let plan = self.plan_of_one_device();
+        let earlier = ByName::of(earlier);
         let cost = |pending: &PendingPoint| {
-            let before = of(&pending.record);
+            let before = earlier.of_same(&pending.record);
             let known = before.and_then(|earlier| self.known(&pending.record, earlier));
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
             let known = known.unwrap_or_else(|| guessed(&pending.record));
@@ -230,7 +223,7 @@ impl Together {
 
 /// Returns the points of a group that have to be measured, and its control point, if that is only measured again beside
 /// these points. Points whose keys are in `done` are finished.
-fn left<'a>(group: &'a [PendingPoint], done: &[String]) -> (Vec<&'a Record>, Vec<&'a Record>) {
+fn left<'a>(group: &'a [PendingPoint], done: &HashSet<String>) -> (Vec<&'a Record>, Vec<&'a Record>) {
     let meant = group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
     let is_finished = |record: &&Record| record.is_control || done.contains(&record.key);
     let (finished, own): (Vec<_>, Vec<_>) = meant.partition(is_finished);
@@ -239,20 +232,28 @@ fn left<'a>(group: &'a [PendingPoint], done: &[String]) -> (Vec<&'a Record>, Vec
     (own, again)
 }
 
-/// Returns how many of the keys in `done` belong to no point of the plan.
-fn not_planned(groups: &[Vec<PendingPoint>], done: &[String]) -> usize {
+/// Returns how many earlier records belong to no point of the plan.
+fn not_planned(groups: &[Vec<PendingPoint>], past: &Past) -> usize {
     let planned: HashSet<&String> = groups.iter().flatten().map(|pending| &pending.record.key).collect();
-    let done: HashSet<&String> = done.iter().collect();
-    done.difference(&planned).count()
+    past.records.iter().filter(|record| !planned.contains(&record.key)).count()
 }
 
-/// Returns earlier records by the texts that `point` returns. Records with a time are also found by the texts that
-/// `strategy` returns.
-fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
-    let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
-    let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
-    by_name.extend(earlier.iter().map(|record| (point(record), record)));
-    by_name
+/// Earlier records by the texts that `point` returns and, if they have a time, also by the texts that `strategy`
+/// returns.
+struct ByName<'a>(HashMap<String, &'a Record>);
+
+impl<'a> ByName<'a> {
+    fn of(earlier: &'a [Record]) -> Self {
+        let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
+        let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
+        by_name.extend(earlier.iter().map(|record| (point(record), record)));
+        Self(by_name)
+    }
+
+    /// Returns the earlier record of the draft's point or, if there is none, of its scene, device and strategy.
+    fn of_same(&self, draft: &Record) -> Option<&'a Record> {
+        self.0.get(&point(draft)).or_else(|| self.0.get(&strategy(draft))).copied()
+    }
 }
 
 /// Estimates the time of a point that was never measured, well enough to distinguish slow points
@@ -282,7 +283,7 @@ impl fmt::Display for Expected {
         } else {
             format!("{} launches", self.launches)
         };
-        match self.points[0] {
+        match self.points {
             0 => write!(f, "no point is left to measure")?,
             points => write!(f, "{} in {launches}: {}", counted(points, "point"), self.how_long())?,
         }
@@ -297,13 +298,12 @@ impl fmt::Display for Expected {
 impl Expected {
     /// Returns whether every point that is to be measured has a time in an earlier record.
     pub fn is_known(&self) -> bool {
-        let [points, known] = self.points;
-        points > 0 && known == points
+        self.points > 0 && self.known == self.points
     }
 
     /// Returns how long the run takes, as far as that is known.
     fn how_long(&self) -> String {
-        let [_, known] = self.points;
+        let known = self.known;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
             return format!("at least {frames} of each point; how long this takes is unknown");
@@ -379,7 +379,7 @@ mod tests {
     #[test]
     fn additional_launches_are_said_beside_the_expected_time() {
         let minutes = |n: u64| Duration::from_secs(60 * n + 5);
-        let expected = Expected { points: [2, 2], launches: 3, time: minutes(4), ..Expected::default() };
+        let expected = Expected { points: 2, known: 2, launches: 3, time: minutes(4), ..Expected::default() };
         assert_eq!(expected.to_string(), "2 points in 3 launches: about 4m 5s, based on earlier times");
         let additional = Expected { additional: minutes(3), ..expected }.to_string();
         let more = "(up to 3m 5s more if samples must be repeated)";
@@ -388,26 +388,21 @@ mod tests {
 
     #[test]
     fn the_time_is_known_only_if_every_point_was_measured_before() {
-        let is_known = |points| Expected { points, ..Expected::default() }.is_known();
-        assert_eq!([[0, 0], [2, 0], [2, 1], [2, 2]].map(is_known), [false, false, false, true]);
+        let is_known = |(points, known)| Expected { points, known, ..Expected::default() }.is_known();
+        assert_eq!([(0, 0), (2, 0), (2, 1), (2, 2)].map(is_known), [false, false, false, true]);
     }
 
     #[test]
     fn finished_points_that_are_not_in_the_plan_are_said() {
-        let of = |others| Expected {
-            points: [2, 0],
-            launches: 3,
-            least_frames: 15,
-            others,
-            ..Expected::default()
-        };
+        let of =
+            |others| Expected { points: 2, launches: 3, least_frames: 15, others, ..Expected::default() };
         let plan = "2 points in 3 launches: at least 15 frames of each point; how long this takes is unknown";
         assert_eq!(of(0).to_string(), plan);
         let one = "1 record in this folder is of an earlier plan; it is kept, but not shown";
         assert_eq!(of(1).to_string(), format!("{plan}\n{one}"));
         let two = "2 records in this folder are of earlier plans; they are kept, but not shown";
         assert_eq!(of(2).to_string(), format!("{plan}\n{two}"));
-        let finished = Expected { points: [0, 0], ..of(2) };
+        let finished = Expected { points: 0, ..of(2) };
         assert_eq!(finished.to_string(), format!("no point is left to measure\n{two}"));
     }
 
@@ -434,7 +429,6 @@ mod tests {
     #[test]
     fn one_point_and_one_frame_are_in_the_singular() {
         let expected = |points, least_frames| {
-            let points = [points, 0];
             Expected { points, launches: 3, least_frames, ..Expected::default() }.to_string()
         };
         let unknown = "of each point; how long this takes is unknown";
@@ -450,8 +444,8 @@ mod tests {
         let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
         let run = fixtures::run(&experiment, &devices, &locks);
-        let expected = run.expected(&[], &[], &HashMap::new()).unwrap();
-        assert_eq!(expected.points, [2, 0], "the caster on the host and `naive`");
+        let expected = run.expected(&[], &Past::default()).unwrap();
+        assert_eq!((expected.points, expected.known), (2, 0), "the caster on the host and `naive`");
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let [host, naive, wide] =
@@ -481,7 +475,7 @@ mod tests {
             PendingPoint::new([0; 3], String::new(), record)
         };
         let keys = |group: &[PendingPoint], done: &[&str]| {
-            let done: Vec<String> = done.iter().map(|key| (*key).to_owned()).collect();
+            let done: HashSet<String> = done.iter().map(|key| (*key).to_owned()).collect();
             let (own, again) = left(group, &done);
             [own, again].map(|records| records.iter().map(|one| one.key.as_str()).collect::<String>())
         };
@@ -507,15 +501,16 @@ mod tests {
             ..pending.record.clone()
         };
         let earlier: Vec<Record> = groups.iter().flatten().map(measured).collect();
-        let blocks = crate::shard::cut(&alone.costs(&earlier).unwrap(), 2);
-        assert!(blocks.iter().any(crate::shard::Block::borrows_control), "{blocks:?}");
+        let blocks = crate::experiment::cut(&alone.costs(&earlier).unwrap(), 2);
+        assert!(blocks.iter().any(crate::experiment::Block::borrows_control), "{blocks:?}");
         let shared =
             Run { spread: true, blocks: Some(&blocks[..]), ..fixtures::run(&experiment, &devices, &locks) };
-        let done = ["of an earlier plan".to_owned()];
-        let expected = |run: &Run<'_>| run.expected(&earlier, &done, &HashMap::new()).unwrap();
+        let of_earlier_plan = Record { key: "of an earlier plan".into(), ..Record::default() };
+        let past = Past { records: vec![of_earlier_plan], ..Past::default() };
+        let expected = |run: &Run<'_>| run.expected(&earlier, &past).unwrap();
         let (alone, shared) = (expected(&alone), expected(&shared));
-        assert_eq!((alone.points, alone.others), ([12, 12], 1));
-        assert_eq!((shared.points, shared.others), ([12, 12], 1));
+        assert_eq!((alone.points, alone.known, alone.others), (12, 12, 1));
+        assert_eq!((shared.points, shared.known, shared.others), (12, 12, 1));
         // One of the two devices measures seven points: six of its own, and the other block's control point.
         let share = shared.time.as_secs_f64() / alone.time.as_secs_f64();
         assert!((0.5..0.7).contains(&share), "{share}: {blocks:?}");
@@ -551,7 +546,8 @@ mod tests {
             let fewer = all[..all.len().saturating_sub(1)].to_vec();
             let keys = earlier.iter().map(|record| record.key.clone());
             let samples: HashMap<String, Vec<Taken>> = keys.zip([all, fewer]).collect();
-            let of = |earlier: &[Record]| run.expected(earlier, &[], &samples).unwrap();
+            let past = Past { samples, ..Past::default() };
+            let of = |earlier: &[Record]| run.expected(earlier, &past).unwrap();
             (of(&earlier).time.as_secs_f64(), of(&[]).least_frames)
         };
         let (all_s, frames) = expected(&[]);
@@ -613,10 +609,10 @@ mod tests {
             ..Record::default()
         };
         let earlier = [of(4, Some(1.0)), of(8, None)];
-        let known = by_name(&earlier);
-        let size = |name: &str| known.get(name).and_then(|record| record.local_size);
-        assert_eq!([size(&point(&earlier[0])), size(&point(&earlier[1]))], [Some([4; 2]), Some([8; 2])]);
-        assert_eq!(size(&strategy(&earlier[1])), Some([4; 2]), "only this one has a time");
+        let known = ByName::of(&earlier);
+        let size = |side: u32| known.of_same(&of(side, None)).and_then(|record| record.local_size);
+        assert_eq!([size(4), size(8)], [Some([4; 2]), Some([8; 2])]);
+        assert_eq!(size(16), Some([4; 2]), "only this one has a time");
     }
 
     /// 10 x 10 pixels with two lights make 300 rays.

@@ -5,7 +5,7 @@ use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
 use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, Lines, Record, RoundLoad, Sample, read_lines};
+use crate::record::{AnchorSample, Lines, Record, RoundLoad, Sample, read_lines_if_any};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
@@ -120,7 +120,7 @@ fn name(folder: &Path) -> String {
 /// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns nothing if the
 /// file is missing, as in the folder of an attempt that was killed early.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    if path.is_file() { Ok(told(read_lines(path)?, path.display())) } else { Ok(Vec::new()) }
+    Ok(told(read_lines_if_any(path)?, path.display()))
 }
 
 /// Reports the damaged lines of a journal, and returns its other lines.

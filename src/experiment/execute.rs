@@ -10,7 +10,8 @@ use super::pending::PendingPoint;
 use super::result_sink::{FolderSink, ResultSink as _};
 use super::spread::measure_spread;
 use super::supervisor::{Spawner, Supervisor};
-use super::{Observer, PointFailure, Results, Run};
+use super::{Observer, Past, PointFailure, Results, Run};
+use crate::config::SceneChoice;
 use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::record::{CurrentPlan, Outcome, Record};
@@ -59,20 +60,15 @@ impl Run<'_> {
         let groups = self.pending_points(&plan, &self.pieces(&plan))?;
         let own = || groups.iter().flatten().filter(|pending| !pending.record.is_control);
         results.plan(&CurrentPlan::of(own().map(|pending| &pending.record)))?;
-        let points: HashMap<&str, &PendingPoint> =
-            own().map(|pending| (pending.record.key.as_str(), pending)).collect();
-        let count = points.len();
-        let counts = |record: &&Record| {
-            points.get(record.key.as_str()).is_some_and(|pending| self.is_done(record, pending))
-        };
-        let taken = results.past().records.iter().filter(counts).map(|record| record.key.clone());
-        let mut missing = Missing { taken: taken.collect() };
+        let count = own().map(|pending| &pending.record.key).collect::<HashSet<_>>().len();
+        let mut missing = Missing { taken: self.done(own(), results.past()) };
         let done = missing.taken.len();
         let launches = self.experiment.timing.launches as usize;
         let controls = groups.iter().flatten().filter(|pending| pending.record.is_control).count();
         observer.begins(count, (count + controls) * launches);
         observer.resumes(done, done * launches);
-        let mut sink = FolderSink { results, observer, done };
+        let names = self.scene_names();
+        let mut sink = FolderSink { results, observer, names, done };
         let groups: Result<Vec<_>> = groups
             .into_iter()
             .map(|group| pass_over(missing.of(group), launches, &mut sink).map(OpenGroup::new))
@@ -90,11 +86,31 @@ impl Run<'_> {
         shown
     }
 
+    /// Returns the names of the experiment's scenes, by the hashes of their contents.
+    fn scene_names(&self) -> HashMap<String, String> {
+        let named = |choice: &SceneChoice| choice.hash.clone().map(|hash| (hash, choice.label()));
+        self.experiment.scenes.iter().filter_map(named).collect()
+    }
+
     /// Returns whether programs of later groups are built while earlier groups are timed. This is
     /// true if no timed point needs the CPU's cores.
     fn builds_beside_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
+    }
+
+    /// Returns the keys of those of the points that are not measured again, since they have a record.
+    pub(super) fn done<'p>(
+        &self,
+        points: impl Iterator<Item = &'p PendingPoint>,
+        past: &Past,
+    ) -> HashSet<String> {
+        let records: HashMap<&str, &Record> =
+            past.records.iter().map(|record| (record.key.as_str(), record)).collect();
+        let is_done = |pending: &&PendingPoint| {
+            records.get(pending.record.key.as_str()).is_some_and(|record| self.is_done(record, pending))
+        };
+        points.filter(is_done).map(|pending| pending.record.key.clone()).collect()
     }
 
     /// Returns whether a point is not measured again, since it has this record. If the run retries failed points, a

@@ -14,6 +14,7 @@ use super::result_sink::ResultSink;
 use super::results::MeasuredOn;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
+use crate::config::SceneChoice;
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::{Held, LockName, Waiting};
 use crate::error::Result;
@@ -78,10 +79,11 @@ impl OpenGroup {
         self.home.is_none_or(|home| home == device)
     }
 
-    /// Binds the group to a device, since points that are compared must be measured on the same device.
+    /// Binds the group to a device, since points that are compared must be measured on the same device. If groups are
+    /// distributed over devices, each device has one job, with the device's number.
     pub fn settle(&mut self, device: usize) {
         self.home = Some(device);
-        self.points.iter_mut().for_each(|pending| pending.device = device);
+        self.points.iter_mut().for_each(|pending| pending.job = device);
     }
 
     /// Binds the group to the device that measured its last complete launch in an earlier session, if this device is
@@ -129,7 +131,8 @@ impl OpenGroup {
                 break;
             }
             if self.whole.len() == launches {
-                sink.says(&format!("{}: {ADDITIONAL}", self.points[0].record.scene));
+                let scene = run.experiment.scenes.get(self.points[0].scene).map(SceneChoice::label);
+                sink.says(&format!("{}: {ADDITIONAL}", scene.unwrap_or_default()));
             }
             match self.time(run, supervisor, sink)? {
                 End::Enough(reason) => {
@@ -318,7 +321,7 @@ fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
 
 /// Returns the device that a point is measured on; `None` for a caster on the host.
 fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
-    let device = run.devices.get(pending.device % run.devices.len().max(1));
+    let device = run.devices.get(pending.job % run.devices.len().max(1));
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
@@ -355,15 +358,19 @@ fn take_locks(
         }
         Waiting::Still => sink.waits(),
     };
-    let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted)?;
+    let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
+    // This is so even after an error. The run ends when the threads of its other devices have ended, and such a thread
+    // may be waiting for a program on a device of the same lock.
     run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
-    Ok(held)
+    held
 }
 
-/// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know these values.
+/// Copies a draft's names, notes, folder of kernels and block to its checked record, since workers do not know these
+/// values.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);
+    record.scene_notes.clone_from(&draft.scene_notes);
     record.kernels_of.clone_from(&draft.kernels_of);
     record.control.clone_from(&draft.control);
     (record.block, record.is_control) = (draft.block, draft.is_control);

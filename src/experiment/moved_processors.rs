@@ -71,9 +71,9 @@ pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Returns whether a sample counts. A sample counts if its core-to-core latency is unknown or close to `near_ns`, the
-/// latency of near processors. If `near_ns` is infinite, every sample counts: either no latency of the run is known
-/// yet, or the sample's group keeps all samples.
+/// Returns whether a sample counts. A sample counts if the core-to-core latency around it is unknown, or lies between
+/// `SHARED` and `FAR` times `near_ns`, the latency of processors on cores at their usual distance. If `near_ns` is
+/// infinite, every sample counts: either no latency of the run is known yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))

@@ -1,7 +1,7 @@
 //! Reports the progress of a run.
 
+use crate::printer;
 use crate::record::Record;
-use std::io::Write as _;
 
 /// Receives the events of a run. The progress bar is an observer; tests use another one.
 pub trait Observer: Send {
@@ -18,8 +18,7 @@ pub trait Observer: Send {
     fn works_on(&mut self, what: &str);
     /// Prints a line at once, for example that the run waits for another process.
     fn says(&mut self, line: &str) {
-        // If the line cannot be written, the run continues.
-        let _ = writeln!(std::io::stderr(), "{line}");
+        printer::tell(printer::plain(line));
     }
     /// Is called several times per second while the run waits for a device that another process uses, or for the
     /// process that measures the devices' peak rates.

@@ -21,9 +21,8 @@ use std::collections::HashMap;
 pub struct PendingPoint {
     /// The point's index in the plan.
     pub point: usize,
-    /// The number of the job (see [`Run::jobs`]) whose worker casts the point. It is the number of the point's device.
-    /// If the run compares two folders of kernels, the number of devices is added for points of the second folder.
-    pub device: usize,
+    /// The number of the job (see [`Run::jobs`]) whose worker casts the point.
+    pub job: usize,
     /// The number of the point's scene.
     pub scene: usize,
     /// The point's name, as shown to the observer.
@@ -46,11 +45,11 @@ pub struct PendingPoint {
 }
 
 impl PendingPoint {
-    /// Makes a point from its label, the draft of its record, and the numbers of the point, its device and its scene.
-    pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
+    /// Makes a point from its label, the draft of its record, and the numbers of the point, its job and its scene.
+    pub fn new([point, job, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,
-            device,
+            job,
             scene,
             label,
             record,
@@ -66,7 +65,7 @@ impl PendingPoint {
     /// Returns the data about the point from which requests to a worker are made.
     pub fn task(&self) -> Task<'_> {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
-        Task { point: self.point, device: self.device, scene: self.scene, key, verified }
+        Task { point: self.point, job: self.job, scene: self.scene, key, verified }
     }
 
     /// Returns the record of the point, which cannot be cast now. A point that has been cast before exceeds no limit
@@ -85,7 +84,7 @@ impl Needs for PendingPoint {
     fn order(&self) -> Option<Order> {
         let hash = self.record.program_hash.clone().filter(|_| self.fits && !self.record.is_baseline())?;
         let scene = self.record.scene_hash.clone().filter(|_| self.record.walks_tree());
-        let program = Program { device: self.device, hash, scene };
+        let program = Program { job: self.job, hash, scene };
         Some(Order { program, point: self.point, room: self.room })
     }
 
@@ -95,12 +94,6 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Returns whether a point is measured on the host. `place` is the point's index in the plan for one device.
-    pub fn is_on_host(&self, place: usize) -> bool {
-        let plan = Plan::new(self.experiment, self.devices.len().min(1));
-        plan.points.get(place).is_some_and(|point| point.device.is_none())
-    }
-
     /// Returns every point on every device or the host. A point is returned as its index in the plan for one
     /// device, its device (`None` is the host), and the key and names of its record.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
@@ -351,7 +344,7 @@ mod tests {
         let names = |run: &Run<'_>| {
             let plan = run.plan();
             let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
-            let name = |one: &PendingPoint| (one.record.name.clone(), one.device);
+            let name = |one: &PendingPoint| (one.record.name.clone(), one.job);
             groups.iter().flatten().map(name).collect::<Vec<_>>()
         };
         let named = |name: &str, worker: usize| (name.to_owned(), worker);

@@ -1,8 +1,7 @@
 //! The parts into which a plan is divided. The points of a part are measured together. A part is a whole group, a group
 //! of one device, or a block.
 
-use super::{Plan, Point};
-use crate::shard::Block;
+use super::{Block, Plan, Point};
 use std::collections::HashMap;
 
 /// Points that are measured together.

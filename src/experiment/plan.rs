@@ -164,6 +164,7 @@ mod tests {
             question: "?".into(),
             expectation: "!".into(),
             scenes: (0..scenes).map(|scene| SceneChoice::file(format!("scenes/s{scene}.toml"))).collect(),
+            left_out: Vec::new(),
             compare_scenes: false,
             devices: vec!["all".into()],
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),

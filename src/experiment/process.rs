@@ -60,7 +60,7 @@ impl Processes {
 }
 
 impl Spawner for Processes {
-    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
+    fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
                 "check that enough memory is free and that `ulimit -u` allows more processes, then repeat the \
@@ -74,7 +74,7 @@ impl Spawner for Processes {
             last_words: child.stderr.take().map(read_last_words),
             child,
         };
-        if let Some(job) = self.jobs.get_mut(device) {
+        if let Some(job) = self.jobs.get_mut(job) {
             worker.write(job);
             if job.fault.is_some_and(|fault| fault.once) {
                 job.fault = None;

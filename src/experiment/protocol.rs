@@ -19,6 +19,10 @@ pub struct Job {
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
+    /// The places, in the config's list of scenes, of the scenes that are not in the plan, since the content of each
+    /// equals that of an earlier scene.
+    #[serde(default)]
+    pub left_out: Vec<usize>,
     /// Number of devices in the plan: 1 if points are distributed over several devices of the same model.
     pub device_count: usize,
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has

@@ -8,7 +8,7 @@ use super::protocol::{Reply, Request};
 use super::ready::Ready;
 use super::{Plan, Point};
 use crate::anchor::Anchor;
-use crate::device::{Device, DeviceInfo, DeviceKind};
+use crate::device::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
 use crate::launch::{FrameTimes, Refused};
 use crate::load::processor_time;
@@ -87,10 +87,10 @@ impl<'a> RequestHandler<'a> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
         self.turn_to(point)?;
         if self.watch.is_none() {
-            self.watch = self.checker.device().map(|device| watch(&device.info.hardware));
+            self.watch = self.checker.device().map(|device| watch(&device.hardware));
         }
         let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
-        let own = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
+        let own = point.device.and(self.checker.device());
         let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);
         let mut record = self.drafter.draft(&point, device, at)?;
         record.measured_on = own.filter(|_| self.stands_for.is_some()).map(DeviceInfo::slug);
@@ -134,7 +134,9 @@ impl<'a> RequestHandler<'a> {
             Some(anchor) => anchor,
             None => self.checker.anchor()?,
         };
-        self.anchor.insert(anchor).run().map(Reply::Sample)
+        let anchor = self.anchor.insert(anchor);
+        let (times, processor_ms) = with_processor_ms(self.checker.device(), || anchor.run());
+        Ok(Reply::Sample(FrameTimes { processor_ms, ..times? }))
     }
 
     fn cast(&mut self, number: usize) -> Result<Reply> {
@@ -146,7 +148,7 @@ impl<'a> RequestHandler<'a> {
         };
         let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
         // A caster on the host is timed by the host's clock, even if its worker has a device.
-        let device = point.device.and(self.checker.device()).map(|device| &device.info);
+        let device = point.device.and(self.checker.device());
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
@@ -159,22 +161,28 @@ impl<'a> RequestHandler<'a> {
             }
         };
         entry.batch = Some(batch);
-        let (start, before) = (Instant::now(), processor_time());
-        let sample = frame(batch);
-        let used = processor_time().saturating_sub(before).as_secs_f64();
-        let casts_itself = device.is_none_or(|device| device.kind == DeviceKind::Cpu);
-        let processor_ms = casts_itself.then(|| used * 1e3 / f64::from(batch));
+        let start = Instant::now();
+        let (sample, used_ms) = with_processor_ms(device, || frame(batch));
+        let processor_ms = used_ms.map(|used_ms| used_ms / f64::from(batch));
         let sense = |ms| self.watch.as_ref()?.sense(start, Instant::now(), ms);
         Ok(match sample {
             Ok(times) if point.device.is_some() => {
                 Reply::Sample(FrameTimes { processor_ms, sensed: sense(times.frame_ms), ..times })
             }
             Ok(times) => Reply::Sample(FrameTimes { processor_ms, ..times }),
-            Err(refused) => {
-                Reply::Refused(PointFailure::of(&refused, self.checker.device().map(|device| &device.info)))
-            }
+            Err(refused) => Reply::Refused(PointFailure::of(&refused, self.checker.device())),
         })
     }
+}
+
+/// Calls `cast`, which casts on `device` or, without one, on the host. Returns its result, and the processor time in
+/// milliseconds that this process used meanwhile; `None` if the device is not a CPU.
+fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -> (T, Option<f64>) {
+    let before = processor_time();
+    let result = cast();
+    let used = processor_time().saturating_sub(before);
+    let is_on_processors = device.is_none_or(|device| device.kind == DeviceKind::Cpu);
+    (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
 /// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit, since the
@@ -197,7 +205,8 @@ fn warm_up(
     shortest_ms
 }
 
-fn no_such_point() -> Error {
+/// Returns the error for a request about a point that is not in the plan.
+pub(super) fn no_such_point() -> Error {
     Error::fault("a worker process received a request for an unknown point")
 }
 
@@ -380,6 +389,22 @@ mod tests {
         let on_processors = sample(DeviceKind::Cpu, None);
         assert!(on_processors.processor_ms.is_some() && on_processors.batch.is_none(), "{on_processors:?}");
         assert_eq!(sample(DeviceKind::Gpu, None).processor_ms, None);
+    }
+
+    #[test]
+    fn the_anchor_has_processor_time_where_processors_cast_it() {
+        let experiment = fixtures::experiment_of(&format!("scenes = ['scenes/triangle.toml']\n{NAIVE}"));
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let mut device = discover(&Sources::Embedded).unwrap().remove(0);
+        let folder = tempfile::tempdir().unwrap();
+        for (kind, is_known) in [(DeviceKind::Cpu, true), (DeviceKind::Gpu, false)] {
+            device.info.kind = kind;
+            let checker = Checker::open(drafter, Some(&device), Pictures::of(folder.path())).unwrap();
+            let plan = Plan::new(&experiment, 1);
+            let answer = RequestHandler::new(drafter, plan, checker, None).answer(&Request::Anchor).unwrap();
+            let Reply::Sample(times) = answer else { panic!("{answer:?}") };
+            assert_eq!(times.processor_ms.is_some(), is_known, "{times:?}");
+        }
     }
 
     #[test]

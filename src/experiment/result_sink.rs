@@ -6,6 +6,7 @@ use super::{Observer, Results};
 use crate::error::Result;
 use crate::peak::Peak;
 use crate::record::{AnchorSample, Record, RoundLoad, Sample};
+use std::collections::HashMap;
 
 /// Receives the results of measurements.
 pub trait ResultSink {
@@ -47,6 +48,9 @@ pub struct FolderSink<'a> {
     pub results: &'a mut Results,
     /// The observer.
     pub observer: &'a mut dyn Observer,
+    /// The name by which the observer hears of each scene, by the hash of the scene's content. These names differ,
+    /// while scenes of different files may have the same name in their records.
+    pub names: HashMap<String, String>,
     /// Number of finished points, including those of earlier sessions.
     pub done: usize,
 }
@@ -101,6 +105,9 @@ impl ResultSink for FolderSink<'_> {
             return self.results.control(&record);
         }
         self.results.record(&record)?;
+        if let Some(name) = record.scene_hash.as_ref().and_then(|hash| self.names.get(hash)) {
+            record.scene.clone_from(name);
+        }
         self.observer.finished(&record);
         self.done += 1;
         Ok(())
@@ -149,6 +156,7 @@ mod tests {
     #[derive(Default)]
     struct Counting {
         finished: Vec<String>,
+        scenes: Vec<String>,
         steps: usize,
     }
 
@@ -160,6 +168,7 @@ mod tests {
         fn works_on(&mut self, _what: &str) {}
         fn finished(&mut self, record: &Record) {
             self.finished.push(record.key.clone());
+            self.scenes.push(record.scene.clone());
         }
         fn ends(&mut self) {}
     }
@@ -185,7 +194,8 @@ mod tests {
         let times = FrameTimes::whole(12.0, 13.0);
         let plain = Taken { launch: 3, at_ms: 11.5, core_to_core_ns: None, times };
         let mut results = Results::create(folder.path(), &Environment::default()).unwrap();
-        let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+        let mut sink =
+            FolderSink { results: &mut results, observer: &mut (), names: HashMap::new(), done: 0 };
         let record = Record { key: "a".into(), ..Record::default() };
         let of_second = Record { measured_on: Some("the second".into()), ..record.clone() };
         sink.sample(&of_second, 1, Some("a UUID"), &taken).unwrap();
@@ -196,7 +206,8 @@ mod tests {
         assert_eq!(sink.near_ns(), 20.0);
         drop(results);
         let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
-        let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+        let mut sink =
+            FolderSink { results: &mut results, observer: &mut (), names: HashMap::new(), done: 0 };
         assert_eq!(sink.near_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
         let second = MeasuredOn { slug: "the second".into(), hardware: Some("a UUID".into()) };
@@ -213,13 +224,21 @@ mod tests {
             Results::of_attempt(&folder, &Environment::default(), "node7", &[], false, false).unwrap();
         results.keep_peak(vec![peak.clone()]).unwrap();
         let mut counting = Counting::default();
-        let mut sink = FolderSink { results: &mut results, observer: &mut counting, done: 4 };
-        let record = |key: &str| Record { key: key.into(), device: "gpu".into(), ..Record::default() };
+        let names = HashMap::from([("content".to_owned(), "a/tri".to_owned())]);
+        let mut sink = FolderSink { results: &mut results, observer: &mut counting, names, done: 4 };
+        let record = |key: &str| Record {
+            key: key.into(),
+            device: "gpu".into(),
+            scene: "tri".into(),
+            scene_hash: Some("content".into()),
+            ..Record::default()
+        };
         sink.keep(record("a")).unwrap();
         sink.keep(Record { is_control: true, ..record("control") }).unwrap();
         sink.advances(3);
         assert_eq!(sink.done, 5, "a control point is no point of its own");
         assert_eq!((counting.finished, counting.steps), (vec!["a".to_owned()], 3));
+        assert_eq!(counting.scenes, ["a/tri"]);
         drop(results);
         let [stored, controls] = ["records.jsonl", "controls.jsonl"].map(|name| records(&folder, name));
         assert_eq!((stored.len(), controls.len(), controls[0].key.as_str()), (1, 1, "control"));

@@ -8,14 +8,13 @@ use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
-use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
+use crate::record::journals::{ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
-    own_folder, read_lines, read_records, renew_intervals, sync_folder,
+    cannot_make, own_folder, read_lines_if_any, read_records, renew_intervals, sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// A folder of results: the plan, the journals, the pictures, the environment, and at the end the summaries, the
@@ -74,36 +73,23 @@ pub struct Past {
 
 /// Reads a journal, and reports damaged lines. Returns no lines if the file is missing.
 fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
-    let path = folder.join(name);
-    if !path.is_file() {
-        return Ok(Vec::new());
-    }
-    Ok(told(read_lines(&path)?, name))
+    Ok(told(read_lines_if_any(&folder.join(name))?, name))
 }
 
-fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
-    let message = format!("cannot make {}: {error}", folder.display());
-    let mistakes = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::InvalidFilename];
-    let error = if mistakes.contains(&error.kind()) { Error::input(message) } else { Error::run(message) };
-    error.with_help("choose another folder with --out DIR")
-}
+/// The remedy if the folder cannot be made.
+const ELSEWHERE: &str = "choose another folder with --out DIR";
 
 impl Results {
     /// Makes the folder. A folder that already contains records is refused: no measurement is ever
     /// overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
-        if folder.join("records.jsonl").exists() {
+        if folder.join(RECORDS).exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
             return Err(
                 error.with_help("continue the run with --resume, or choose another folder with --out")
             );
         }
-        Self::open(folder, environment)
-    }
-
-    /// Continues in an existing folder, or makes the folder if it does not exist.
-    pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
-        Self::open(folder, environment)
+        Self::resume(folder, environment)
     }
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
@@ -130,10 +116,12 @@ impl Results {
         Ok(results)
     }
 
-    fn open(folder: &Path, environment: &Environment) -> Result<Self> {
-        let images = folder.join("images");
-        own_folder(&images)
-            .map_err(|error| cannot_make(if folder.is_dir() { &images } else { folder }, &error))?;
+    /// Continues in an existing folder, or makes the folder if it does not exist.
+    pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
+        let images = folder.join(IMAGES);
+        own_folder(&images).map_err(|error| {
+            cannot_make(if folder.is_dir() { &images } else { folder }, &error, ELSEWHERE)
+        })?;
         let lock = Lock::take(folder)?;
         let [records, samples, rounds, anchors] =
             [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
@@ -155,7 +143,7 @@ impl Results {
         let latencies_ns = results.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
         results.latencies_ns = latencies_ns.collect();
         results.latencies_ns.sort_unstable_by(f64::total_cmp);
-        sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;
+        sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
         Ok(results)
     }
 
@@ -255,7 +243,7 @@ impl Results {
     /// records. Returns the records of these points.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
-        let journal = self.folder.join("records.jsonl");
+        let journal = self.folder.join(RECORDS);
         if renew_intervals(&journal, &shown.records)? {
             self.records = JsonLines::append_to(&journal)?;
         }
@@ -322,7 +310,7 @@ impl Past {
 
 /// Writes the environment; the file of the previous run is renamed and kept.
 fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
-    let path = folder.join("environment.json");
+    let path = folder.join(ENVIRONMENT);
     if path.exists() {
         let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
         let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
@@ -333,7 +321,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
 
 /// Removes temporary files of a run that was killed. Files that cannot be removed do no harm.
 fn remove_left_overs(folder: &Path) {
-    for folder in [folder.to_owned(), folder.join("images")] {
+    for folder in [folder.to_owned(), folder.join(IMAGES)] {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().starts_with(TEMPORARY_PREFIX) {
                 let _ = std::fs::remove_file(entry.path());

@@ -4,7 +4,7 @@ use super::ahead::Ahead;
 use super::asleep;
 use super::piece::Piece;
 use super::protocol::Job;
-use super::{Fault, Plan};
+use super::{Block, Fault, Plan};
 use crate::config::{Experiment, SceneChoice};
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
@@ -12,7 +12,6 @@ use crate::error::Result;
 use crate::measure::StoppingRule;
 use crate::program::Sources;
 use crate::scene::Loaded;
-use crate::shard::Block;
 use std::path::Path;
 use std::time::Duration;
 
@@ -64,6 +63,11 @@ impl Run<'_> {
         Plan::new(self.experiment, self.planned_devices())
     }
 
+    /// Makes the plan for one device, even if there are several devices.
+    pub fn plan_of_one_device(&self) -> Plan {
+        Plan::new(self.experiment, self.devices.len().min(1))
+    }
+
     /// Returns the parts of the plan that the run measures. The points of a part are measured together.
     pub(super) fn pieces(&self, plan: &Plan) -> Vec<Piece> {
         match self.blocks {
@@ -104,6 +108,7 @@ impl Run<'_> {
             config: self.experiment.path.clone(),
             text: self.experiment.source.clone(),
             overrides: self.overrides.to_vec(),
+            left_out: self.experiment.left_out.clone(),
             device_count: self.planned_devices(),
             device: device.map(DeviceInfo::identity),
             hardware: device.map(|device| device.hardware.clone()).unwrap_or_default(),

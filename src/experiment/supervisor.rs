@@ -21,9 +21,8 @@ const PATIENCE: usize = 3;
 
 /// Starts workers.
 pub trait Spawner {
-    /// Starts a worker for the job numbered `device`, which is the number of a device unless two folders of kernels are
-    /// compared. The worker's first reply is [`Reply::Started`].
-    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
+    /// Starts a worker for the job with this number. The worker's first reply is [`Reply::Started`].
+    fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
 }
 
 /// A worker serves requests one after another, until it dies or is dropped.
@@ -67,10 +66,8 @@ enum Loss {
 pub struct Task<'a> {
     /// The point's index in the plan.
     pub point: usize,
-    /// The number of the device whose worker casts the point. If the run compares two folders of kernels, each device
-    /// has a second worker for the second folder; the number of such a worker is the device's number plus the number of
-    /// devices (see `PendingPoint::device`).
-    pub device: usize,
+    /// The number of the job whose worker casts the point.
+    pub job: usize,
     /// The number of the point's scene; a worker holds one scene at a time.
     pub scene: usize,
     /// The key of the point's record.
@@ -80,9 +77,9 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Returns the device and the scene of the point's worker, which identify the worker.
+    /// Returns the job and the scene of the point's worker, which identify the worker.
     fn post(&self) -> (usize, usize) {
-        (self.device, self.scene)
+        (self.job, self.scene)
     }
 }
 
@@ -101,18 +98,17 @@ pub struct Supervisor<'a> {
     interrupted: &'a AtomicBool,
     /// The time limit for one step of a point.
     limit: Duration,
-    /// Workers by device and scene.
+    /// Workers by job and scene.
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started early, and have not yet reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// The number of the current launch.
     launch: u32,
-    /// Number of workers that each point has killed, by the worker's device and the point. Two folders of kernels count
-    /// as two devices.
+    /// Number of workers that each point has killed, by the worker's job and the point.
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
-    /// Devices on which the anchor failed.
+    /// Jobs on whose devices the anchor failed.
     without_anchor: HashSet<usize>,
 }
 
@@ -153,13 +149,13 @@ impl<'a> Supervisor<'a> {
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker keeps its scene if the scene is still needed. The device's other workers take over needed scenes
-        // that no worker has.
+        // A worker keeps its scene if the scene is still needed. The job's other workers take over needed scenes that
+        // no worker has.
         let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(kept);
         for post in wanted {
-            let of_device = free.iter().position(|(at, _)| at.0 == post.0);
-            if let Some(place) = of_device.filter(|_| !self.posts.contains_key(&post)) {
+            let of_job = free.iter().position(|(at, _)| at.0 == post.0);
+            if let Some(place) = of_job.filter(|_| !self.posts.contains_key(&post)) {
                 self.posts.insert(post, free.swap_remove(place).1);
             }
         }
@@ -232,7 +228,7 @@ impl<'a> Supervisor<'a> {
     /// which does not end the run, and drops the worker: the context of a GPU may be unusable after a fault, and every
     /// later point of this worker would fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
-        if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
+        if self.without_anchor.contains(&task.job) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
         }
         let error = match self.ask(task, &Request::Anchor)? {
@@ -243,7 +239,7 @@ impl<'a> Supervisor<'a> {
         self.posts.remove(&task.post());
         // Samples of one launch come from the same workers, so the launch is repeated.
         self.losses += 1;
-        self.without_anchor.insert(task.device);
+        self.without_anchor.insert(task.job);
         Ok(Some(Err(error)))
     }
 
@@ -332,7 +328,7 @@ impl<'a> Supervisor<'a> {
                 format!("its process {end}; if the point needs more time, raise `raycl run --hang-limit`");
             return Some(PointFailure::new(Outcome::TimedOut, reason));
         }
-        let deaths = self.deaths.entry((task.device, task.point)).or_default();
+        let deaths = self.deaths.entry((task.job, task.point)).or_default();
         *deaths += 1;
         if *deaths < ATTEMPTS && self.given_up < PATIENCE {
             return None;

@@ -34,7 +34,8 @@ pub fn serve() -> Result<()> {
 /// Opens the job's device and serves requests.
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let sources = Sources::of(job.cl_dir.clone())?;
-    let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
+    let mut experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
+    experiment.leave_out(job.left_out.clone());
     let drafter = Drafter { experiment: &experiment, sources: &sources };
     let plan = Plan::new(&experiment, job.device_count);
     if let Some(frame_ms) = job.asleep_ms {

@@ -12,7 +12,8 @@ mod tests;
 
 pub use swapped::{experiment_instead, scene_instead};
 
-pub use opened::{Damaged, Opened, STANDARD_INPUT};
+pub use crate::reader::STANDARD_INPUT;
+pub use opened::Opened;
 
 use crate::error::Error;
 use std::path::{Path, PathBuf};

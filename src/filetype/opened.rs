@@ -2,18 +2,17 @@
 
 use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, stl};
 use crate::memory::Available;
-use crate::reader::{self, Kind};
-use flate2::read::MultiGzDecoder;
+use crate::reader::{self, Damaged, Kind, STANDARD_INPUT};
+use crate::words::counted;
+use flate2::bufread::GzDecoder;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// Number of bytes that are read to recognise a file.
 const HEAD_BYTES: usize = 1 << 16;
 /// The first bytes of a gzip file.
 const GZIP: &[u8] = b"\x1f\x8b";
-/// The path that means standard input.
-pub const STANDARD_INPUT: &str = "-";
 
 /// An open file. A packed file (gzip) or standard input has been read completely. Of any other file, only the first
 /// bytes have been read.
@@ -38,7 +37,8 @@ impl Opened {
     /// packed file or standard input has more bytes than half of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
-            let head = within_memory(io::stdin().lock())?;
+            let mut head = Vec::new();
+            within_memory(io::stdin().lock(), half_of_memory(), &mut head)?;
             return if head.starts_with(GZIP) {
                 unpacked(&head[..], path)
             } else {
@@ -85,30 +85,30 @@ impl Opened {
     }
 }
 
-/// The error of a packed file that is cut off or damaged.
-#[derive(Debug, thiserror::Error)]
-#[error("it cannot be unpacked ({0})")]
-pub struct Damaged(io::Error);
-
-impl Damaged {
-    /// Returns whether a damaged packed file caused an error.
-    pub fn caused(error: &io::Error) -> bool {
-        error.get_ref().is_some_and(|inner| inner.is::<Self>())
+/// Unpacks a file of one or more members, each of which gzip has packed separately.
+fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
+    let (mut packed, mut bytes, most) = (BufReader::new(packed), Vec::new(), half_of_memory());
+    while packed.fill_buf()?.first() == GZIP.first() {
+        within_memory(GzDecoder::new(&mut packed), most, &mut bytes).map_err(Damaged::mark)?;
     }
-
-    /// Marks an error as caused by a damaged packed file, unless the error comes from the operating system or means
-    /// that memory ran out.
-    fn mark(error: io::Error) -> io::Error {
-        if error.raw_os_error().is_some() || error.kind() == io::ErrorKind::OutOfMemory {
-            return error;
-        }
-        io::Error::new(io::ErrorKind::InvalidData, Self(error))
-    }
+    check_rest(packed).map_err(Damaged::mark)?;
+    Ok(Opened::held(bytes, path))
 }
 
-fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
-    let bytes = within_memory(MultiGzDecoder::new(packed)).map_err(Damaged::mark)?;
-    Ok(Opened::held(bytes, path))
+/// Refuses bytes after the last member, unless all of them are zeros: some programs fill the last block of a file with
+/// zeros.
+fn check_rest(rest: impl BufRead) -> io::Result<()> {
+    let (mut count, mut is_padding) = (0, true);
+    for byte in rest.bytes() {
+        count += 1;
+        is_padding &= byte? == 0;
+    }
+    if is_padding {
+        return Ok(());
+    }
+    let message =
+        format!("{}; expected none, or only zeros", counted(count, "byte after the compressed data"));
+    Err(io::Error::new(io::ErrorKind::InvalidData, message))
 }
 
 /// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of triangles.
@@ -127,21 +127,34 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     }
 }
 
-/// Reads all of a stream of unknown length, up to half of the free memory.
-fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
-    let most = Available::read().bytes / 2;
-    let mut bytes = Vec::new();
-    stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+/// Returns half of the free memory, in bytes.
+fn half_of_memory() -> u64 {
+    Available::read().bytes / 2
+}
+
+/// Appends all of a stream of unknown length to `bytes`, which may then have at most `most` bytes.
+fn within_memory(stream: impl Read, most: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
+    let left = most.saturating_sub(bytes.len() as u64);
+    stream.take(left.saturating_add(1)).read_to_end(bytes)?;
     if bytes.len() as u64 > most {
         let message = format!("it has more than {most} bytes, half of the memory that raycl may still use");
         return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
     }
-    Ok(bytes)
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
+    use std::io::Write as _;
+
+    fn packed(bytes: &[u8]) -> Vec<u8> {
+        let mut packer = GzEncoder::new(Vec::new(), Compression::fast());
+        packer.write_all(bytes).unwrap();
+        packer.finish().unwrap()
+    }
 
     #[test]
     fn json_is_gltf_by_its_name_if_the_keys_of_gltf_may_follow() {
@@ -160,9 +173,7 @@ mod tests {
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();
         let bytes: Vec<u8> = (0..HEAD_BYTES + 999).map(|number| (number % 251) as u8).collect();
-        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        std::io::Write::write_all(&mut packer, &bytes).unwrap();
-        for (name, contents) in [("plain", bytes.clone()), ("packed.gz", packer.finish().unwrap())] {
+        for (name, contents) in [("plain", bytes.clone()), ("packed.gz", packed(&bytes))] {
             let path = folder.path().join(name);
             std::fs::write(&path, contents).unwrap();
             let opened = Opened::at(&path).unwrap();
@@ -172,11 +183,21 @@ mod tests {
     }
 
     #[test]
-    fn only_errors_of_the_packed_bytes_themselves_count_as_damage() {
-        let is_damage = |error: io::Error| Damaged::caused(&Damaged::mark(error));
-        assert!(is_damage(io::Error::new(io::ErrorKind::UnexpectedEof, "it ends")));
-        assert!(!is_damage(io::Error::new(io::ErrorKind::OutOfMemory, "it is large")));
-        // 5 is the system's number for a disk error (EIO), which is not damage of the packed file.
-        assert!(!is_damage(io::Error::from_raw_os_error(5)));
+    fn members_of_a_packed_file_are_joined_and_only_zeros_may_follow_them() {
+        let of = |rest: &[u8]| {
+            let members = [&packed(b"v 0 0 0\n")[..], &packed(b"v 1 0 0\n"), rest].concat();
+            unpacked(&members[..], Path::new("a.obj.gz")).map(|opened| opened.bytes(Kind::Mesh).unwrap())
+        };
+        // The last of these rests is longer than the reader's buffer.
+        for rest in [0, 1, 64, 100_000] {
+            assert_eq!(of(&vec![0; rest]).unwrap(), b"v 0 0 0\nv 1 0 0\n", "{rest}");
+        }
+        for (rest, count) in [(&b"\0\0x"[..], "3 bytes"), (b"x", "1 byte"), (b"\0\x1f\x8b", "3 bytes")] {
+            let error = of(rest).unwrap_err();
+            let told = format!(
+                "it cannot be unpacked ({count} after the compressed data; expected none, or only zeros)"
+            );
+            assert_eq!((Damaged::caused(&error), error.to_string()), (true, told));
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Tests with one small file of each format, which the tests create.
 
 use super::*;
+use crate::reader::Damaged;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write as _;

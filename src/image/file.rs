@@ -1,14 +1,15 @@
 //! Reads and writes picture files; a file is written completely or not at all.
 
 use super::encode::{exr, hdr, jpeg, png, shown_png};
+use super::hdr_header::{HdrExposure, with_usual_signature};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
 use crate::memory::Available;
 use crate::output::{Target, mark};
-use crate::reader;
+use crate::reader::{self, names_a_folder};
 use crate::scene::Display;
 use image::{DynamicImage, ImageDecoder, RgbImage};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A file format, recognised by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,17 +84,26 @@ fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
-/// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance. The coverage is the
-/// picture's alpha channel; it is empty if the picture is opaque. The colours are those of the file, so the colours of
-/// a transparent PNG are not multiplied by alpha.
+/// What the values of a picture's channels are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Displayed values from 0 to 1: whole numbers in the file, divided by the largest of them.
+    Displayed,
+    /// Linear radiance: floating-point numbers.
+    Radiance,
+}
+
+/// Reads a picture: whole numbers (PNG, JPEG) as displayed values from 0 to 1, floating-point numbers (EXR, HDR) as
+/// linear radiance. The coverage is the picture's alpha channel; it is empty if the picture is opaque. The colours are
+/// those of the file, so the colours of a transparent PNG are not multiplied by alpha.
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
-pub fn read_picture(path: &Path) -> Result<Radiance> {
+pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
     read_within(path, Available::read)
 }
 
 /// Reads a picture, as [`read_picture`] does. `available` returns the memory that is available when it is called.
-fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<Radiance> {
+fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radiance, Values)> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
             .with_help("raycl reads .png, .jpg, .exr and .hdr pictures")
@@ -102,6 +112,8 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<Radianc
     let length = file.metadata().map_err(|error| unreadable(&error))?.len();
     available().hold(length, &format!("reading the picture '{}'", path.display()), "the file's length")?;
     let bytes = reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(|error| unreadable(&error))?;
+    let bytes = with_usual_signature(bytes);
+    let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
     let mut picture = image::ImageReader::new(std::io::Cursor::new(bytes));
     if let Ok(format) = image::ImageFormat::from_path(path) {
         picture.set_format(format);
@@ -111,7 +123,10 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<Radianc
     picture.no_limits();
     let decoder = picture.into_decoder().map_err(|error| unreadable(&error))?;
     room_for(&decoder, path, &available())?;
-    Ok(radiance(DynamicImage::from_decoder(decoder).map_err(|error| unreadable(&error))?))
+    let picture = DynamicImage::from_decoder(decoder).map_err(|error| unreadable(&error))?;
+    let is_radiance = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
+    let values = if is_radiance { Values::Radiance } else { Values::Displayed };
+    Ok((radiance(picture, exposure), values))
 }
 
 /// Refuses a picture that does not fit into memory.
@@ -123,10 +138,10 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
-fn radiance(picture: DynamicImage) -> Radiance {
+fn radiance(picture: DynamicImage, exposure: HdrExposure) -> Radiance {
     let (width, height) = (picture.width(), picture.height());
     if !picture.color().has_alpha() {
-        let pixels = picture.into_rgb32f().pixels().map(|pixel| pixel.0).collect();
+        let pixels = picture.into_rgb32f().pixels().map(|pixel| exposure.radiance(pixel.0)).collect();
         return Radiance { width, height, pixels, coverage: Vec::new() };
     }
     let picture = picture.into_rgba32f();
@@ -177,21 +192,40 @@ pub fn is_jpeg(path: &Path) -> bool {
     format(path).is_ok_and(|format| format == Format::Jpeg)
 }
 
+/// Returns a path's extension in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// Returns the format that a path's extension names; `None` if it names none.
+fn known(path: &Path) -> Option<Format> {
+    let extension = extension(path);
+    EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format)
+}
+
+/// Returns the path of a picture for advice, if `path` has no known extension: a picture in the folder that `path`
+/// names, `a.png` for `a.png.gz`, or a PNG with the same name.
+fn picture_for(path: &Path) -> PathBuf {
+    if names_a_folder(path) || path.is_dir() {
+        return path.join("picture.png");
+    }
+    let stem = path.with_extension("");
+    if known(&stem).is_some() { stem } else { path.with_extension("png") }
+}
+
 fn format(path: &Path) -> Result<Format> {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let known = EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format);
-    known.ok_or_else(|| {
+    known(path).ok_or_else(|| {
         let names = EXTENSIONS.map(|(name, _)| name);
         let choices = names.map(|name| format!(".{name}")).join(", ");
         let error = Error::input(format!(
             "cannot write '{}': the name of a picture must end in one of {choices}",
             path.display()
         ));
-        match nearest(&extension, names) {
+        match nearest(&extension(path), names) {
             Some(meant) => {
                 error.with_help(format!("did you mean '{}'?", path.with_extension(meant).display()))
             }
-            None => error.with_help(format!("name the file '{}'", path.with_extension("png").display())),
+            None => error.with_help(format!("name the file '{}'", picture_for(path).display())),
         }
     })
 }
@@ -201,7 +235,6 @@ fn format(path: &Path) -> Result<Format> {
 mod tests {
     use super::*;
     use crate::output::Choice;
-    use std::path::PathBuf;
 
     fn target(path: &Path, force: bool) -> Target {
         Target::new(path, Choice::new(force, "-o FILE"))
@@ -416,8 +449,9 @@ mod tests {
     fn a_picture_comes_back_and_other_files_are_refused() {
         let image = gradient(7, 5);
         let (folder, path) = saved("picture.exr", &image);
-        let read = read_picture(&path).unwrap();
+        let (read, values) = read_picture(&path).unwrap();
         assert_eq!((read.width, read.height, read.pixels), (7, 5, image.pixels));
+        assert_eq!(values, Values::Radiance);
         let text = folder.path().join("text.png");
         std::fs::write(&text, "no picture").unwrap();
         for path in [text, folder.path().join("missing.png")] {
@@ -430,6 +464,24 @@ mod tests {
     }
 
     #[test]
+    fn a_radiance_hdr_of_another_program_is_read_as_radiance() {
+        let (_folder, path) = saved("a.hdr", &Radiance { pixels: vec![[4.0; 3]], ..Radiance::new(1, 1) });
+        let own = std::fs::read(&path).unwrap();
+        // The format has a line of its own in the header.
+        let rest = own.windows(7).position(|found| found == b"FORMAT=").unwrap();
+        let write = |exposure: &str| {
+            let begin = format!("#?RGBE\nEXPOSURE={exposure}\n");
+            std::fs::write(&path, [begin.as_bytes(), &own[rest..]].concat()).unwrap();
+        };
+        write("2");
+        assert_eq!(read_picture(&path).unwrap().0.pixels, [[2.0; 3]]);
+        write("0");
+        let refused = read_picture(&path).unwrap_err().to_string();
+        let told = "it has the EXPOSURE 0 in its header; expected a positive number";
+        assert!(refused.ends_with(told), "{refused}");
+    }
+
+    #[test]
     fn the_alpha_of_a_picture_comes_back_unless_the_picture_is_opaque() {
         let folder = tempfile::tempdir().unwrap();
         let read = |name: &str, alpha: [u8; 2]| {
@@ -439,8 +491,9 @@ mod tests {
             // The values of an EXR are floats.
             let picture = if name == "a.exr" { picture.into_rgba32f().into() } else { picture };
             picture.save(&path).unwrap();
-            let Radiance { pixels, coverage, .. } = read_picture(&path).unwrap();
+            let (Radiance { pixels, coverage, .. }, values) = read_picture(&path).unwrap();
             assert_eq!(pixels, [[1.0, 0.2, 0.0]; 2], "{name}");
+            assert_eq!(values == Values::Radiance, name == "a.exr", "{name}");
             coverage
         };
         for name in ["a.png", "a.exr"] {
@@ -586,5 +639,17 @@ mod tests {
         assert_eq!(remedy(check_png(&of("b/a.exr")).unwrap_err()), "name the file 'b/a.png'");
         assert_eq!(remedy(format(Path::new("b/a.jpgg")).unwrap_err()), "did you mean 'b/a.jpg'?");
         assert_eq!(remedy(format(Path::new("b/a")).unwrap_err()), "name the file 'b/a.png'");
+        for (path, meant) in [
+            (".", "./picture.png"),
+            ("..", "../picture.png"),
+            ("b/", "b/picture.png"),
+            // Cargo runs the tests in the repository's folder.
+            ("src", "src/picture.png"),
+            ("a.png.gz", "a.png"),
+            ("b.c/a.tar.gz", "b.c/a.tar.png"),
+        ] {
+            let refused = format(Path::new(path)).unwrap_err();
+            assert_eq!(remedy(refused), format!("name the file '{meant}'"), "{path}");
+        }
     }
 }

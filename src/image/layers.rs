@@ -1,6 +1,7 @@
 //! Layers as files: all layers and the picture in one EXR, or a PNG for each layer.
 
-use super::{COUNT_SCALE_HEIGHT, Radiance, draw_count_scale, save_rgb8, viridis};
+use super::colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
+use super::{Radiance, save_rgb8};
 use crate::error::{Error, Result};
 use crate::output::{Target, mark};
 use crate::reference::layers::{Layers, NOTHING};

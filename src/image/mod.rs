@@ -5,19 +5,22 @@ mod compare;
 mod display;
 mod encode;
 mod file;
+mod hdr_header;
 mod incoming;
 mod jpeg;
 mod layers;
 mod movie;
 
-pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
+pub use colour::viridis;
 pub use compare::{
     RELATIVE_LIMIT, alpha_difference, dark_floor, difference_image, psnr_db, relative_difference,
 };
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8};
 pub use file::{
-    check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits,
+    Values, check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8,
+    shows_8_bits,
 };
+pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;

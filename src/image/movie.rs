@@ -60,9 +60,7 @@ impl Movie {
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
                     // The encoder has closed its input because it needs no more frames.
                     Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-                    other => other.map_err(|error| {
-                        crate::Error::run(format!("cannot write to standard output: {error}"))
-                    }),
+                    other => other.map_err(|error| crate::Error::unwritable_output(&error)),
                 }
             }
         }

@@ -119,6 +119,15 @@ impl<'a> Arguments<'a> {
         self
     }
 
+    /// Adds an argument, if there is a value.
+    #[must_use]
+    pub fn with_any(self, name: &'static str, value: Option<impl Into<Argument<'a>>>) -> Self {
+        match value {
+            Some(value) => self.with(name, value),
+            None => self,
+        }
+    }
+
     /// Binds the arguments of a strategy's kernel, in the manifest's order.
     pub fn bind(
         &self,

@@ -1,8 +1,10 @@
 //! A caster: everything that is needed to cast the frame of one point (strategy, sizes, scene and device) repeatedly.
 
+mod read;
+
 use super::arguments::Arguments;
 use super::band::Band;
-use super::buffers::{allocate, read_rows};
+use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::half_light::{HalfLight, LightParts};
 use super::held::FrameBytes;
@@ -10,21 +12,16 @@ use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
 use super::samples::Samples;
-use super::setup::{
-    Setup, Working, background_arguments, camera_arguments, sample_argument, scene_arguments,
-};
+use super::setup::{Setup, Working, background_arguments, camera_arguments, sample_argument};
 use super::shared::Shared;
 use super::steps::{Extent, Steps};
 use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
-use super::{LaunchError, Queue, ShowProgram};
-use crate::image::{Radiance, Shown, TOGETHER};
+use super::{LaunchError, Queue};
 use crate::manifest::ROW_FLOATS;
-use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling, Scene};
+use crate::scene::{Camera, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
-use image::RgbImage;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
-use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
 
@@ -44,6 +41,8 @@ pub struct Caster {
     size: [u32; 2],
     /// True if the background is transparent, so that images have coverage.
     transparent: bool,
+    /// True if the program contains a kernel file that the user added or changed.
+    has_own_file: bool,
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
 }
@@ -65,25 +64,21 @@ impl Caster {
     }
 
     fn of(setup: Setup<'_>, band: Option<Band>) -> Result<Self, LaunchError> {
-        let Setup { queue, program, strategy, workload, uploaded, tree, .. } = setup;
+        let Setup { queue, strategy, workload, .. } = setup;
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
         let image = allocate::<Float4>(queue, pixels)?;
         let working = working(queue, strategy, workload)?;
         let prepared = prepared_planes(queue, strategy, workload)?;
-        let of_scene = scene_arguments(uploaded, tree);
-        let records = Records::prepare(queue, program, strategy, uploaded.triangle_count, of_scene)?;
+        let records = Records::prepare(&setup)?;
         let samples = Samples::allocate(queue, workload)?;
         let mut arguments = working.add_to(setup.arguments());
         if let Some(samples) = &samples {
             arguments = samples.add_to(arguments);
         }
-        if let Some(records) = &records {
-            arguments = arguments.with("records", &records.buffer);
-        }
-        if let Some(prepared) = &prepared {
-            arguments = arguments.with("prepared", prepared);
-        }
+        let arguments = arguments
+            .with_any("records", records.as_ref().map(|records| &records.buffer))
+            .with_any("prepared", prepared.as_ref());
         let tile = strategy.shared_tile().filter(|_| band.is_none());
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
         let mut steps = match strategy.passes {
@@ -116,6 +111,7 @@ impl Caster {
             tile,
             size,
             transparent,
+            has_own_file: !setup.own_files.is_empty(),
             records_ms,
             _bytes: None,
         })
@@ -158,7 +154,7 @@ impl Caster {
     }
 
     /// Changes the camera, starting with the next frame.
-    pub fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
+    fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
         let arguments = camera_arguments(Arguments::default(), camera, self.size);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
@@ -200,16 +196,6 @@ impl Caster {
         let [lit, unoccluded] = half.read()?;
         let half_hit_shares = half.read_hit_shares()?;
         Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
-    }
-
-    /// Reads the share of each pixel's samples that hit something.
-    pub(super) fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
-        let [width, height] = self.size.map(|side| side as usize);
-        let mut shares = Vec::with_capacity(width * height);
-        read_rows(&self.queue, &self.image, (0..height, width), |_, values| {
-            shares.extend(values.iter().map(|pixel| pixel[3]));
-        })?;
-        Ok(shares)
     }
 
     /// Returns the half pictures, if a sampling uses them.
@@ -294,85 +280,6 @@ impl Caster {
     /// Returns the kernels of a frame in the order in which they run.
     pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
         self.steps.iter().filter_map(|(_, step)| step.kernel())
-    }
-
-    /// Reads the image of the last frame, and the number of pixels that hit something.
-    pub fn read(&self) -> Result<(Radiance, usize), LaunchError> {
-        self.read_rows([0, self.size[1]])
-    }
-
-    /// Reads the image's rows from `first` up to but not including `end`; the range may be empty.
-    pub fn read_rows(&self, [first, end]: [u32; 2]) -> Result<(Radiance, usize), LaunchError> {
-        self.check_heap()?;
-        let mut image = Radiance::new(self.size[0], end - first);
-        let (width, first, end) = (self.size[0] as usize, first as usize, end as usize);
-        let mut hits = 0;
-        read_rows(&self.queue, &self.image, (first..end, width), |rows, values| {
-            let pixels = &mut image.pixels[width * (rows.start - first)..width * (rows.end - first)];
-            pixels
-                .par_iter_mut()
-                .zip(values)
-                .for_each(|(pixel, value)| *pixel = [value[0], value[1], value[2]]);
-            hits += values.par_iter().filter(|pixel| pixel[3] > 0.0).count();
-            if self.transparent {
-                image.coverage.extend(values.iter().map(|pixel| pixel[3]));
-            }
-        })?;
-        Ok((image, hits))
-    }
-
-    /// Reads the image of the last frame and applies the display transform. Also counts the pixels that hit
-    /// something. If the device shares the host's memory, the image is read in place. Returns `None` if a pixel is
-    /// not finite, since it cannot be displayed.
-    pub fn read_shown(&self, display: Display) -> Result<Option<(RgbImage, usize)>, LaunchError> {
-        self.check_heap()?;
-        let [width, height] = self.size;
-        let mut picture = RgbImage::new(width, height);
-        let shown = Shown::new(display);
-        let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
-            let (mut hits, mut finite) = (0, true);
-            for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
-                let radiance = [pixel[0], pixel[1], pixel[2]];
-                *bytes = shown.pixel(radiance);
-                finite &= radiance.iter().all(|channel| channel.is_finite());
-                hits += usize::from(pixel[3] > 0.0);
-            }
-            finite.then_some(hits)
-        };
-        let (width, height) = (width as usize, height as usize);
-        let mut hits = Some(0);
-        read_rows(&self.queue, &self.image, (0..height, width), |rows, values| {
-            let bytes: &mut [u8] = &mut picture;
-            let bytes = &mut bytes[3 * width * rows.start..3 * width * rows.end];
-            let found: Option<usize> =
-                bytes.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum();
-            hits = hits.zip(found).map(|(all, more)| all + more);
-        })?;
-        Ok(hits.map(|hits| (picture, hits)))
-    }
-
-    /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
-    /// transform itself. `take` is called with some rows at a time, from the top, as red, green and blue. Each call
-    /// except the last passes a multiple of `together` rows. Returns the number of pixels that hit something, or `None`
-    /// if a pixel is not finite, since it cannot be displayed.
-    pub fn show(
-        &self,
-        program: &ShowProgram,
-        display: Display,
-        together: usize,
-        take: impl FnMut(&[u8]),
-    ) -> Result<Option<usize>, LaunchError> {
-        self.check_heap()?;
-        program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
-    }
-
-    /// Returns an error if the last kernel requested more values than the heap holds.
-    fn check_heap(&self) -> Result<(), LaunchError> {
-        let Working::Heap { top, size, .. } = &self.working else { return Ok(()) };
-        let mut used = [0];
-        top.read(&mut used[..]).enq()?;
-        let (used, size) = (u64::from(used[0] as u32), u64::from(*size));
-        if used > size { Err(LaunchError::HeapExhausted { used, size }) } else { Ok(()) }
     }
 }
 

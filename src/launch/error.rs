@@ -2,10 +2,12 @@
 
 use crate::device::{DeviceInfo, lacks_resources};
 use crate::sensor::{UsedMemory, used_memory};
+use crate::sources::some_of;
+use ocl::enums::Status;
 use thiserror::Error;
 
 /// Why a frame cannot be prepared or cast: the device or its driver refused a step, the tree could not be built, a
-/// result is not valid, or raycl has a bug.
+/// kernel file of the user has a mistake, the strategy does not support the rays of a caller, or raycl has a bug.
 #[derive(Debug, Error)]
 pub enum LaunchError {
     /// OpenCL's own error.
@@ -41,10 +43,17 @@ pub enum LaunchError {
         /// The kernel's role.
         role: String,
     },
+    /// A program with kernel files of the user lacks a kernel that raycl starts, or this kernel has other parameters
+    /// than raycl's kernel: a mistake of the user.
+    #[error("{0}")]
+    OwnKernel(String),
+    /// The strategy does not support rays that a caller provides. Only tests provide rays.
+    #[error("{0}")]
+    GivenRays(&'static str),
     /// The scene's tree could not be built.
     #[error("{0}")]
     Tree(String),
-    /// The allocator in the kernel ran out of memory.
+    /// The allocator in the kernel ran out of memory: the header of a kernel file states too few bytes.
     #[error(
         "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`: it must count the bytes of every vector of a ray"
     )]
@@ -53,10 +62,34 @@ pub enum LaunchError {
         used: u64,
         /// Number of values that the heap holds.
         size: u64,
+        /// Whether the program contains a kernel file that the user added or changed.
+        has_own_file: bool,
     },
 }
 
 impl LaunchError {
+    /// Returns the error if a program's kernel could not be made. `own_files` are the paths of the kernel files
+    /// in the program that the user added or changed. If there are such files, they may lack the kernel, or declare
+    /// other parameters.
+    pub(crate) fn of_kernel(kernel: &str, own_files: &[String], error: ocl::Error) -> Self {
+        let (status, files) = (error.api_status(), some_of(own_files));
+        match status {
+            _ if own_files.is_empty() => Self::from(error),
+            Some(Status::CL_INVALID_KERNEL_NAME) => {
+                let verb = if own_files.len() == 1 { "defines" } else { "define" };
+                Self::OwnKernel(format!("{files} {verb} no kernel `{kernel}`, which raycl needs"))
+            }
+            _ if matches!(error, ocl::Error::Kernel(_)) || status.is_some_and(of_arguments) => {
+                let why = without_frame(&error.to_string());
+                let why = why.split(". ").next().unwrap_or_default();
+                Self::OwnKernel(format!(
+                    "the kernel `{kernel}` of a program with {files} has other parameters than raycl's kernel: {why}"
+                ))
+            }
+            _ => Self::from(error),
+        }
+    }
+
     /// Returns the message of an error on a device. If memory may be missing, the message says how much of the
     /// device's memory other processes use.
     pub fn on(&self, device: &DeviceInfo) -> String {
@@ -86,6 +119,14 @@ impl From<ocl::Error> for LaunchError {
             false => Self::OpenCl(message),
         }
     }
+}
+
+/// Returns whether a driver returns this status if an argument does not fit its parameter.
+fn of_arguments(status: Status) -> bool {
+    matches!(
+        status,
+        Status::CL_INVALID_ARG_INDEX | Status::CL_INVALID_ARG_VALUE | Status::CL_INVALID_ARG_SIZE
+    )
 }
 
 /// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a

@@ -1,5 +1,6 @@
 //! The device times of one frame.
 
+use crate::measure::median_of;
 use crate::sensor::SensorReading;
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
@@ -56,6 +57,11 @@ impl FrameTimes {
     /// Returns the times of a frame that has no separate passes.
     pub fn whole(frame_ms: f64, host_ms: f64) -> Self {
         Self { frame_ms, host_ms, ..Self::default() }
+    }
+
+    /// Returns the median of one time of some frames; `None` if no frame has it.
+    pub(crate) fn median_of(frames: &[Self], time: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
+        median_of(&frames.iter().filter_map(time).collect::<Vec<_>>())
     }
 
     /// Returns the total times of two frames.

@@ -5,7 +5,6 @@ use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::caster::Caster;
 use super::frame::{FrameTimes, Phase};
-use super::parts::{builder, in_rows};
 use super::setup::{Setup, background_arguments};
 use super::steps::{Extent, Step};
 use super::{LaunchError, Queue};
@@ -69,10 +68,8 @@ impl HalfLight {
         let arguments = arguments.with("image_size", size(setup.workload.image_size)).with("image", image);
         let rays = setup.strategy.width.rays();
         let kernel = |role: Role, [across, down]: [u32; 2]| {
-            let kernel = setup.kernel_for(role)?;
-            let kernel = builder(setup.queue, setup.program, setup.strategy, kernel, &arguments)?;
             let items = [(across as usize).div_ceil(rays), down as usize];
-            Ok::<_, LaunchError>(Step::Run(in_rows(setup.queue, &kernel, items)?))
+            setup.row_kernel(setup.kernel_for(role)?, &arguments, items).map(Step::Run)
         };
         let filter = kernel(Role::FilterLight, workload.image_size)?;
         let apply = kernel(Role::ApplyLight, setup.workload.image_size)?;
@@ -146,7 +143,7 @@ mod tests {
         let sampling = Sampling { first: 1, half_light: 2, ..Sampling::all(6) };
         for name in ["tile", "bvh", "bvh-packet", "tile-group"] {
             let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
-            let mut session = session.sampling(sampling);
+            let mut session = session.with_sampling(sampling);
             let strategy = preset(name).unwrap().strategy;
             for size in SIZES {
                 let local_size = strategy.local_size(&device.info.limits, [1, 1]);

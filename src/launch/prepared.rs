@@ -35,6 +35,8 @@ pub struct Prepared {
     pub(super) tree: Option<Arc<DeviceTree>>,
     pub(super) compute_capability: Option<String>,
     pub(super) frames: Frames,
+    /// The paths of the kernel files in the program that the user added or changed.
+    pub(super) own_files: Vec<String>,
 }
 
 impl Prepared {
@@ -49,7 +51,8 @@ impl Prepared {
         Caster::new(self.setup(workload), band, bytes).map_err(Refused::at("preparing the frame"))
     }
 
-    fn setup<'a>(&'a self, workload: &'a Workload) -> Setup<'a> {
+    /// Returns the inputs of a frame with this workload.
+    pub(super) fn setup<'a>(&'a self, workload: &'a Workload) -> Setup<'a> {
         Setup {
             queue: &self.queue,
             program: &self.program,
@@ -58,6 +61,7 @@ impl Prepared {
             scene: &self.scene,
             uploaded: &self.uploaded,
             tree: self.tree.as_deref(),
+            own_files: &self.own_files,
         }
     }
 
@@ -193,6 +197,55 @@ mod tests {
         let after = cast(&caster);
         let (_, new) = prepare(&bright, &deferred());
         assert!(after != before && after == cast(&new));
+    }
+
+    #[test]
+    fn a_kernel_that_the_users_file_lacks_or_changes_is_the_users_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("cast")).unwrap();
+        let file = folder.path().join("cast/entry.cl");
+        let text = Sources::Embedded.read("cast/entry.cl").unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let triangle = Arc::new(scene("triangle.toml"));
+        for (from, to, said) in [
+            ("void cast_primary(", "void cast_first(", "defines no kernel `cast_primary`, which raycl needs"),
+            ("(CAST_PRIMARY_PARAMETERS)", "(CAST_PRIMARY_PARAMETERS, int more)", "has other parameters than"),
+        ] {
+            assert_eq!(text.matches(from).count(), 1, "{from}");
+            std::fs::write(&file, text.replace(from, to)).unwrap();
+            let session = Session::open(&device, &sources, Arc::clone(&triangle)).unwrap();
+            let mut session = session.keeping(Kept::default());
+            let prepared = session.prepare(&deferred(), SIZE, [1, 1]).map_err(|refused| refused.reason());
+            let error = prepared.unwrap().caster().err().unwrap().into_error(&device.info);
+            let message = error.to_string();
+            assert_eq!(error.exit_code(), 2, "{message}");
+            assert!(message.contains(said) && message.contains(&file.display().to_string()), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_header_of_the_users_file_that_states_too_few_bytes_is_the_users_mistake() {
+        let (folder, file) = (tempfile::tempdir().unwrap(), "cast/vectors/heap.cl");
+        std::fs::create_dir_all(folder.path().join("cast/vectors")).unwrap();
+        let text = Sources::Embedded.read(file).unwrap();
+        let fewer = text.replace("// bytes_per_ray: 108\n", "// bytes_per_ray: 104\n");
+        assert!(fewer != text);
+        std::fs::write(folder.path().join(file), fewer).unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let naive = preset("naive").unwrap().strategy;
+        let error = sources.values().unwrap().during(|| {
+            let session = Session::open(&device, &sources, Arc::new(scene("triangle.toml"))).unwrap();
+            let mut session = session.keeping(Kept::default());
+            let prepared = session.prepare(&naive, SIZE, [1, 1]).map_err(|refused| refused.reason()).unwrap();
+            let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
+            caster.cast().unwrap();
+            Refused::at("reading the image")(caster.read().err().unwrap()).into_error(&device.info)
+        });
+        assert_eq!(error.exit_code(), 2, "{error}");
+        assert!(error.to_string().contains("correct `bytes_per_ray`"), "{error}");
+        assert!(error.remedy().contains("docs/own-kernels.md"), "{}", error.remedy());
     }
 
     /// With this ray-triangle test, shadow rays read planes that were prepared for their light.

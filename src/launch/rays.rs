@@ -1,14 +1,11 @@
 //! Casts arbitrary rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
-use super::parts::{builder, in_rows};
 use super::records::Records;
-use super::scene::DeviceScene;
-use super::setup::{scene_arguments, soft_arguments};
-use super::{LaunchError, Prepared, Queue};
+use super::setup::{Setup, scene_arguments, soft_arguments};
+use super::{LaunchError, Prepared};
 use crate::manifest::{self, NO_HIT, ROW_FLOATS, Role};
-use crate::program::BuiltProgram;
-use crate::strategy::{Strategy, WorkingMemory};
+use crate::strategy::WorkingMemory;
 use glam::Vec3;
 use ocl::Buffer;
 use ocl::prm::Float4;
@@ -33,58 +30,51 @@ impl Prepared {
     /// must have been prepared by [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since
     /// other programs lack the kernel for such rays.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
-        let Self { queue, program, strategy, uploaded: scene, .. } = self;
-        let kernel = self.kernel_for_rays()?;
+        let setup = self.setup(&self.workload);
+        let Setup { queue, strategy, uploaded, .. } = setup;
+        let kernel = kernel_for_rays(&setup)?;
         let Some(first) = rays.first() else { return Ok(Vec::new()) };
         let packed: Vec<Float4> = rays.iter().flat_map(pack).collect();
         let packed = upload(queue, &packed)?;
         let nearest = allocate::<i32>(queue, rays.len())?;
-        let prepared = prepare(queue, program, strategy, scene, first.origin)?;
-        let of_scene = scene_arguments(scene, self.tree.as_deref());
-        let records = Records::prepare(queue, program, strategy, scene.triangle_count, of_scene.clone())?;
-        let mut arguments = soft_arguments(of_scene, scene, &self.workload)
+        let prepared = prepare(&setup, first.origin)?;
+        let records = Records::prepare(&setup)?;
+        let arguments = scene_arguments(uploaded, setup.tree);
+        let arguments = soft_arguments(arguments, uploaded, setup.workload)
             .with("bias", 0.0_f32)
             .with("cone", Float4::zero()) // hits are not shaded
             .with("rays", &packed)
             .with("ray_count", rays.len() as i32)
-            .with("nearest_triangle", &nearest);
-        if let Some(prepared) = &prepared {
-            arguments = arguments.with("prepared", prepared);
-        }
-        if let Some(records) = &records {
-            arguments = arguments.with("records", &records.buffer);
-        }
-        let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
+            .with("nearest_triangle", &nearest)
+            .with_any("prepared", prepared.as_ref())
+            .with_any("records", records.as_ref().map(|records| &records.buffer));
+        let mut builder = setup.builder(kernel, &arguments)?;
         let items = rays.len().div_ceil(strategy.width.rays());
         let [across, down] = self.workload.local_size.map(|n| n as usize);
-        kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
-        let kernel = kernel.build()?;
+        builder.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
+        let kernel = setup.build(kernel, &builder)?;
         // SAFETY: the kernel's arguments were checked; the kernel accesses no ray beyond `ray_count`.
         unsafe { kernel.cmd().queue(&queue.commands).enq()? };
         let mut triangles = vec![0; rays.len()];
         nearest.read(&mut triangles).enq()?;
         Ok(triangles.into_iter().map(|id| u32::try_from(id).ok().filter(|_| id != NO_HIT)).collect())
     }
+}
 
-    /// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support such rays, or if
-    /// its program lacks this kernel because the strategy was not prepared for such rays.
-    fn kernel_for_rays(&self) -> Result<&'static manifest::Kernel, LaunchError> {
-        if !matches!(self.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
-            return Err(LaunchError::OpenCl(
-                "arbitrary rays can only be cast with private or local working vectors".to_owned(),
-            ));
-        }
-        if self.strategy.intersector.counts_in_pixels() {
-            return Err(LaunchError::OpenCl(
-                "ray-triangle tests with pixel-linear planes only suit a camera's rays".to_owned(),
-            ));
-        }
-        let family = self.strategy.family();
-        family
-            .kernel(Role::Rays)
-            .filter(|kernel| self.strategy.holds_of(kernel.when, &self.workload))
-            .ok_or_else(|| LaunchError::Kernel { family: family.name, role: "arbitrary rays".to_owned() })
+/// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support such rays, or if its
+/// program lacks this kernel because the strategy was not prepared for such rays.
+fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, LaunchError> {
+    if !matches!(setup.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
+        return Err(LaunchError::GivenRays(
+            "arbitrary rays can only be cast with private or local working vectors",
+        ));
     }
+    if setup.strategy.intersector.counts_in_pixels() {
+        return Err(LaunchError::GivenRays(
+            "ray-triangle tests with pixel-linear planes only suit a camera's rays",
+        ));
+    }
+    setup.kernel_for(Role::Rays)
 }
 
 fn pack(ray: &Ray) -> [Float4; 2] {
@@ -93,27 +83,21 @@ fn pack(ray: &Ray) -> [Float4; 2] {
 }
 
 /// Prepares each triangle's planes for the rays' common origin, if the ray-triangle test needs planes.
-fn prepare(
-    queue: &Queue,
-    program: &BuiltProgram,
-    strategy: &Strategy,
-    scene: &DeviceScene,
-    origin: Vec3,
-) -> Result<Option<Buffer<f32>>, LaunchError> {
+fn prepare(setup: &Setup<'_>, origin: Vec3) -> Result<Option<Buffer<f32>>, LaunchError> {
+    let Setup { queue, strategy, uploaded, .. } = *setup;
     let Some(kernel) = strategy.family().kernel(Role::Prepare) else { return Ok(None) };
-    if !strategy.holds(kernel.when) || scene.triangle_count == 0 {
+    if !strategy.holds(kernel.when) || uploaded.triangle_count == 0 {
         return Ok(None);
     }
-    let prepared = allocate::<f32>(queue, ROW_FLOATS * scene.triangle_count)?;
+    let prepared = allocate::<f32>(queue, ROW_FLOATS * uploaded.triangle_count)?;
     let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // not used here
-    let arguments = scene_arguments(scene, None)
+    let arguments = scene_arguments(uploaded, None)
         .with("eye", Float4::new(origin.x, origin.y, origin.z, 0.0))
         .with("corner", camera)
         .with("step_x", camera)
         .with("step_y", camera)
         .with("prepared", &prepared);
-    let kernel = builder(queue, program, strategy, kernel, &arguments)?;
-    let kernel = in_rows(queue, &kernel, [scene.triangle_count, 1])?;
+    let kernel = setup.row_kernel(kernel, &arguments, [uploaded.triangle_count, 1])?;
     // SAFETY: the kernel's arguments were checked; `prepared` has one row per triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };
     Ok(Some(prepared))

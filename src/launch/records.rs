@@ -1,13 +1,10 @@
 //! Records of triangles: data that is computed once per scene, for the ray-triangle test.
 
-use super::arguments::Arguments;
+use super::LaunchError;
 use super::buffers::allocate;
 use super::frame::duration_ms;
-use super::parts::{builder, in_rows};
-use super::{LaunchError, Queue};
+use super::setup::{Setup, scene_arguments};
 use crate::manifest::Role;
-use crate::program::BuiltProgram;
-use crate::strategy::Strategy;
 use ocl::{Buffer, Event};
 
 /// One record per triangle; the file of the ray-triangle test defines a record's length.
@@ -18,33 +15,26 @@ pub(super) struct Records {
 }
 
 impl Records {
-    /// Prepares the records from a scene's kernel arguments, and waits until the records are ready; `None` if the
-    /// strategy uses no records.
-    pub fn prepare(
-        queue: &Queue,
-        program: &BuiltProgram,
-        strategy: &Strategy,
-        triangles: usize,
-        scene: Arguments<'_>,
-    ) -> Result<Option<Self>, LaunchError> {
+    /// Prepares the records of a scene's triangles, and waits until the records are ready; `None` if the strategy uses
+    /// no records.
+    pub fn prepare(setup: &Setup<'_>) -> Result<Option<Self>, LaunchError> {
+        let Setup { queue, strategy, uploaded, tree, .. } = *setup;
         let Some(kernel) = strategy.family().kernel(Role::Records) else { return Ok(None) };
         if !strategy.holds(kernel.when) {
             return Ok(None);
         }
+        let triangles = uploaded.triangle_count;
         let buffer = allocate::<f32>(queue, strategy.intersector.record_floats() * triangles)?;
         if triangles == 0 {
             return Ok(Some(Self { buffer, prepare_ms: 0.0 }));
         }
+        let arguments = scene_arguments(uploaded, tree).with("records", &buffer);
+        let kernel = setup.row_kernel(kernel, &arguments, [triangles, 1])?;
         let mut event = Event::empty();
-        {
-            let arguments = scene.with("records", &buffer);
-            let kernel = builder(queue, program, strategy, kernel, &arguments)?;
-            let kernel = in_rows(queue, &kernel, [triangles, 1])?;
-            // SAFETY: the kernel's arguments were checked; the kernel writes one record per triangle, and the buffer
-            // has room for all records.
-            unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
-            queue.commands.finish()?;
-        }
+        // SAFETY: the kernel's arguments were checked; the kernel writes one record per triangle, and the buffer has
+        // room for all records.
+        unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
+        queue.commands.finish()?;
         Ok(Some(Self { buffer, prepare_ms: duration_ms(&event)? }))
     }
 }

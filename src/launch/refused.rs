@@ -36,6 +36,11 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
+/// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
+const OWN_KERNEL: &str = "where a file replaces a built-in one, each kernel keeps its name and its parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
+/// The remedy if a kernel file of the user states too few bytes.
+const OWN_HEADER: &str =
+    "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";
 /// The remedy if a step fails for another reason than missing memory.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
 /// The remedy if a step fails because memory is missing.
@@ -90,15 +95,19 @@ impl Refused {
                     Error::input(format!("this strategy cannot cast the scene: {reason}")).with_help(ANOTHER)
                 }
                 Cause::WorkGroup => cannot(device, ANOTHER_SIZE),
-                Cause::Size => cannot(device, SMALLER),
+                Cause::Size | Cause::GlobalMemory => cannot(device, SMALLER),
             },
             Self::Host(_) => cannot("this machine", SMALLER),
-            Self::Build(error) if error.in_own_file => does_not_compile(reason),
+            Self::Build(error) if error.has_own_file => does_not_compile(reason),
             Self::Build(_) => Error::run(format!("the build of the kernels failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
+            Self::Launch { error: LaunchError::OwnKernel(_), .. } => Error::input(reason).with_help(OWN_KERNEL),
             Self::Launch { step, error: LaunchError::WorkGroup { .. } } => {
                 Error::input(format!("{step} failed: {reason}")).with_help(ANOTHER_SIZE)
+            }
+            Self::Launch { step, error: LaunchError::HeapExhausted { has_own_file: true, .. } } => {
+                Error::input(format!("{step} failed: {reason}")).with_help(OWN_HEADER)
             }
             Self::Launch { step, error } => {
                 let remedy = if matches!(error, LaunchError::Resources(_)) { FREE_MEMORY } else { OTHERWISE };
@@ -146,6 +155,25 @@ mod tests {
     }
 
     #[test]
+    fn a_kernel_that_a_file_of_the_user_lacks_is_the_users_mistake() {
+        let error = LaunchError::OwnKernel("mine/a.cl defines no kernel `cast_frame`".to_owned());
+        let error = Refused::at("preparing the frame")(error).into_error(&device());
+        assert_eq!((error.exit_code(), error.remedy()), (2, OWN_KERNEL));
+        assert_eq!(error.to_string(), "mine/a.cl defines no kernel `cast_frame`");
+    }
+
+    #[test]
+    fn a_heap_that_is_too_small_is_the_users_mistake_if_a_kernel_file_is_the_users() {
+        for (has_own_file, expected) in [(true, (2, OWN_HEADER)), (false, (1, OTHERWISE))] {
+            let error = LaunchError::HeapExhausted { used: 2, size: 1, has_own_file };
+            let error = Refused::at("reading the image")(error).into_error(&device());
+            assert_eq!((error.exit_code(), error.remedy()), expected);
+            let message = error.to_string();
+            assert!(message.starts_with("reading the image failed: the heap of the working"), "{message}");
+        }
+    }
+
+    #[test]
     fn a_smaller_picture_is_advised_only_for_what_a_device_cannot_hold() {
         let told = |infeasible| {
             let error = Refused::Device(infeasible).into_error(&device());
@@ -172,9 +200,10 @@ mod tests {
     }
 
     #[test]
-    fn an_error_in_the_users_own_kernel_file_is_the_users_mistake() {
-        for (in_own_file, code) in [(true, 2), (false, 1)] {
-            let error = BuildError { log: "mine/a.cl:7:1: error: no".to_owned(), in_own_file };
+    fn an_error_in_a_program_with_a_file_of_the_user_is_the_users_mistake() {
+        for (has_own_file, code) in [(true, 2), (false, 1)] {
+            let log = "mine/a.cl:7:1: error: no".to_owned();
+            let error = BuildError { log, has_own_file, may_pass: false };
             let error = Refused::Build(error).into_error(&device());
             assert_eq!(error.exit_code(), code);
             assert!(error.to_string().contains("mine/a.cl:7:1"), "{error}");

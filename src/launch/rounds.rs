@@ -2,7 +2,7 @@
 //! work-items. The frame's lights are processed in rounds, each with a fixed number of lights.
 
 use super::frame::Phase;
-use super::parts::{Parts, in_rows};
+use super::parts::Parts;
 use super::setup::Setup;
 use super::shared::Shared;
 use super::steps::{Step, Steps};
@@ -50,7 +50,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let mut steps = Steps::new();
         if !self.fused {
             steps.extend(self.prepare(0..1, 0, Phase::Primary)?);
-            let kernel = self.parts.kernel_for(Role::Primary)?;
+            let kernel = self.parts.setup.kernel_for(Role::Primary)?;
             let kernel = self.parts.pixel_kernel(kernel, &self.arguments, None)?;
             steps.push((Phase::Primary, Step::Cast(kernel)));
         }
@@ -70,7 +70,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
         let arguments = arguments.with("queue_rows", queue_rows as i32);
         let items = Some([across, down + queue_items]);
-        let kernel = self.parts.pixel_kernel(self.parts.kernel_for(Role::Shade)?, &arguments, items)?;
+        let kernel = self.parts.setup.kernel_for(Role::Shade)?;
+        let kernel = self.parts.pixel_kernel(kernel, &arguments, items)?;
         Ok((Phase::Shade, Step::Run(kernel)))
     }
 
@@ -84,18 +85,15 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let lights = left.min(setup.strategy.lights_of_round());
         let origins = if first { 0 } else { 1 }..1 + lights;
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
-        let cast = |kernel, items| {
-            let kernel = self.parts.pixel_kernel(kernel, &arguments, items)?;
-            Ok::<_, LaunchError>(kernel)
-        };
+        let cast = |role, items| self.parts.pixel_kernel(setup.kernel_for(role)?, &arguments, items);
         let emptied = (phase, Step::Fill(self.shared.queued.clone(), 0));
         let mut steps = vec![self.prepare(origins, first_light, phase)?.unwrap_or(emptied)];
         let role = if first { Role::Frame } else { Role::Shadow };
-        steps.push((phase, Step::Cast(cast(self.parts.kernel_for(role)?, None)?)));
+        steps.push((phase, Step::Cast(cast(role, None)?)));
         if !self.shades_left_over {
             let [across, down] = setup.workload.local_size.map(|n| n as usize);
             let groups = [across * self.shared.groups.div_ceil(down), down];
-            steps.push((phase, Step::Run(cast(self.parts.kernel_for(Role::LeftOver)?, Some(groups))?)));
+            steps.push((phase, Step::Run(cast(Role::LeftOver, Some(groups))?)));
         }
         Ok(steps)
     }
@@ -116,15 +114,16 @@ impl<'p, 'a> Rounds<'p, 'a> {
         first_light: usize,
         phase: Phase,
     ) -> Result<Option<(Phase, Step)>, LaunchError> {
-        let triangles = self.parts.setup.uploaded.triangle_count;
+        let setup = &self.parts.setup;
+        let triangles = setup.uploaded.triangle_count;
         if self.parts.prepared.is_none() || triangles == 0 || origins.is_empty() {
             return Ok(None);
         }
         let arguments = self.arguments.clone().with("count", triangles as i32);
         let arguments = arguments.with("first_origin", origins.start as i32);
         let arguments = arguments.with("first_light", first_light as i32);
-        let kernel = self.parts.builder(self.parts.kernel_for(Role::Prepare)?, &arguments)?;
-        let kernel = in_rows(self.parts.setup.queue, &kernel, [triangles, origins.len()])?;
+        let kernel = setup.kernel_for(Role::Prepare)?;
+        let kernel = setup.row_kernel(kernel, &arguments, [triangles, origins.len()])?;
         Ok(Some((phase, Step::Run(kernel))))
     }
 }

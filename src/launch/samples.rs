@@ -5,7 +5,7 @@
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
-use super::parts::{Parts, builder, in_rows};
+use super::parts::Parts;
 use super::steps::{Extent, Step};
 use super::subpixels::{places, subpixel_arguments};
 use super::{LaunchError, Queue};
@@ -57,10 +57,7 @@ impl Samples {
         let arguments = arguments.with("rough", &self.rough).with("rough_count", 0_u32);
         let arguments = arguments.with("rough_counter", &self.rough_counter);
         let (arguments, _) = subpixel_arguments(arguments, &[]);
-        match &self.hits_before {
-            Some(hits) => arguments.with("hits_before", hits),
-            None => arguments,
-        }
+        arguments.with_any("hits_before", self.hits_before.as_ref())
     }
 
     /// Makes the kernel that marks rough blocks of an image.
@@ -71,9 +68,7 @@ impl Samples {
         let arguments = arguments.with("exposure", setup.scene.display.exposure);
         let arguments = arguments.with("alpha_scale", alpha_scale);
         let arguments = arguments.with("first", 0_u32).with("most", 0_u32);
-        let role = parts.kernel_for(Role::Mark)?;
-        let kernel = builder(setup.queue, setup.program, setup.strategy, role, &arguments)?;
-        in_rows(setup.queue, &kernel, [self.wanted.len(), 1])
+        setup.row_kernel(setup.kernel_for(Role::Mark)?, &arguments, [self.wanted.len(), 1])
     }
 
     /// Sets the kernel that marks rough blocks.
@@ -153,7 +148,7 @@ mod tests {
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
         let strategy = preset("bvh").unwrap().strategy;
-        let prepared = session.sampling(prepared_for).prepare(&strategy, SIZE, [1, 1]);
+        let prepared = session.with_sampling(prepared_for).prepare(&strategy, SIZE, [1, 1]);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
         for sampling in samplings {

@@ -2,11 +2,11 @@
 
 use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_rows};
-use super::textures::{DeviceTextures, word_count};
+use super::textures::DeviceTextures;
 use super::{LaunchError, Queue};
 use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
-use crate::scene::{Light, Mesh, Sampling, Scene, Sky, SkyPicture, Triangle};
-use crate::strategy::{Strategy, Task, Workload};
+use crate::scene::{Light, Mesh, Scene, Sky, SkyPicture, Triangle};
+use crate::strategy::Strategy;
 use glam::Vec3;
 use ocl::Buffer;
 use rayon::prelude::*;
@@ -136,63 +136,6 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
     floats
 }
 
-impl Task {
-    /// Describes the work of casting a scene at this image size, with one sample per pixel.
-    pub fn of(scene: &Scene, size: [u32; 2], watertight: bool) -> Self {
-        let pixels = size[0] as usize * size[1] as usize;
-        Self {
-            triangles: scene.mesh.triangles.len(),
-            pixels,
-            covered_pixels: (pixels as f64 * scene.covered_share(size)).ceil() as usize,
-            inside: scene.encloses_eye(),
-            watertight,
-            soft: scene.sky.is_some(),
-        }
-    }
-
-    /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one sample, lights
-    /// with a radius make the task soft. With one sample, these lights count as points.
-    #[must_use]
-    pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
-        let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
-        Self { soft: self.soft || soft_lights, ..self }
-    }
-}
-
-impl Workload {
-    /// Returns the workload of casting `scene` at an image size and a local size, with one sample per pixel.
-    pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
-        Self {
-            triangles: scene.mesh.triangles.len(),
-            positions: scene.mesh.positions.len(),
-            normals: scene.mesh.normals.len(),
-            materials: scene.mesh.materials.len(),
-            lights: scene.lights.len(),
-            texture_words: word_count(&scene.mesh.textures),
-            mip_levels: scene.mesh.textures.have_levels(),
-            cut_outs: scene.mesh.textures.have_holes(),
-            soft_lights: false,
-            sky: scene.sky.is_some(),
-            many_samples: false,
-            half_light: false,
-            given_rays: false,
-            sky_texels: scene.sky.as_ref().and_then(|sky| sky.picture.as_ref()).map_or(0, |p| p.texels.len()),
-            stack_size: 0,
-            image_size,
-            local_size,
-        }
-    }
-
-    /// Returns this workload with several samples per pixel.
-    #[must_use]
-    pub fn sampled(self, scene: &Scene, sampling: &Sampling) -> Self {
-        let many_samples = sampling.most > 1;
-        let soft_lights = many_samples && scene.lights.iter().any(|light| light.radius > 0.0);
-        let half_light = many_samples && sampling.half_light > 0;
-        Self { soft_lights, many_samples, half_light, ..self }
-    }
-}
-
 /// Uploads triangles of 104 bytes each without shared vertices, like the paper's data.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
@@ -222,25 +165,4 @@ fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) ->
         material_indices: upload(queue, &material_indices)?,
         materials: upload(queue, &materials)?,
     })
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-mod tests {
-    use super::*;
-    use crate::scene::load_scene;
-    use std::path::Path;
-
-    #[test]
-    fn a_task_counts_the_pixels_that_triangles_may_cover() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
-        let mut scene = load_scene(&path).unwrap().scene;
-        let task = Task::of(&scene, [64, 64], false);
-        assert_eq!((task.triangles, task.pixels), (1, 4096));
-        // The triangle's bounding rectangle reaches from column 0 to column 14 of 16 columns of cells, and from row 4
-        // to the upper edge of row 12. A cell has 16 pixels.
-        assert_eq!(task.covered_pixels, 15 * 9 * 16);
-        scene.camera.forward = -scene.camera.forward;
-        assert_eq!(Task::of(&scene, [64, 64], false).covered_pixels, 0, "the triangle is behind the eye");
-    }
 }

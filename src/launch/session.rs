@@ -1,6 +1,6 @@
 //! A session: a scene on an open device. A session prepares strategies, so that they can cast the scene.
 
-use super::held::Held;
+use super::held::Frames;
 use super::prepared::Prepared;
 use super::refused::Refused;
 use super::shared_scene::SharedScene;
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::memory::{Available, resident_bytes};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use crate::scene::{Sampling, Scene};
-use crate::strategy::{Afterwards, HostNeeds, Infeasible, Requirements, Strategy, Workload};
+use crate::strategy::{Afterwards, Cause, HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
 /// A scene on an open device. The session checks that a strategy and its sizes are valid and fit into the memory of
@@ -32,7 +32,7 @@ pub struct Session {
     early_tree: Option<(Strategy, HostTree)>,
     rounds_stacks: bool,
     shared: SharedScene,
-    held: Held,
+    frames: Frames,
 }
 
 /// [`Session::rounding_stacks`] rounds the stacks with which kernels traverse a tree up to a multiple of this number
@@ -62,7 +62,7 @@ impl Session {
             early_tree: None,
             rounds_stacks: false,
             shared: SharedScene::default(),
-            held: Held::default(),
+            frames: Frames::default(),
         }
     }
 
@@ -129,11 +129,11 @@ impl Session {
     /// cast at half resolution in three cases: each pixel gets one sample, the scene has no soft light, or the sky is a
     /// picture.
     #[must_use]
-    pub fn sampling(self, sampling: Sampling) -> Self {
-        let Scene { sky, lights, .. } = &*self.scene;
-        let is_soft = sky.is_some() || lights.iter().any(|light| light.radius > 0.0);
+    pub fn with_sampling(self, sampling: Sampling) -> Self {
+        let sky = self.scene.sky.as_ref();
+        let is_soft = sky.is_some() || self.scene.has_soft_lights();
         // Surfaces with highlights mirror a picture of the sky, and this mirrored light has no unoccluded counterpart.
-        let has_picture = sky.as_ref().is_some_and(|sky| sky.picture.is_some());
+        let has_picture = sky.is_some_and(|sky| sky.picture.is_some());
         let can = is_soft && !has_picture && sampling.most > 1;
         let half_light = if can { sampling.half_light } else { 0 };
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
@@ -212,9 +212,8 @@ impl Session {
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
-            let built = self.shared.build_tree(&self.queue, &self.scene, strategy, early);
+            let built = self.shared.build_tree(&self.queue, &self.scene, strategy, &workload, early);
             built.map_err(Refused::at("preparing the tree"))?;
-            self.held.share_tree(strategy, &workload);
         }
         let stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
         let step = if self.rounds_stacks && !strategy.shares_tiles() { ROUNDED_STACK } else { 1 };
@@ -240,15 +239,15 @@ impl Session {
     ) -> std::result::Result<Prepared, Refused> {
         self.fits(strategy, workload)?;
         let (program, build_wait_ms) = self.program(&spec)?;
-        let uploaded = self.shared.layout(&self.queue, &self.scene, strategy);
+        let uploaded = self.shared.layout(&self.queue, &self.scene, strategy, workload);
         let uploaded = uploaded.map_err(Refused::at("uploading the scene"))?;
-        self.held.share_layout(strategy, workload);
         Ok(Prepared {
             queue: self.queue.clone(),
             scene: Arc::clone(&self.scene),
             strategy: *strategy,
             workload: *workload,
             sampling: self.sampling,
+            own_files: self.sources.changed_paths(&spec.files),
             spec,
             program,
             build_wait_ms,
@@ -256,7 +255,7 @@ impl Session {
             uploaded,
             tree: self.shared.tree(strategy),
             compute_capability: self.compute_capability.clone(),
-            frames: self.held.frames(),
+            frames: self.frames.clone(),
         })
     }
 
@@ -267,7 +266,7 @@ impl Session {
     }
 
     /// Returns the number of samples per pixel.
-    pub fn samples(&self) -> Sampling {
+    pub fn sampling(&self) -> Sampling {
         self.sampling
     }
 
@@ -292,12 +291,12 @@ impl Session {
     /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory is not free if
     /// other strategies or existing frames of the session use it.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
-        let held_bytes = self.held.beside(strategy);
+        let held_bytes = self.frames.bytes() + self.shared.bytes_beside(strategy);
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
             // Strategies share global memory, but no other memory of a device.
-            let shared = refused.reason.starts_with("global memory");
+            let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
         let held_of_host = if self.queue.shares_memory { held_bytes } else { 0 };

@@ -3,13 +3,16 @@
 use super::arguments::{Arguments, SOFT};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, LaunchError, Queue};
+use crate::device::power_of_two;
 use crate::manifest::{self, Role};
 use crate::program::BuiltProgram;
 use crate::scene::{Camera, Sample, SampleLight, Scene};
 use crate::strategy::{Strategy, Workload};
 use glam::Vec3;
-use ocl::Buffer;
+use ocl::builders::KernelBuilder;
+use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2, Uint2};
+use ocl::{Buffer, Kernel};
 
 /// The inputs of a frame.
 #[derive(Clone, Copy)]
@@ -28,6 +31,8 @@ pub(super) struct Setup<'a> {
     pub uploaded: &'a DeviceScene,
     /// The scene's tree on the device, if the strategy uses a tree.
     pub tree: Option<&'a DeviceTree>,
+    /// The paths of the kernel files in the program that the user added or changed.
+    pub own_files: &'a [String],
 }
 
 impl<'a> Setup<'a> {
@@ -35,7 +40,60 @@ impl<'a> Setup<'a> {
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
         let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
-        kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, role: format!("{role:?}") })
+        kernel.ok_or_else(|| {
+            let role = match role {
+                Role::Rays => "arbitrary rays".to_owned(),
+                role => format!("{role:?}"),
+            };
+            LaunchError::Kernel { family: family.name, role }
+        })
+    }
+
+    /// Returns the builder of a kernel with its arguments; its numbers of work-items are not yet set.
+    pub fn builder(
+        &self,
+        kernel: &'static manifest::Kernel,
+        arguments: &Arguments<'a>,
+    ) -> Result<KernelBuilder<'a>, LaunchError> {
+        let mut builder = Kernel::builder();
+        builder.program(&self.program.program).name(kernel.name).queue(self.queue.commands.clone());
+        // SAFETY: `bind` compares each argument with its parameter in the manifest, from which the kernels'
+        // parameter lists are generated. The check by `ocl` compares names of types, and would refuse a buffer of
+        // words for a tree's floats.
+        unsafe { builder.disable_arg_type_check() };
+        arguments.bind(kernel, self.strategy, &mut builder)?;
+        Ok(builder)
+    }
+
+    /// Makes the kernel of a builder.
+    pub fn build(
+        &self,
+        kernel: &'static manifest::Kernel,
+        builder: &KernelBuilder<'a>,
+    ) -> Result<Kernel, LaunchError> {
+        builder.build().map_err(|error| LaunchError::of_kernel(kernel.name, self.own_files, error))
+    }
+
+    /// Returns a kernel that works with work-groups of any size, with its arguments and at least this many work-items
+    /// across and down. The kernel must ignore work-items beyond these numbers. The size of the groups is set
+    /// explicitly, since OpenCL would choose a divisor of the number of work-items, perhaps 1. A group is one row,
+    /// since some devices allow only one work-item per group in all dimensions but the first. It is shorter than usual
+    /// if the compiled kernel supports only fewer work-items.
+    pub fn row_kernel(
+        &self,
+        kernel: &'static manifest::Kernel,
+        arguments: &Arguments<'a>,
+        [across, down]: [usize; 2],
+    ) -> Result<Kernel, LaunchError> {
+        let queue = self.queue;
+        let mut kernel = self.build(kernel, &self.builder(kernel, arguments)?)?;
+        let group = match kernel.wg_info(queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
+            KernelWorkGroupInfoResult::WorkGroupSize(most) => queue.group.min(power_of_two(most)),
+            _ => queue.group,
+        };
+        kernel.set_default_global_work_size([across.next_multiple_of(group), down].into());
+        kernel.set_default_local_work_size([group, 1].into());
+        Ok(kernel)
     }
 
     /// Returns the arguments that depend on the scene and the camera.

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// The kernel's source file.
 const FILE: &str = "display/show.cl";
+/// The kernel.
+const KERNEL: &str = "show_pixels";
 /// Number of pixels per work-item; their bytes fill whole words.
 const ITEM_PIXELS: usize = 4;
 /// Bytes per pixel.
@@ -22,6 +24,8 @@ const BYTES: usize = 3;
 #[derive(Debug)]
 pub struct ShowProgram {
     built: BuiltProgram,
+    /// The paths of the kernel files in the program that the user added or changed.
+    own_files: Vec<String>,
 }
 
 /// A caster's image, and its size in pixels.
@@ -41,8 +45,15 @@ impl ShowProgram {
     }
 
     /// Builds the program for an open device, or takes it from the cache.
-    pub fn build(queue: &Queue, spec: &ProgramSpec, kept: &Kept) -> std::result::Result<Self, BuildError> {
-        Ok(Self { built: BuiltProgram::build(&queue.context, queue.device, spec, kept)? })
+    pub fn build(
+        queue: &Queue,
+        spec: &ProgramSpec,
+        kept: &Kept,
+        sources: &Sources,
+    ) -> std::result::Result<Self, BuildError> {
+        let built = BuiltProgram::build(&queue.context, queue.device, spec, kept);
+        let built = built.map_err(|error| error.located(sources, spec))?;
+        Ok(Self { built, own_files: sources.changed_paths(&spec.files) })
     }
 
     /// Builds the program like [`build`](Self::build). Returns `None` if the device's compiler refuses raycl's own
@@ -57,11 +68,11 @@ impl ShowProgram {
         kept: &Kept,
         (sources, device): (&Sources, &DeviceInfo),
     ) -> Result<Option<Self>> {
-        let error = match Self::build(queue, spec, kept) {
-            Ok(program) => return Ok(Some(program)),
-            Err(error) => error.blamed(sources, spec)?,
-        };
-        if error.in_own_file { Err(Refused::Build(error).into_error(device)) } else { Ok(None) }
+        match Self::build(queue, spec, kept, sources) {
+            Ok(program) => Ok(Some(program)),
+            Err(error) if error.has_own_file => Err(Refused::Build(error).into_error(device)),
+            Err(_) => Ok(None),
+        }
     }
 
     /// Returns how long the build took.
@@ -92,7 +103,7 @@ impl ShowProgram {
         found.write(&[0, 0][..]).enq()?;
         let kernel = Kernel::builder()
             .program(&self.built.program)
-            .name("show_pixels")
+            .name(KERNEL)
             .queue(queue.commands.clone())
             .global_work_size(items.next_multiple_of(queue.group))
             .local_work_size(queue.group)
@@ -103,7 +114,8 @@ impl ShowProgram {
             .arg(&at_least)
             .arg(&rows)
             .arg(&found)
-            .build()?;
+            .build()
+            .map_err(|error| LaunchError::of_kernel(KERNEL, &self.own_files, error))?;
         let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
             kernel.set_arg("first", (piece.start * width) as u64)?;
             kernel.set_arg("count", (piece.len() * width) as u32)?;
@@ -158,7 +170,7 @@ mod tests {
         pixels: &[Float4],
         display: Display,
     ) -> (Vec<u8>, Option<usize>) {
-        let program = ShowProgram::build(queue, spec, &Kept::default()).unwrap();
+        let program = ShowProgram::build(queue, spec, &Kept::default(), &Sources::Embedded).unwrap();
         let image = upload(queue, pixels).unwrap();
         let mut bytes = Vec::new();
         let take = |rows: &[u8]| bytes.extend_from_slice(rows);
@@ -216,6 +228,25 @@ mod tests {
                 assert_eq!(show(&queue, &spec, &pixels, Display::default()).1, None, "{wrong}");
             }
         }
+    }
+
+    #[test]
+    fn a_kernel_that_the_users_file_lacks_is_the_users_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("display")).unwrap();
+        let file = folder.path().join(FILE);
+        let text = Sources::Embedded.read(FILE).unwrap();
+        assert_eq!(text.matches(KERNEL).count(), 1);
+        std::fs::write(&file, text.replace(KERNEL, "show_all")).unwrap();
+        let (queue, sources) = (queue(), Sources::Folder(folder.path().to_owned()));
+        let spec = ShowProgram::spec(&sources, &queue).unwrap();
+        let program = ShowProgram::build(&queue, &spec, &Kept::default(), &sources).unwrap();
+        let image = upload(&queue, &radiances()).unwrap();
+        let shown = program.read(&queue, (&image, SIZE), &Shown::new(Display::default()), 8, |_| {});
+        let told = shown.unwrap_err();
+        assert!(matches!(told, LaunchError::OwnKernel(_)), "{told:?}");
+        let expected = format!("{} defines no kernel `{KERNEL}`, which raycl needs", file.display());
+        assert_eq!(told.to_string(), expected);
     }
 
     #[test]

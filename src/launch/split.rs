@@ -24,6 +24,8 @@ const CASTS: usize = 3;
 /// A device is left out if it takes more than this many times as long as the fastest. Such a device could save at most
 /// a tenth of the frame's time, and would cost time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
+/// The reason why a device casts no part if the frame has too few rows for all devices.
+const NO_ROWS: &str = "its part of the frame would be less than one row of work-groups";
 
 /// A frame to be cast by several devices.
 pub struct Split<'a> {
@@ -93,7 +95,7 @@ pub struct Whole {
     pub hits: usize,
     /// Each device's part.
     pub shares: Vec<Share>,
-    /// Devices that were left out because they would have slowed the frame down.
+    /// Devices that were left out because they would have slowed the frame down, or because the frame has too few rows.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -181,17 +183,21 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at the same time; devices that would slow it down are
-    /// left out.
+    /// Casts the frame on several devices at the same time; devices that would slow it down, and devices for which it
+    /// has too few rows, are left out.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let ready = at_once(castings, |casting| self.ready(casting))?;
         if ready.is_empty() {
             return Err(failed("no device was given"));
         }
-        let (team, left_out) = self.team(&ready)?;
+        let (team, mut left_out) = self.team(&ready)?;
         let rows = team.rows(self.image_size[1]);
-        let pairs: Vec<(&Ready, [u32; 2])> =
-            team.ready.into_iter().zip(rows).filter(|(_, [first, end])| first < end).collect();
+        let (pairs, idle): (Vec<(&Ready, [u32; 2])>, Vec<_>) =
+            team.ready.into_iter().zip(rows).partition(|(_, [first, end])| first < end);
+        left_out.extend(
+            idle.into_iter()
+                .map(|(ready, _)| LeftOut { device: ready.info.label.clone(), reason: NO_ROWS.to_owned() }),
+        );
         let parts = at_once(&pairs, |(ready, rows)| self.cast_rows(ready, *rows))?;
         Ok(joined(self.image_size, parts, left_out))
     }
@@ -200,7 +206,7 @@ impl Split<'_> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
-        let session = session.among_twins(device.info.program_twin()).sampling(self.sampling);
+        let session = session.among_twins(device.info.program_twin()).with_sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
@@ -406,6 +412,16 @@ mod tests {
         assert_eq!((rows[0][0], rows[0][1], rows[1][1]), (0, rows[1][0], SIZE[1]));
         assert_eq!((both.image.width, both.image.height), (SIZE[0], SIZE[1]));
         assert!(both.hits > 0 && both.hits == single.hits && both.left_out.is_empty());
+    }
+
+    #[test]
+    fn a_device_for_which_the_frame_has_no_rows_is_left_out_with_the_reason() {
+        let castings = castings(&[("one", "naive"), ("two", "naive")]);
+        // The frame has one row of work-groups.
+        let whole = Split { image_size: [24, LOCAL_SIZE[1]], ..split(1) }.cast(&castings).unwrap();
+        let reasons: Vec<&str> = whole.left_out.iter().map(|left_out| left_out.reason.as_str()).collect();
+        assert_eq!((whole.shares.len(), reasons), (1, vec![NO_ROWS]));
+        assert_ne!(whole.shares[0].device, whole.left_out[0].device);
     }
 
     #[test]

@@ -157,7 +157,7 @@ mod tests {
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
         let strategy = preset(tiles).unwrap().strategy;
         let local_size = strategy.local_size(&device.info.limits, [1, 1]);
-        let prepared = session.sampling(Sampling::all(count)).prepare(&strategy, SIZE, local_size);
+        let prepared = session.with_sampling(Sampling::all(count)).prepare(&strategy, SIZE, local_size);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
         cast(&caster, &scene);

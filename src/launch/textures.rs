@@ -4,11 +4,9 @@
 use super::Queue;
 use super::arguments::{Arguments, MASK_ROWS, TEXTURE_ROWS};
 use super::buffers::{upload, upload_rows};
-use crate::manifest::TEXTURE_HEAD_WORDS;
-use crate::scene::{Mapped, Mesh, Texture, Textures, linear_values, texel_on};
+use crate::scene::{Mapped, Mesh, Textures, linear_values, texel_on};
 use ocl::Buffer;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// The textures, and the triangles' texture coordinates.
 #[derive(Debug)]
@@ -58,35 +56,14 @@ fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     }
 }
 
-/// Returns the number of words before the first texel.
-fn head_words(textures: &Textures) -> usize {
-    linear_values().len() + TEXTURE_HEAD_WORDS * textures.list.len()
-}
-
-/// Returns the number of words of all textures; 0 if there are none.
-pub(super) fn word_count(textures: &Textures) -> usize {
-    if textures.list.is_empty() {
-        return 0;
-    }
-    let all = textures.list.iter().enumerate();
-    let own = all.filter(|(number, texture)| shares(textures, *number, texture).is_none());
-    head_words(textures) + own.map(|(_, texture)| texture.texels.len()).sum::<usize>()
-}
-
-/// Returns the first earlier texture with the same texels, if there is one: textures of one picture may differ in their
-/// wrap mode, or one may be a colour and the other a mask.
-fn shares(textures: &Textures, number: usize, texture: &Texture) -> Option<usize> {
-    textures.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, &texture.texels))
-}
-
 fn words(textures: &Textures) -> Vec<u32> {
-    let mut words = Vec::with_capacity(word_count(textures));
+    let mut words = Vec::with_capacity(textures.word_count());
     words.extend(linear_values().map(f32::to_bits));
-    let mut next = head_words(textures) as u32;
+    let mut next = textures.head_words() as u32;
     let mut starts = Vec::new();
     let mut texels = Vec::new();
     for (number, texture) in textures.list.iter().enumerate() {
-        let start = shares(textures, number, texture).map_or(next, |other| starts[other]);
+        let start = textures.same_as(number).map_or(next, |other| starts[other]);
         if start == next {
             next += texture.texels.len() as u32;
             texels.push(&texture.texels);
@@ -103,7 +80,7 @@ fn words(textures: &Textures) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Triangle, Wrap};
+    use crate::scene::{Texture, Triangle, Wrap};
     use glam::Vec3;
 
     #[test]
@@ -120,11 +97,11 @@ mod tests {
         ];
         let textures = Textures { list, mapped: vec![Mapped::NONE] };
         let words = words(&textures);
-        assert_eq!(words.len(), word_count(&textures));
+        assert_eq!(words.len(), textures.word_count());
         assert_eq!(words[256..264], [264, 2, 3, 0x100, 270, 1, 1, 2]);
         assert_eq!((words[264], words[269], words[270]), (7, 7, 9));
         assert_eq!((f32::from_bits(words[0]), f32::from_bits(words[255])), (0.0, 1.0));
-        assert_eq!(word_count(&Textures::default()), 0);
+        assert_eq!(Textures::default().word_count(), 0);
     }
 
     #[test]
@@ -166,7 +143,7 @@ mod tests {
         let mask = Texture { least_alpha: 0x8000, ..colour.clone() };
         let textures = Textures { list: vec![colour, mask], mapped: vec![Mapped::NONE] };
         let words = words(&textures);
-        assert_eq!(words.len(), word_count(&textures));
+        assert_eq!(words.len(), textures.word_count());
         assert_eq!(words[256..], [264, 1, 2, 0x200, 264, 1, 2, 0x8000_0200, 7, 8]);
     }
 }

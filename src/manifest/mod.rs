@@ -193,7 +193,7 @@ impl Family {
     }
 
     /// Returns the family's kernel of this name.
-    pub fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
+    fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }
 

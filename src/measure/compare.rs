@@ -71,7 +71,7 @@ mod tests {
     fn only_what_the_interval_leaves_no_doubt_of_is_said() {
         let of = |low: f64, high: f64| {
             let middle = f64::sqrt(low * high);
-            Verdict::of(Interval { middle, low, high, error: 0.1, degrees: 8.0 }, 0.02)
+            Verdict::of(Interval { middle, low, high, error: 0.1, degrees: 8.0, bias: 0.0 }, 0.02)
         };
         assert_eq!(of(1.05, 1.2), Verdict::Slower);
         assert_eq!(of(0.7, 0.9), Verdict::Faster);
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn an_interval_that_touches_the_threshold_is_within_it() {
         let of = |low: f64, high: f64| {
-            Verdict::of(Interval { middle: 1.0, low, high, error: 0.1, degrees: 8.0 }, 0.25)
+            Verdict::of(Interval { middle: 1.0, low, high, error: 0.1, degrees: 8.0, bias: 0.0 }, 0.25)
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));

@@ -52,7 +52,7 @@ impl StoppingRule {
     /// all launches together, so each launch gets a share of them. Each launch takes at least as many samples as a
     /// verdict needs, unless the limit for all launches is lower.
     pub fn shared_by(self, launches: usize) -> Self {
-        let least = MIN_SAMPLES.min(self.max_samples);
+        let least = self.least();
         Self {
             min_samples: self.min_samples.div_ceil(launches).max(least),
             max_samples: self.max_samples.div_ceil(launches).max(least),

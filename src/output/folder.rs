@@ -3,7 +3,8 @@
 use super::mark::Maker;
 use super::place::{Choice, permit, put};
 use crate::error::{Error, Result};
-use crate::record::{ordinary, own_folder, write_page};
+use crate::record::journals::RECORDS;
+use crate::record::{cannot_make, ordinary, own_folder, refuse_file, write_page};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Result as IoResult, Write as _};
@@ -11,7 +12,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// The name of the file that lists raycl's files in a folder. Each line of the list has the format of `b3sum`: a hash,
 /// two spaces, a name.
-pub const LIST: &str = "raycl.b3sum";
+const LIST: &str = "raycl.b3sum";
 
 /// A folder, and the list of files that raycl wrote into it.
 pub struct OutFolder {
@@ -25,9 +26,11 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder. The folder and the list need not exist.
+    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's place.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
-        let results = path.join("records.jsonl").is_file();
+        refuse_file(path)
+            .map_err(|error| error.with_help(format!("`{}` writes elsewhere", choice.elsewhere)))?;
+        let results = path.join(RECORDS).is_file();
         let list = path.join(LIST);
         let made = if results { Some(BTreeSet::new()) } else { read_list(&list) };
         match made {
@@ -149,10 +152,8 @@ impl OutFolder {
     /// Creates the folder and the subfolders for these files; returns an error if a link is in the place of a
     /// subfolder.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
-        let failed = |folder: &Path, error: std::io::Error| {
-            Error::run(format!("cannot make {}: {error}", folder.display()))
-                .with_help(format!("`{}` writes elsewhere", self.choice.elsewhere))
-        };
+        let remedy = format!("`{}` writes elsewhere", self.choice.elsewhere);
+        let failed = |folder: &Path, error: std::io::Error| cannot_make(folder, &error, remedy.as_str());
         std::fs::create_dir_all(&self.path).map_err(|error| failed(&self.path, error))?;
         let inner: BTreeSet<_> = files.iter().filter_map(|(name, _)| Path::new(name).parent()).collect();
         for folder in inner.into_iter().filter(|folder| *folder != Path::new("")) {
@@ -225,6 +226,23 @@ mod tests {
         assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");
         write(&out, KEEP, "five").unwrap();
         assert_eq!(std::fs::read_to_string(out.join(LIST)).unwrap().lines().count(), 2);
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_the_folder_is_a_mistake_of_the_user() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "mine").unwrap();
+        for (out, end) in [(file.clone(), "a folder is needed here"), (file.join("inner"), "file' is a file")]
+        {
+            let error = OutFolder::open(&out, KEEP).err().unwrap();
+            assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
+            // The file may also appear while the command works.
+            let made = OutFolder { path: out, choice: KEEP, results: false, made: BTreeSet::new() };
+            let error = made.make_folders(&[]).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().ends_with(end), "{error}");
+        }
+        assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     }
 
     #[test]

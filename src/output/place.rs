@@ -3,7 +3,7 @@
 use super::mark::Maker;
 use super::unfinished::Unfinished;
 use crate::error::{Error, Result};
-use crate::reader::{self, may_write};
+use crate::reader::{self, may_write, names_a_folder};
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind, Result as IoResult};
 use std::path::Path;
@@ -51,17 +51,24 @@ pub(super) enum Name {
     Replaceable,
 }
 
-/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for folders and devices
-/// and, without `--force`, for links, files that raycl did not make, and files that somebody has changed.
+/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for paths that no file
+/// can have, for folders and devices and, without `--force`, for links, files that raycl did not make, and files that
+/// somebody has changed.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
     maker: impl FnOnce(&mut File) -> IoResult<Maker>,
 ) -> Result<Name> {
-    let Ok(there) = path.symlink_metadata() else { return Ok(Name::Free) };
     let name = path.display();
     let refuse = |why: String, help: String| Err(Error::input(why).with_help(help));
     let elsewhere = format!("`{}` writes elsewhere", choice.elsewhere);
+    let there = match path.symlink_metadata() {
+        Ok(there) => there,
+        Err(_) if names_a_folder(path) => {
+            return refuse(format!("'{name}' names a folder; expected a file"), elsewhere);
+        }
+        Err(error) => return impossible(path, choice, &error).map_or(Ok(Name::Free), Err),
+    };
     if there.is_dir() {
         return refuse(format!("'{name}' is a folder; expected a file"), elsewhere);
     }
@@ -100,8 +107,10 @@ pub(super) fn put(
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             Error::run(closed(path, &error)).with_help(choice.other_folder())
         }
-        _ => Error::run(format!("cannot write '{}': {}", path.display(), cause(&error)))
-            .with_help(format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere)),
+        _ => impossible(path, choice, &error).unwrap_or_else(|| {
+            let help = format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere);
+            Error::run(format!("cannot write '{}': {}", path.display(), cause(&error))).with_help(help)
+        }),
     };
     let folder = folder_of(path)?;
     let mut unfinished = Unfinished::in_folder(folder).map_err(failed)?;
@@ -119,6 +128,16 @@ pub(super) fn put(
             _ => failed(error),
         }),
     }
+}
+
+/// Returns the error for a path that no file can have, such as one with a name that is too long; `None` if `error` has
+/// another cause.
+fn impossible(path: &Path, choice: Choice, error: &IoError) -> Option<Error> {
+    use ErrorKind::{InvalidFilename, IsADirectory, NotADirectory};
+    matches!(error.kind(), InvalidFilename | IsADirectory | NotADirectory).then(|| {
+        Error::input(format!("cannot write '{}': {}", path.display(), cause(error)))
+            .with_help(format!("`{}` writes elsewhere", choice.elsewhere))
+    })
 }
 
 /// Returns the error for a file that cannot be replaced although new files can be created in its folder. For example,
@@ -228,6 +247,22 @@ mod tests {
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
         assert_eq!(error.remedy(), "create this folder first: mkdir -p 'nowhere'");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_path_that_no_file_can_have_is_the_users_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("b.png"), "text").unwrap();
+        let choice = Choice::new(true, "-o FILE");
+        let long = format!("{}.png", "k".repeat(300));
+        for name in ["a.png/", "a.png/.", "b.png/", "b.png/c.png", &long] {
+            let refused = permit(&folder.path().join(name), choice, |_| Ok(Maker::Raycl)).unwrap_err();
+            assert_eq!((refused.exit_code(), refused.remedy()), (2, "`-o FILE` writes elsewhere"), "{name}");
+        }
+        let named = permit(&folder.path().join("a.png/"), choice, |_| Ok(Maker::Raycl)).unwrap_err();
+        assert!(named.to_string().ends_with("a.png/' names a folder; expected a file"), "{named}");
+        assert!(impossible(&folder.path().join("c.png"), choice, &ErrorKind::StorageFull.into()).is_none());
     }
 
     #[test]

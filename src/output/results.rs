@@ -3,17 +3,18 @@
 use super::place::Choice;
 use crate::error::{Error, Result};
 use crate::record::TEMPORARY_PREFIX;
+use crate::record::journals::{ENVIRONMENT, IMAGES, RECORDS, SAMPLES};
 use std::path::Path;
 
 /// The files that a run may leave if it is interrupted before its first record.
-const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
+const BEGUN: [&str; 4] = [".lock", ENVIRONMENT, SAMPLES, IMAGES];
 
 /// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
 /// with the existing files, and could replace some of them. There is no error with `--force`, or if `known` is true
 /// (raycl has written into the folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     // If records.jsonl exists but is not a file, the run fails later, when it opens records.jsonl.
-    if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
+    if choice.force || known || folder.join(RECORDS).symlink_metadata().is_ok() {
         return Ok(());
     }
     // If the folder cannot be listed, either it does not exist, or the run fails later, when it opens files in the
@@ -36,8 +37,8 @@ fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
     name.starts_with(TEMPORARY_PREFIX)
-        || (BEGUN.contains(&name.as_ref()) && (name != "images" || empty()))
-        || (name == "images" && path.with_file_name(".lock").exists())
+        || (BEGUN.contains(&name.as_ref()) && (name != IMAGES || empty()))
+        || (name == IMAGES && path.with_file_name(".lock").exists())
 }
 
 #[cfg(test)]

@@ -68,6 +68,20 @@ impl Target {
         check_writable(&self.path, self.choice)
     }
 
+    /// Returns an error if the file exists and is one of those that the command reads, which not even `--force`
+    /// replaces. `is_read` tells whether the command has read, or tried to read, the file with a path in a canonical
+    /// folder. `what` names such a file in the message.
+    pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
+        let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
+        // A file that does not exist is not replaced, even if the command tried to read it.
+        if path.is_some_and(|path| path.symlink_metadata().is_ok() && is_read(&path)) {
+            let message = format!("'{}' is {what}, and is not replaced", self.path.display());
+            let help = format!("`{}` writes elsewhere", self.choice.elsewhere);
+            return Err(Error::input(message).with_help(help));
+        }
+        Ok(())
+    }
+
     /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash). Then replaces
     /// the zeros by the hash. The file appears at its path completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
@@ -122,6 +136,23 @@ mod tests {
 
     fn target(folder: &tempfile::TempDir) -> Target {
         Target::new(folder.path().join("a.json"), KEEP)
+    }
+
+    #[test]
+    fn a_file_that_the_command_reads_is_refused_even_with_force() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = folder.path().canonicalize().unwrap().join("a.json");
+        let check = |path: &Path| {
+            let target = Target::new(path, Choice::new(true, "-o FILE"));
+            target.check_unread("a file", |path| path == read).map_err(|error| error.exit_code())
+        };
+        assert_eq!(check(&read), Ok(()), "the file does not exist");
+        for name in ["a.json", "b.json"] {
+            std::fs::write(folder.path().join(name), "{}").unwrap();
+        }
+        assert_eq!(check(&folder.path().join("a.json")), Err(2));
+        assert_eq!(check(&folder.path().join("b.json")), Ok(()));
+        assert!(Target::new("-", KEEP).check_unread("a file", |_| true).is_ok());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Measures the peak rates, one per function. Each function checks the kernel's result, which shows that the kernel did
 //! the work.
 
-use super::rig::{Rig, failed, failed_because, repeat};
+use super::rig::{PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
 use crate::device::Device;
 use crate::error::Result;
@@ -76,9 +76,9 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let (items, group, width) = (rig.items(), rig.group(), u64::from(rig.width(1)));
     let program = rig.program("peak/fma.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
     let out = rig.buffer::<f32>(items)?;
-    let mut kernel = rig.kernel(&program, "fma_rate", items, group);
-    kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(&program, "fma_rate", [items, group], |kernel| {
+        kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
+    })?;
     let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
@@ -108,9 +108,9 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
     // The buffer's size is a whole number of mebibytes, so the buffer's vectors fill whole work-groups.
-    let mut kernel = rig.kernel(&program, "copy", floats / width as usize, group);
-    kernel.arg(&from).arg(&to);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(&program, "copy", [floats / width as usize, group], |kernel| {
+        kernel.arg(&from).arg(&to);
+    })?;
     rig.launch(&kernel)?;
     let seconds = repeat(|| rig.launch(&kernel).map(|(ms, _)| ms * 1e-3))?;
     let mut last = [0.0_f32];
@@ -131,9 +131,9 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let items = rig.items() / group * group;
     let program = rig.program("peak/local.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
     let out = rig.buffer::<f32>(items)?;
-    let mut kernel = rig.kernel(&program, "local_rate", items, group);
-    kernel.arg(0_i32).arg(&out);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(&program, "local_rate", [items, group], |kernel| {
+        kernel.arg(0_i32).arg(&out);
+    })?;
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
@@ -153,9 +153,9 @@ fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Figure {
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;
-    let mut kernel = rig.kernel(&program, "nothing", 1, 1);
-    kernel.arg(&out).arg(7_i32);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(&program, "nothing", [1, 1], |kernel| {
+        kernel.arg(&out).arg(7_i32);
+    })?;
     rig.launch(&kernel)?;
     let single = repeat(|| {
         // A single kernel launch after a pause is not typical, so the shortest time of several consecutive launches is
@@ -198,11 +198,11 @@ fn each_us(all: Duration) -> f64 {
     all.as_secs_f64() * 1e6 / f64::from(BATCH)
 }
 
-fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
+fn chain(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     let out = rig.buffer::<f32>(1)?;
-    let mut kernel = rig.kernel(program, "chain_private", 1, 1);
-    kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(program, "chain_private", [1, 1], |kernel| {
+        kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
+    })?;
     let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut value = [0.0_f32];
     out.read(&mut value[..]).enq().map_err(failed)?;
@@ -214,11 +214,11 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
 /// of entries.
 const STRIDE: i32 = 13;
 
-fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {
+fn chase(rig: &Rig<'_>, program: &PeakProgram, name: &'static str) -> Result<Figure> {
     let out = rig.buffer::<i32>(1)?;
-    let mut kernel = rig.kernel(program, name, 1, 1);
-    kernel.arg(0_i32).arg(STRIDE).arg(&out);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(program, name, [1, 1], |kernel| {
+        kernel.arg(0_i32).arg(STRIDE).arg(&out);
+    })?;
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut at = [0];
     out.read(&mut at[..]).enq().map_err(failed)?;
@@ -229,16 +229,16 @@ fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Fi
 
 /// Chases pointers in one random cycle through all lines of a large buffer. Each kernel launch continues where the
 /// previous one ended.
-fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
+fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     let stride = LINE_BYTES / 4;
     let lines = large_bytes(rig) / LINE_BYTES;
     let next = cycle(lines, stride);
     let buffer = rig.buffer::<i32>(next.len())?;
     buffer.write(&next).enq().map_err(failed)?;
     let out = rig.buffer::<i32>(1)?;
-    let mut kernel = rig.kernel(program, "chase_global", 1, 1);
-    kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
-    let kernel = kernel.build().map_err(failed)?;
+    let kernel = rig.kernel(program, "chase_global", [1, 1], |kernel| {
+        kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
+    })?;
     // Reads of a large buffer take long, so few loops are run, and the number of steps fits into an `i32`.
     let (mut at, mut steps) = (0_i32, 0_i32);
     let (seconds, _) = rig.per_loop(&kernel, |loops| {

@@ -78,9 +78,9 @@ impl Figure {
     /// Summarises repeats; all values are zero without repeats.
     pub fn of(values: &[f64]) -> Self {
         let found = Summary::of(values).map(|summary| Self {
-            median: summary.median_ms,
-            q1: summary.q1_ms,
-            q3: summary.q3_ms,
+            median: summary.median,
+            q1: summary.q1,
+            q3: summary.q3,
             repeats: values.len(),
         });
         found.unwrap_or_default()

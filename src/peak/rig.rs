@@ -9,6 +9,13 @@ use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
 use std::time::Instant;
 
+/// A compiled program of `cl/peak/`.
+pub struct PeakProgram {
+    program: Program,
+    /// The paths of the kernel files in the program that the user added or changed.
+    own_files: Vec<String>,
+}
+
 /// An open device whose peak rates are measured.
 pub struct Rig<'a> {
     /// The device.
@@ -72,37 +79,49 @@ impl<'a> Rig<'a> {
     /// # Errors
     ///
     /// The error is the user's mistake if the program contains a file of the user and does not compile.
-    pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<Program> {
+    pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<PeakProgram> {
         let (source, files) = self.sources.read_joined(file)?;
         let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
         let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
         let spec = ProgramSpec { source, options, files };
         let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
         let error = match built {
-            Ok(built) => return Ok(built.program),
-            Err(error) => error.blamed(self.sources, &spec)?,
+            Ok(BuiltProgram { program, .. }) => {
+                return Ok(PeakProgram { program, own_files: self.sources.changed_paths(&spec.files) });
+            }
+            Err(error) => error.located(self.sources, &spec),
         };
-        Err(match error.in_own_file {
+        Err(match error.has_own_file {
             true => Refused::Build(error).into_error(&self.device.info),
             false => failed_because(&format!("{file}: {error}")),
         })
     }
 
-    /// Returns a kernel of `items` work-items in groups of `group`; the caller adds the kernel's arguments.
+    /// Makes a kernel of `items` work-items in groups of `group`; `add` adds the kernel's arguments.
+    ///
+    /// # Errors
+    ///
+    /// The error is the user's mistake if a kernel file of the user lacks the kernel, or changes its parameters.
     pub fn kernel<'b>(
         &self,
-        program: &'b Program,
-        name: &'b str,
-        items: usize,
-        group: usize,
-    ) -> KernelBuilder<'b> {
+        PeakProgram { program, own_files }: &'b PeakProgram,
+        name: &str,
+        [items, group]: [usize; 2],
+        add: impl FnOnce(&mut KernelBuilder<'b>),
+    ) -> Result<Kernel> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);
         // SAFETY: every caller's arguments follow the parameters in cl/peak/; the check by `ocl` does not
         // support vector pointers.
         unsafe { kernel.disable_arg_type_check() };
-        kernel
+        add(&mut kernel);
+        kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
+            error @ LaunchError::OwnKernel(_) => {
+                Refused::at("making a kernel")(error).into_error(&self.device.info)
+            }
+            error => failed(error),
+        })
     }
 
     /// Makes a buffer of `len` zeros.
@@ -197,16 +216,43 @@ mod tests {
         let device = crate::device::discover(&Sources::Embedded).expect("devices").remove(0);
         let sources = Sources::Folder(folder.path().to_owned());
         let rig = Rig::open(&device, &sources).expect("a device");
-        let error =
-            rig.program("peak/fma.cl", &[("WIDTH", 1), ("GROUP", 1)]).expect_err("it does not compile");
+        let error = rig.program("peak/fma.cl", &[("WIDTH", 1), ("GROUP", 1)]);
+        let error = error.err().expect("it does not compile");
         let message = error.to_string();
         assert_eq!(error.exit_code(), 2, "{message}");
         assert!(message.starts_with("a kernel file does not compile: "), "{message}");
         assert!(message.contains(&format!("{}:1:", file.display())), "{message}");
         // Programs without this file are raycl's own.
         assert!(rig.program("peak/launch.cl", &[]).is_ok());
-        let error = rig.program("peak/latency.cl", &[]).expect_err("it lacks the define ENTRIES");
+        let error = rig.program("peak/latency.cl", &[]).err().expect("it lacks the define ENTRIES");
         assert_eq!(error.exit_code(), 1, "{error}");
+    }
+
+    #[test]
+    fn a_kernel_that_a_file_of_the_user_lacks_or_changes_is_the_users_mistake() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("peak/launch.cl");
+        std::fs::create_dir(folder.path().join("peak")).expect("a folder");
+        let text = Sources::Embedded.read("peak/launch.cl").expect("a kernel file");
+        let device = crate::device::discover(&Sources::Embedded).expect("devices").remove(0);
+        let sources = Sources::Folder(folder.path().to_owned());
+        let rig = Rig::open(&device, &sources).expect("a device");
+        let out = rig.buffer::<i32>(1).expect("a buffer");
+        for (from, to, said) in [
+            ("void nothing(", "void something(", "defines no kernel `nothing`"),
+            ("const int mark)", "const int mark, int more)", "has other parameters than raycl's kernel"),
+        ] {
+            assert_eq!(text.matches(from).count(), 1, "{from}");
+            std::fs::write(&file, text.replace(from, to)).expect("a file");
+            let program = rig.program("peak/launch.cl", &[]).expect("a program");
+            let kernel = rig.kernel(&program, "nothing", [1, 1], |kernel| {
+                kernel.arg(&out).arg(7_i32);
+            });
+            let error = kernel.expect_err("raycl's kernel is missing");
+            let message = error.to_string();
+            assert_eq!(error.exit_code(), 2, "{message}");
+            assert!(message.contains(said) && message.contains(&file.display().to_string()), "{message}");
+        }
     }
 
     #[test]
@@ -215,8 +261,10 @@ mod tests {
         let rig = Rig::open(&device, &Sources::Embedded).expect("a device");
         let program = rig.program("peak/launch.cl", &[]).expect("a program");
         let out = rig.buffer::<i32>(1).expect("a buffer");
-        let mut kernel = rig.kernel(&program, "nothing", 1, 1);
-        let kernel = kernel.arg(&out).arg(7_i32).build().expect("a kernel");
+        let kernel = rig.kernel(&program, "nothing", [1, 1], |kernel| {
+            kernel.arg(&out).arg(7_i32);
+        });
+        let kernel = kernel.expect("a kernel");
         for _ in 0..5 {
             let start = Instant::now();
             let (device_ms, host_ms) = rig.launch(&kernel).expect("it runs");

@@ -3,8 +3,7 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
-use crate::device::{compile, compiler_log, quieting};
-use crate::error::Result as OrError;
+use crate::device::{compile, compiler_log, may_pass, quieting};
 use crate::sources::Sources;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
@@ -19,30 +18,29 @@ const VERBOSE: &str = "-cl-nv-verbose";
 /// prints messages only when it really compiles, not when it uses its cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
-/// The compiler rejected a program.
+/// The compiler rejected a program, or the driver could not compile it.
 #[derive(Debug, Error)]
 #[error("{log}")]
 pub struct BuildError {
     /// The compiler's messages.
     pub log: String,
-    /// Whether an error is known to be in a kernel file of the user.
-    pub in_own_file: bool,
+    /// Whether the program contains a kernel file that the user added or changed. The mistake is then the user's, since
+    /// raycl's own files compile.
+    pub has_own_file: bool,
+    /// Whether the same build may succeed later, for example if memory was missing. The program may then be right.
+    pub may_pass: bool,
 }
 
 impl BuildError {
-    /// Replaces the names of kernel files in the log by their paths. The compiler names these files relative to `cl/`
-    /// or to the user's folder, or names lines of the whole program.
+    /// Replaces the names of kernel files in the log by their paths, and finds out whose mistake the error is. The
+    /// compiler names these files relative to `cl/` or to the user's folder, or names lines of the whole program. An
+    /// error that may pass says nothing about the program, so it stays as it is.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
-        let (log, in_own_file) = sources.located(&self.log, &spec.source, &spec.files);
-        Self { log, in_own_file }
-    }
-
-    /// Replaces names like [`located`](Self::located), for a program of few files. If any of these is the user's, the
-    /// mistake is the user's too, even if the compiler names no file: raycl's own files compile.
-    pub(crate) fn blamed(self, sources: &Sources, spec: &ProgramSpec) -> OrError<Self> {
-        let own = sources.own_files()?;
-        let in_own_file = spec.files.iter().any(|file| own.contains(file));
-        Ok(Self { in_own_file, ..self.located(sources, spec) })
+        if self.may_pass {
+            return self;
+        }
+        let (log, has_own_file) = sources.located(&self.log, &spec.source, &spec.files);
+        Self { log, has_own_file, ..self }
     }
 }
 
@@ -172,7 +170,8 @@ fn options(device: Device, spec: &ProgramSpec) -> String {
 }
 
 fn refusal(error: ocl::Error) -> BuildError {
-    BuildError { log: compiler_log(&error.to_string()), in_own_file: false }
+    let may_pass = error.api_status().is_some_and(may_pass);
+    BuildError { log: compiler_log(&error.to_string()), has_own_file: false, may_pass }
 }
 
 /// Loads a program from a stored binary; `None` if the driver does not accept it.
@@ -195,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_errors_in_files_of_the_folder_are_the_users() {
+    fn an_error_is_the_users_if_the_program_contains_a_file_of_the_folder() {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(folder.path().join("cast")).expect("a folder");
         std::fs::write(folder.path().join("cast/shade.cl"), "").expect("a file");
@@ -207,24 +206,34 @@ mod tests {
             options: String::new(),
             files: files.to_vec(),
         };
+        let error = |log: &str| BuildError { log: log.to_owned(), has_own_file: false, may_pass: false };
         let located = |log: &str| {
-            BuildError { log: log.to_owned(), in_own_file: false }.located(&sources, &spec(&files))
+            let located = error(log).located(&sources, &spec(&files));
+            assert!(located.has_own_file, "{log}");
+            located.log
         };
+        let shade = format!("{}/cast/shade.cl", folder.path().display());
         // NVIDIA's compiler names no file.
-        let unnamed = located("<kernel>:3:1: error: no");
-        assert_eq!(unnamed.log, format!("{}/cast/shade.cl:2:1: error: no", folder.path().display()));
-        assert!(unnamed.in_own_file);
-        let own = located("error: cast/shade.cl:1:1: no");
-        assert_eq!(own.log, format!("error: {}/cast/shade.cl:1:1: no", folder.path().display()));
-        assert!(own.in_own_file);
-        let other = located("error: cast/scene.cl:1:1: no\nwarning: cast/shade.cl:2:2: hm");
-        assert_eq!(other.log.lines().next(), Some("error: cl/cast/scene.cl:1:1: no"));
-        assert!(!other.in_own_file);
-        // A compiler may name no file. The mistake in a program of few files is then in the user's file.
-        let blamed = |files: &[String]| {
-            let error = BuildError { log: "error: no".to_owned(), in_own_file: false };
-            error.blamed(&sources, &spec(files)).expect("the folder").in_own_file
-        };
-        assert!(!located("error: no").in_own_file && blamed(&files) && !blamed(&files[1..]));
+        assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
+        assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
+        // A built-in file may use a name that the user's file defines wrongly. A compiler may also name no file.
+        let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
+        let note = "\nnote: cast/shade.cl:2:2: it is declared here";
+        let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));
+        let note = format!("\nnote: {shade}:2:2: it is declared here");
+        assert_eq!(other, format!("{why}error: cl/cast/scene.cl:1:1: no{note}"));
+        assert_eq!(located("error: no"), format!("{why}error: no"));
+        // Without a file of the folder, the mistake is not the user's.
+        let built_in = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files[1..]));
+        assert!(!built_in.has_own_file && built_in.log.starts_with("error: cl/cast/scene.cl"), "{built_in}");
+        // The driver's lack of memory says nothing about the program.
+        let status = "Status error code: CL_OUT_OF_HOST_MEMORY (-6)";
+        let lacking = BuildError { may_pass: true, ..error(status) }.located(&sources, &spec(&files));
+        assert_eq!((lacking.log.as_str(), lacking.has_own_file), (status, false));
+        // An unchanged copy of a built-in file is not to blame.
+        let copied = Sources::Embedded.read("cast/shade.cl").expect("a kernel file");
+        std::fs::write(folder.path().join("cast/shade.cl"), copied).expect("a file");
+        let copy = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files));
+        assert_eq!((copy.log.as_str(), copy.has_own_file), ("error: cl/cast/scene.cl:1:1: no", false));
     }
 }

@@ -38,19 +38,25 @@ impl Joiner<'_> {
     /// Adds a file and everything that it includes. `#line` directives make compilers report the original
     /// file and line.
     pub fn add(&mut self, name: &str) -> Result<()> {
+        let text = self.sources.read(name)?;
+        self.add_text(name, &text)
+    }
+
+    fn add_text(&mut self, name: &str, text: &str) -> Result<()> {
         self.chain.enter(name, self.text.len())?;
         self.text.push_str(&format!("#line 1 \"{name}\"\n"));
         if !self.files.iter().any(|file| file == name) {
             self.files.push(name.to_owned());
         }
         let mut branches = Branches::default();
-        for (number, line) in
-            lines(&self.sources.path_of(name), &self.sources.read(name)?)?.into_iter().enumerate()
-        {
+        for (number, line) in lines(&self.sources.path_of(name), text)?.into_iter().enumerate() {
             branches.pass(&line.directive, self.defines);
             match line.includes {
                 Some(inner) if branches.may_be_live() => {
-                    self.add(&fill_in(inner, self.strategy)?)?;
+                    let (inner, text) = self
+                        .included(inner)
+                        .map_err(|error| self.sources.at_include(error, inner, name, number + 1))?;
+                    self.add_text(&inner, &text)?;
                     self.text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
                 Some(_) => self.text.push('\n'),
@@ -63,21 +69,27 @@ impl Joiner<'_> {
         self.chain.leave();
         Ok(())
     }
+
+    /// Returns the name and the text of an included file.
+    fn included(&self, path: &str) -> Result<(String, String)> {
+        let name = fill_in(path, self.strategy)?;
+        let text = self.sources.read(&name)?;
+        Ok((name, text))
+    }
 }
 
 /// Replaces `{AXIS}` in a path by the strategy's value on this axis, with `_` instead of `-`.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {
-        let message = format!("kernel include \"{path}\" has a brace that is not closed");
-        return Err(Error::input(message).with_help(
+        return Err(Error::input("the path has a brace that is not closed").with_help(
             "close the brace: in a path, {AXIS} is replaced by the name of the strategy's value on that axis",
         ));
     };
     let axes = strategy.axes();
     let value = axes.iter().find(|(name, _)| *name == axis).map(|(_, value)| *value).ok_or_else(|| {
         let meant = nearest(axis, axes.iter().map(|(name, _)| *name)).unwrap_or("vectors");
-        Error::input(format!("kernel include \"{path}\": the name in braces is not an axis"))
+        Error::input("the name in the path's braces is not an axis")
             .with_help(format!("did you mean {{{meant}}}?"))
     })?;
     Ok(format!("{before}{}{after}", value.replace('-', "_")))

@@ -4,8 +4,9 @@
 
 use super::plan::CurrentPlan;
 use super::types::Record;
+use crate::measure::{median_of, utilization, without_preempted};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// A line of `anchors.jsonl`: one execution of the anchor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,6 +24,69 @@ pub struct AnchorSample {
     pub at_ms: f64,
     /// The anchor's device time in milliseconds.
     pub ms: f64,
+    /// The anchor's time on the host's clock; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host_ms: Option<f64>,
+    /// The processor time that the process used for the anchor; absent in files of earlier versions, and if the device
+    /// is not a CPU.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor_ms: Option<f64>,
+}
+
+impl AnchorSample {
+    /// Returns the ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
+    fn utilization(&self) -> Option<f64> {
+        utilization(self.processor_ms, self.host_ms?)
+    }
+}
+
+/// The samples of one anchor that were measured in some launches.
+pub(super) struct AnchorTimes<'a> {
+    /// The anchor's name.
+    pub name: &'a str,
+    /// The device's name.
+    pub device: &'a str,
+    /// The samples, without those during which other programs used the processors (preempted samples).
+    pub remaining: Vec<&'a AnchorSample>,
+    /// How much of the processors the anchor got; `None` if it is unknown.
+    pub utilization: Option<AnchorUtilization>,
+}
+
+/// The ratio of an anchor's processor time to its elapsed time. Other programs that delay the anchor make it smaller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct AnchorUtilization {
+    /// The median over the samples that remain without the preempted ones.
+    pub remaining: f64,
+    /// The ratio for all samples together, including the preempted ones. Long frames of points are delayed about as
+    /// much.
+    pub overall: f64,
+}
+
+impl<'a> AnchorTimes<'a> {
+    /// Returns the anchors of some launches, by name and device.
+    pub(super) fn of_launches(launches: &HashSet<u32>, samples: &'a [AnchorSample]) -> Vec<Self> {
+        let mut anchors: BTreeMap<(&str, &str), Vec<&AnchorSample>> = BTreeMap::new();
+        for sample in samples.iter().filter(|sample| launches.contains(&sample.launch)) {
+            anchors.entry((sample.anchor.as_str(), sample.device.as_str())).or_default().push(sample);
+        }
+        let of = |((name, device), all): ((&'a str, &'a str), Vec<&'a AnchorSample>)| {
+            let remaining = without_preempted(&all, |sample| Some((sample.launch, sample.utilization()?)));
+            let utilization = remaining.as_ref().and_then(|remaining| AnchorUtilization::of(&all, remaining));
+            Self { name, device, remaining: remaining.unwrap_or(all), utilization }
+        };
+        anchors.into_iter().map(of).collect()
+    }
+}
+
+impl AnchorUtilization {
+    fn of(all: &[&AnchorSample], remaining: &[&AnchorSample]) -> Option<Self> {
+        let total = |of: fn(&AnchorSample) -> Option<f64>| -> Option<f64> {
+            all.iter().map(|sample| of(sample)).sum()
+        };
+        let overall = utilization(total(|sample| sample.processor_ms), total(|sample| sample.host_ms)?)?;
+        let of_each: Vec<f64> = remaining.iter().filter_map(|sample| sample.utilization()).collect();
+        Some(Self { remaining: median_of(&of_each)?, overall })
+    }
 }
 
 /// Gives anchors the names that a plan gives to their devices. `records` are records of the same folder, with the names
@@ -76,5 +140,26 @@ mod tests {
         let mut anchors = [anchor("p", 3), anchor("p", 0), anchor("i", 1), anchor("other", 2)];
         name_devices(&mut anchors, &plan, records.iter());
         assert_eq!(anchors.map(|anchor| anchor.device), ["pocl-cpu", "pocl-cpu", "intel-cpu", "cpu"]);
+    }
+
+    #[test]
+    fn preempted_samples_of_an_anchor_are_left_out_and_count_only_in_its_overall_utilization() {
+        let sample = |ms: f64| AnchorSample {
+            ms,
+            host_ms: Some(ms),
+            processor_ms: Some(10.0),
+            ..AnchorSample::default()
+        };
+        let mut samples = [vec![sample(5.0); 6], vec![sample(20.0); 3]].concat();
+        let launches = HashSet::from([0]);
+        let found = AnchorTimes::of_launches(&launches, &samples);
+        let times: Vec<f64> = found[0].remaining.iter().map(|sample| sample.ms).collect();
+        assert_eq!(times, [5.0; 6]);
+        // The nine samples used 90 ms of processor time in 90 ms.
+        assert_eq!(found[0].utilization, Some(AnchorUtilization { remaining: 2.0, overall: 1.0 }));
+        // Files of earlier versions have no processor times.
+        samples[3].processor_ms = None;
+        let found = AnchorTimes::of_launches(&launches, &samples);
+        assert_eq!((found[0].remaining.len(), found[0].utilization), (9, None));
     }
 }

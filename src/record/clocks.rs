@@ -34,7 +34,7 @@ impl Clocks {
     }
 }
 
-/// Returns the lowest and the highest value of "cpu MHz" in /proc/cpuinfo.
+/// Returns the lowest and the highest value of "cpu MHz" in /proc/cpuinfo; `None` if there is none.
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());

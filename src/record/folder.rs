@@ -3,17 +3,17 @@
 
 use super::anchors::{AnchorSample, name_devices};
 use super::hosts::hosts_that_differ;
-use super::journal::FOLDER;
-use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS};
+use super::journal::{FOLDER, read_lines_if_any};
+use super::journals::{ANCHORS, CONTROLS, ENVIRONMENT, RECORDS, ROUNDS, SUMMARY};
 use super::plan::CurrentPlan;
+use super::revision::{DIRTY, is_dirty};
 use super::rounds::{RoundLoad, disturbance, moved_processors};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
-use super::{DIRTY, Lines, is_dirty, read_lines, summary_csv, summary_markdown, write_whole};
+use super::{Lines, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
 use crate::reader;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -57,8 +57,7 @@ impl Folder {
             false => (path, path.join(RECORDS)),
         };
         if !journal.is_file() {
-            let error = Error::input(format!("{} holds no results: {RECORDS} is missing", path.display()));
-            return Err(error.with_help(FOLDER));
+            return Err(no_results(path));
         }
         let lines = match path.is_file() {
             true => read_lines::<Record>(&journal)?.refuse_if_all_damaged(&journal)?,
@@ -67,7 +66,7 @@ impl Folder {
         let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
         let plan = CurrentPlan::read(folder)?;
-        let controls = lines_if_any::<Record>(&folder.join(CONTROLS))?;
+        let controls = read_lines_if_any::<Record>(&folder.join(CONTROLS))?;
         let anchors = anchors(folder, plan.as_ref(), lines.lines.iter().chain(&controls.lines))?;
         let Shown { mut records, notes } = Shown::of(lines.lines, plan.as_ref());
         let count = records.len();
@@ -75,7 +74,7 @@ impl Folder {
         records.extend(shown_controls(controls.lines, plan.as_ref()));
         judge(&mut records);
         let controls = records.split_off(count);
-        let rounds = lines_if_any(&folder.join(ROUNDS))?;
+        let rounds = read_lines_if_any(&folder.join(ROUNDS))?;
         let damage: Vec<_> =
             lines_damage.chain(rounds.damage(ROUNDS)).chain(anchors.damage(ANCHORS)).collect();
         let rounds = rounds.lines;
@@ -136,9 +135,14 @@ impl Folder {
     /// Writes the folder's records to `summary.md` and `summary.csv`.
     pub fn summarise(&self, question: &str, expectation: &str) -> Result<()> {
         let markdown = summary_markdown(&self.records, &self.notes, question, expectation);
-        write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
+        write_whole(&self.path.join(SUMMARY), markdown.as_bytes())?;
         write_whole(&self.path.join("summary.csv"), &summary_csv(&self.records)?)
     }
+}
+
+/// Returns the error for a path without a journal of records.
+pub fn no_results(path: &Path) -> Error {
+    Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
 /// Returns the notes that `raycl merge` stored in a folder.
@@ -158,11 +162,6 @@ pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     if CurrentPlan::is_in(folder) { Ok(lines) } else { lines.refuse_if_all_damaged(&journal) }
 }
 
-/// Reads a journal, or returns no lines if the file is missing, as in folders of earlier versions.
-fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
-}
-
 /// Reads the journal of anchors, and gives the anchors the plan's names of their devices. `records` are all stored
 /// records.
 fn anchors<'a>(
@@ -170,7 +169,7 @@ fn anchors<'a>(
     plan: Option<&CurrentPlan>,
     records: impl Iterator<Item = &'a Record>,
 ) -> Result<Lines<AnchorSample>> {
-    let mut anchors = lines_if_any::<AnchorSample>(&folder.join(ANCHORS))?;
+    let mut anchors = read_lines_if_any::<AnchorSample>(&folder.join(ANCHORS))?;
     if let Some(plan) = plan {
         name_devices(&mut anchors.lines, plan, records);
     }
@@ -236,7 +235,7 @@ fn counted(count: usize, one: &str, several: &str) -> Option<String> {
 
 /// Reads `environment.json`; if that fails, the result is null, with a note.
 fn environment(folder: &Path) -> (Value, Option<String>) {
-    let path = folder.join("environment.json");
+    let path = folder.join(ENVIRONMENT);
     let text = reader::bytes(&path, reader::Kind::Results).ok();
     match text.and_then(|text| serde_json::from_slice(&text).ok()) {
         Some(environment) => (environment, None),
@@ -384,7 +383,7 @@ mod tests {
     #[test]
     fn a_journal_that_is_missing_has_no_lines() {
         let folder = folder(&[record("a", "bvh", 1.0)]);
-        let lines = |name: &str| lines_if_any::<Record>(&folder.path().join(name)).unwrap().lines.len();
+        let lines = |name: &str| read_lines_if_any::<Record>(&folder.path().join(name)).unwrap().lines.len();
         assert_eq!([lines(RECORDS), lines("missing.jsonl")], [1, 0]);
     }
 

@@ -107,6 +107,12 @@ impl<T> Lines<T> {
 /// The help in an error about a folder or a file that holds no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 
+/// Reads a journal. A missing journal counts as empty: folders of earlier versions lack some journals, and an attempt
+/// that was killed early has none.
+pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
+    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
+}
+
 /// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let unreadable =

@@ -1,5 +1,5 @@
-//! The names of the journals in a folder of results. Each journal contains one JSON object per
-//! line.
+//! The names of the journals in a folder of results, and of the files and the folder beside them. Each journal contains
+//! one JSON object per line.
 
 /// The journal of records, which are the results of the points.
 pub const RECORDS: &str = "records.jsonl";
@@ -12,3 +12,9 @@ pub const ROUNDS: &str = "rounds.jsonl";
 pub const ANCHORS: &str = "anchors.jsonl";
 /// The journal of records of control points that were measured only to make blocks of a plan comparable.
 pub const CONTROLS: &str = "controls.jsonl";
+/// The file that describes the machine, the drivers and the run's inputs.
+pub const ENVIRONMENT: &str = "environment.json";
+/// The summary of the records in Markdown.
+pub const SUMMARY: &str = "summary.md";
+/// The folder of the points' pictures.
+pub const IMAGES: &str = "images";

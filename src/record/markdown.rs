@@ -7,7 +7,7 @@ use super::numbers::{align_points, by, duration, ms, significant};
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
 use super::together::median;
-use super::together::{interval, launches, ratio, resolution};
+use super::together::{are_too_noisy, interval, launches, ratio, resolution};
 use super::types::{HOST, Record};
 use crate::printer::{line, markdown};
 
@@ -85,6 +85,9 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
 
 /// Describes the smallest difference that the group's samples can show.
 fn told_apart(group: &Group<'_>) -> String {
+    if are_too_noisy(group.records.iter().copied()) {
+        return " The times are too noisy to be compared.".to_owned();
+    }
     resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
         format!(" Differences below {} between two points cannot be detected here.", percent(part))
     })
@@ -224,7 +227,7 @@ fn failures(group: &Group<'_>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{few, infeasible, judged, measured};
+    use super::super::summary::tests::{few, infeasible, judged, measured, sampled};
     use super::*;
 
     #[test]
@@ -408,6 +411,12 @@ mod tests {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
         assert!(!text.contains("much more"), "{text}");
+        let noisy = ["naive", "wide"].map(|name| {
+            let ms = if name == "naive" { [1.0, 20.0] } else { [20.0, 1.0] };
+            sampled(name, (0..10).map(move |place| (place / 5, ms[place as usize / 5])))
+        });
+        let noisy = summary_markdown(&judged(noisy), &[], "?", "!");
+        assert!(noisy.contains(" The times are too noisy to be compared.\n"), "{noisy}");
         let quiet = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
         for heading in ["Warnings", "Points without a time", "Notes on scenes"] {
             assert!(!quiet.contains(heading), "{quiet}");

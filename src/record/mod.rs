@@ -4,6 +4,7 @@
 mod anchors;
 mod clocks;
 mod control;
+mod delay;
 mod environment;
 mod file_names;
 mod folder;
@@ -35,14 +36,15 @@ mod whole;
 
 pub use anchors::AnchorSample;
 pub use clocks::Clocks;
+pub(crate) use delay::unshared_delay;
 pub(crate) use environment::is_shown_as;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
 pub(crate) use file_names::{file_name, file_names};
-pub use folder::{Folder, MERGE, latest, point, read_records};
+pub use folder::{Folder, MERGE, latest, no_results, point, read_records};
 pub use git::git_state;
 pub use hosts::{AtHost, Control, controls};
 pub use intervals::renew_intervals;
-pub use journal::{JsonLines, Lines, read_lines};
+pub use journal::{JsonLines, Lines, read_lines, read_lines_if_any};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
 pub(crate) use modes::{to_mind, two_modes};
@@ -51,10 +53,11 @@ pub(crate) use numbers::{by, duration, ms, significant};
 pub use place::Place;
 pub use plan::{CurrentPlan, PlannedPoint};
 pub use repair::{Repaired, repair};
-pub use revision::{DIRTY, dirty_program, is_dirty};
+pub use revision::dirty_program;
 pub use rounds::RoundLoad;
 pub(crate) use rounds::{MOVED, latency_ns};
 pub use sample::Sample;
+pub(crate) use scenes::{new_names, tell_scenes_apart};
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
@@ -71,6 +74,6 @@ pub(crate) use together::{
 pub use together::{judge, judge_beside_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
-    TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_new, write_page,
-    write_whole, write_whole_by,
+    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_file, sync_folder, temporary_in,
+    write_new, write_page, write_whole, write_whole_by,
 };

@@ -1,5 +1,6 @@
 //! A record's position among the records that were measured with it.
 
+use super::anchors::AnchorUtilization;
 use super::control::Control;
 use crate::measure::{Interval, Standing};
 
@@ -14,9 +15,19 @@ pub struct Place {
     /// The median of the record's samples in milliseconds. Its interval never depends on anchors, so all views show the
     /// same one.
     pub(super) median_ms: Interval,
-    /// The anchor of the record's device: the anchor's name, and its times relative to those of the records that were
-    /// measured with it. `None` if there is no anchor, or if anchors were not requested.
-    pub(super) anchor: Option<(String, Standing)>,
+    /// The anchor of the record's device. `None` if there is no anchor, or if anchors were not requested.
+    pub(super) anchor: Option<PlacedAnchor>,
     /// The control point of the record's block; `None` if the group was not divided into blocks.
     pub(super) control: Option<Control>,
+}
+
+/// An anchor that was measured with some records.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PlacedAnchor {
+    /// The anchor's name.
+    pub(super) name: String,
+    /// The anchor's times, relative to those of the records that were measured with it.
+    pub(super) standing: Standing,
+    /// How much of the processors the anchor got; `None` if it is unknown.
+    pub(super) utilization: Option<AnchorUtilization>,
 }

@@ -18,8 +18,19 @@ struct Names {
 /// Renames scenes in records, so that different scenes have different names. Records of earlier
 /// versions have no hash of the scene's content and are not renamed.
 pub fn tell_scenes_apart(records: &mut [Record]) {
+    let names = new_names(records.iter());
+    for record in records {
+        if let Some(name) = record.scene_hash.as_ref().and_then(|hash| names.get(hash)) {
+            record.scene.clone_from(name);
+        }
+    }
+}
+
+/// Returns new names for those scenes of the records whose names are equal although their contents differ. A scene is
+/// identified by the hash of its content.
+pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
     let mut scenes: HashMap<&str, Vec<(&str, Names)>> = HashMap::new();
-    for record in records.iter() {
+    for record in records {
         let Some(hash) = record.scene_hash.as_deref() else { continue };
         let same_name = scenes.entry(&record.scene).or_default();
         if !same_name.iter().any(|(known, _)| *known == hash) {
@@ -31,11 +42,7 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
         let told = distinct(&scenes);
         names.extend(scenes.iter().zip(told).map(|((hash, _), name)| ((*hash).to_owned(), name.to_owned())));
     }
-    for record in records {
-        if let Some(name) = record.scene_hash.as_ref().and_then(|hash| names.get(hash)) {
-            record.scene.clone_from(name);
-        }
-    }
+    names
 }
 
 /// Returns one name per scene. All names are of one kind (see [`Names::at`]): the first kind for which all names

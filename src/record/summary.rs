@@ -173,7 +173,7 @@ pub mod tests {
     /// Returns a measured record with these samples, each with the number of its launch.
     pub fn sampled(name: &str, samples: impl Iterator<Item = (u32, f64)> + Clone) -> Record {
         let times: Vec<f64> = samples.clone().map(|(_, ms)| ms).collect();
-        let middle = crate::measure::Summary::of(&times).expect("samples").median_ms;
+        let middle = crate::measure::median_of(&times).expect("samples");
         Record {
             sample_launches: samples.map(|(launch, _)| launch).collect(),
             samples_at_ms: (0..times.len()).map(|place| place as f64).collect(),

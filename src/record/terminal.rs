@@ -9,6 +9,7 @@ use super::together::{fewest, is_below_resolution, median};
 use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
+use crate::strategy::Infeasible;
 
 /// Returns a table of medians for every scene, image size and device. The fastest points have a
 /// star. For a point without a time, the table shows a word for the reason; the legend explains
@@ -131,12 +132,12 @@ pub(crate) fn word(record: &Record) -> String {
         return record.outcome.name().into();
     }
     let reason = record.reason.as_deref().unwrap_or_default();
-    match reason.split_once(':') {
-        Some((what, _)) if what.len() <= 16 => {
-            what.trim_start_matches('_').trim_end_matches(" memory").into()
-        }
-        _ => "infeasible".into(),
-    }
+    let short = match reason.split_once(':') {
+        Some((what, _)) if what.starts_with(Infeasible::ON_HOST) => "host",
+        Some((what, _)) => what.trim_start_matches('_').trim_end_matches(" memory"),
+        None => "infeasible",
+    };
+    if short.len() <= 16 { short.into() } else { "infeasible".into() }
 }
 
 /// Explains the marks of a table, and the words for points without a time.
@@ -145,7 +146,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; if several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
+        text.push_str("* fastest; if several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest; this follows from samples that were taken close together, not from the medians in the table\n");
     }
     let (below, few): (Vec<&Record>, Vec<&Record>) = rankings
         .iter()
@@ -203,7 +204,9 @@ fn meaning(record: &Record) -> &'static str {
 /// Returns why an infeasible point could not run, in general terms. The function searches the text of the reason, since
 /// records contain no other data about the cause.
 fn obstacle(reason: &str) -> &'static str {
-    if reason.contains(" B > ") {
+    if reason.ends_with(Infeasible::EMULATED) {
+        "the device that `[emulate]` in the config imitates has too little memory"
+    } else if reason.contains(" B > ") {
         "the device or the host has too little memory"
     } else if reason.contains("does not support") {
         "the strategy does not support something that the scene has"
@@ -238,13 +241,18 @@ mod tests {
         assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
         assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
         assert!(line("* fastest").contains("tie"), "{text}");
+        assert!(line("* fastest").contains("taken close together, not from the medians"), "{text}");
     }
 
     #[test]
     fn the_legend_blames_memory_and_the_local_size_only_for_what_they_cause() {
         let told = |reason: &str| summary_terminal(&[infeasible("gpu", "naive", 32, reason)], false);
         let cases = [
-            ("__local memory: 108 B x 32 x 32 = 110592 B > 49152 B", "has too little memory"),
+            ("__local memory: 108 B x 32 x 32 = 110592 B > 49152 B", "the host has too little memory"),
+            (
+                "__local memory: 108 B x 32 x 32 = 110592 B > 49152 B, the limit in [emulate]",
+                "local: the device that `[emulate]` in the config imitates has too little memory",
+            ),
             ("traversal = raster does not support a sky, which the scene has", "that the scene has, for"),
             ("work-group: 64 x 64 = 4096 work-items > the device's 1024", "support the local size"),
             (
@@ -326,6 +334,8 @@ mod tests {
     fn an_infeasible_point_is_named_by_what_is_too_small_if_that_is_short() {
         let word = |reason: &str| word(&infeasible("gpu", "naive", 32, reason));
         assert_eq!(word("__local memory: 2 B > 1 B"), "local");
+        assert_eq!(word("__constant memory: 2 B > 1 B"), "constant");
+        assert_eq!(word("the host's memory (free now): 2 B > 1 B"), "host");
         assert_eq!(word("sixteen letters.: 2 B > 1 B"), "sixteen letters.");
         assert_eq!(word("seventeen letters: 2 B > 1 B"), "infeasible");
         assert_eq!(word("no colon"), "infeasible");

@@ -1,10 +1,10 @@
 //! Compares records that were measured together. All views use the rule in this file to decide whether two times
 //! differ; docs/methodology.md explains the rule.
 
-use super::anchors::AnchorSample;
+use super::anchors::{AnchorSample, AnchorTimes, AnchorUtilization};
 use super::control::find_controls;
 use super::numbers::{by, significant};
-use super::place::Place;
+use super::place::{Place, PlacedAnchor};
 use super::types::{HOST, Outcome, Record};
 use crate::device::DeviceKind;
 use crate::measure::{
@@ -14,6 +14,12 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
 const TIE: f64 = 0.01;
+/// If points must differ by more than this fraction before the samples show a difference, their times are too noisy to
+/// be compared.
+const TOO_NOISY: f64 = 1.0;
+/// The end of a sentence about such times.
+const NOISY: &str = "the times are too noisy to be compared: the samples would not even show that one point takes \
+                     twice as long as another.";
 
 /// Computes the position of each measured record: its times relative to those of the records that were measured with
 /// it. Records of the same launches were measured together. Records of earlier versions have no launch numbers; they
@@ -22,7 +28,7 @@ pub fn judge(records: &mut [Record]) {
     write_all_places(records, &[]);
 }
 
-/// Computes each record's position like [`judge`], and treats the anchors as further points. If `judge` has judged the
+/// Computes each record's position like [`judge`], and also those of the anchors. If `judge` has judged the
 /// records before, the intervals of their times stay as they are, since these must be the same in all views.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let of_judge = |record: &Record| Some(record.place.as_ref()?.median_ms);
@@ -35,7 +41,7 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     }
 }
 
-/// Computes each record's position, with the anchors as further points. A record whose median is 0 has no position.
+/// Computes each record's position, and those of the anchors. A record whose median is 0 has no position.
 fn write_all_places(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
@@ -63,10 +69,16 @@ struct Table {
     together: blake3::Hash,
     /// The indices of these records in the list of all records.
     places: Vec<usize>,
-    /// The anchors, each with its device. In `paired`, the anchors are further points, which follow the points of the
-    /// records.
-    anchors: Vec<(String, String)>,
+    /// The anchors. In `paired`, they follow the points of the records.
+    anchors: Vec<Anchor>,
     paired: Paired,
+}
+
+/// An anchor that was measured with the records of a table.
+struct Anchor {
+    name: String,
+    device: String,
+    utilization: Option<AnchorUtilization>,
 }
 
 impl Table {
@@ -75,14 +87,19 @@ impl Table {
         let samples = in_order(own(), &[]);
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
-        let beside: Vec<&AnchorSample> =
-            anchors.iter().filter(|anchor| launches.contains(&anchor.launch)).collect();
-        let names = names(&beside);
-        let paired = Paired::of(&in_order(own(), &beside), places.len() + names.len());
-        let of_device = |device: &str| own().find(|record| record.device == device).map(between_runs);
-        let of_anchors = names.iter().map(|(_, device)| of_device(device).unwrap_or_default());
+        let beside = AnchorTimes::of_launches(&launches, anchors);
+        let beside_anchor = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
+        let on_processors: Vec<bool> =
+            beside.iter().map(|anchor| beside_anchor(anchor).is_some_and(is_on_processors)).collect();
+        let paired = Paired::beside_anchors(&in_order(own(), &beside), places.len(), &on_processors);
+        let of_anchors =
+            beside.iter().map(|anchor| beside_anchor(anchor).map(between_runs).unwrap_or_default());
         let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
-        let anchors = names.iter().map(|(name, device)| ((*name).to_owned(), (*device).to_owned())).collect();
+        let anchor = |AnchorTimes { name, device, utilization, .. }: &AnchorTimes<'_>| {
+            let (name, device) = ((*name).to_owned(), (*device).to_owned());
+            Anchor { name, device, utilization: *utilization }
+        };
+        let anchors = beside.iter().map(anchor).collect();
         Self { together, places, anchors, paired }
     }
 
@@ -100,9 +117,11 @@ impl Table {
     fn write_places(&self, paired: &Paired, records: &mut [Record]) {
         for (point, place) in self.places.iter().enumerate() {
             let record = &mut records[*place];
-            let anchor = self.anchors.iter().position(|(_, device)| *device == record.device);
-            let anchor = anchor
-                .and_then(|at| Some((self.anchors[at].0.clone(), paired.standing(self.places.len() + at)?)));
+            let is_own = |(_, anchor): &(usize, &Anchor)| anchor.device == record.device;
+            let anchor = self.anchors.iter().enumerate().find(is_own).and_then(|(at, anchor)| {
+                let standing = paired.standing(self.places.len() + at)?;
+                Some(PlacedAnchor { name: anchor.name.clone(), standing, utilization: anchor.utilization })
+            });
             let together = self.together;
             record.place = paired.standing(point).map(|standing| {
                 let median_ms = standing.median_ms();
@@ -112,21 +131,18 @@ impl Table {
     }
 }
 
-/// Returns by how much times on a record's device may differ from one run to the next. Records of earlier versions do
-/// not contain the device's kind; if such a record contains a number of threads, the device is a CPU.
+/// Returns by how much times on a record's device may differ from one run to the next.
 fn between_runs(record: &Record) -> BetweenRuns {
-    let is_processor = match record.device_kind.as_deref() {
-        Some(kind) => kind == DeviceKind::Cpu.name(),
-        None => record.device == HOST || record.threads.is_some(),
-    };
-    if is_processor { BetweenRuns::ON_PROCESSORS } else { BetweenRuns::ON_OTHER_DEVICES }
+    if is_on_processors(record) { BetweenRuns::ON_PROCESSORS } else { BetweenRuns::ON_OTHER_DEVICES }
 }
 
-/// Returns the names of the anchors, each with its device.
-fn names<'a>(anchors: &[&'a AnchorSample]) -> Vec<(&'a str, &'a str)> {
-    let names: BTreeSet<_> =
-        anchors.iter().map(|sample| (sample.anchor.as_str(), sample.device.as_str())).collect();
-    names.into_iter().collect()
+/// Returns whether a record's device is a CPU, or the host without OpenCL. Records of earlier versions do not contain
+/// the device's kind; if such a record contains a number of threads, the device is a CPU.
+fn is_on_processors(record: &Record) -> bool {
+    match record.device_kind.as_deref() {
+        Some(kind) => kind == DeviceKind::Cpu.name(),
+        None => record.device == HOST || record.threads.is_some(),
+    }
 }
 
 fn measured_with(record: &Record) -> String {
@@ -142,13 +158,15 @@ fn measured_with(record: &Record) -> String {
 /// record's index; the indices of the anchors follow those of the records.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
-    anchors: &[&AnchorSample],
+    anchors: &[AnchorTimes<'_>],
 ) -> Vec<PairedSample> {
-    let (mut samples, count, names) = (Vec::new(), records.len(), names(anchors));
-    for sample in anchors {
-        let own = |(name, device): &(&str, &str)| *name == sample.anchor && *device == sample.device;
-        let point = count + names.iter().position(own).unwrap_or(0);
-        samples.push((sample.at_ms, PairedSample { point, launch: sample.launch, ms: sample.ms }));
+    let (mut samples, count) = (Vec::new(), records.len());
+    for (number, anchor) in anchors.iter().enumerate() {
+        let point = count + number;
+        let of = |sample: &&AnchorSample| {
+            (sample.at_ms, PairedSample { point, launch: sample.launch, ms: sample.ms })
+        };
+        samples.extend(anchor.remaining.iter().map(of));
     }
     for (point, record) in records.enumerate() {
         for (place, ms) in record.samples_ms.iter().enumerate() {
@@ -233,15 +251,15 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
 /// `None` if the anchor was not measured, or not requested (see [`judge_beside_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let place = record.place.as_ref()?;
-    let (name, anchor) = place.anchor.as_ref()?;
-    Some((name, place.standing.ratio(anchor)))
+    let anchor = place.anchor.as_ref()?;
+    Some((&anchor.name, place.standing.ratio(&anchor.standing)))
 }
 
 /// Returns the ratio of the mean time of some records to the anchor's time. The records must have
 /// been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
-    let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
-    Some(mean(records)?.relative_to(anchor))
+    let anchor = records.first()?.place.as_ref()?.anchor.as_ref()?;
+    Some(mean(records)?.relative_to(&anchor.standing))
 }
 
 /// Returns the ratio of the mean time of some records to the mean time of others, which are the reference. All records
@@ -357,12 +375,30 @@ fn told_apart(records: &[Record]) -> Option<String> {
     let judged = records.iter().filter(|record| record.place.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
     let points = if kernels.is_empty() { baselines } else { kernels };
-    let [least, most] = resolution(points.iter().copied())?.map(|part| significant(100.0 * part, 2));
+    let known = points.into_iter().filter(|point| resolution([*point]).is_some());
+    let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(|point| are_too_noisy([*point]));
+    let Some(range) = resolution(fine.iter().copied()) else {
+        return (!noisy.is_empty()).then(|| format!("In all groups of points, {NOISY}"));
+    };
+    let [least, most] = range.map(|part| significant(100.0 * part, 2));
     let percents = match least == most {
         true => format!("{most}%"),
-        false => format!("{least} to {most}% (depending on {})", what_differs(&points)),
+        false => format!("{least} to {most}% (depending on {})", what_differs(&fine)),
     };
-    Some(format!("Differences below {percents} between two points cannot be detected here."))
+    let below = format!("Differences below {percents} between two points cannot be detected here.");
+    let count = |points: &[&Record]| {
+        points.iter().filter_map(|point| Some(point.place.as_ref()?.together)).collect::<HashSet<_>>().len()
+    };
+    if noisy.is_empty() {
+        return Some(below);
+    }
+    let (some, all) = (count(&noisy), count(&[&noisy[..], &fine].concat()));
+    Some(format!("{below} In {some} of {all} groups of points, {NOISY}"))
+}
+
+/// Returns whether the times of records are so noisy that a percentage would tell nothing.
+pub(crate) fn are_too_noisy<'a>(records: impl IntoIterator<Item = &'a Record>) -> bool {
+    resolution(records).is_some_and(|[least, _]| least > TOO_NOISY)
 }
 
 /// Names the properties in which points differ: "scene", "scene and device", "scene, image size and device". Points of

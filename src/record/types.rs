@@ -125,7 +125,8 @@ pub struct Record {
     pub triangles: Option<u64>,
     /// Number of lights in the scene.
     pub lights: Option<u64>,
-    /// Parts of the scene's file that were ignored or replaced by defaults, such as missing normals.
+    /// Parts of the scene's file that were ignored or replaced by defaults, such as missing normals, and other scenes
+    /// of the experiment with the same content, which are not measured themselves.
     #[serde(default)]
     pub scene_notes: Vec<String>,
     /// The outcome.
@@ -272,6 +273,10 @@ pub struct Record {
     /// processor time of the samples is unknown.
     #[serde(default)]
     pub preempted_samples: Option<u32>,
+    /// The median, over the samples that were not left out, of a sample's processor time divided by its elapsed time;
+    /// null if the processor time is unknown. If other programs delay a sample, this ratio becomes smaller.
+    #[serde(default)]
+    pub utilization: Option<f64>,
     /// Number of samples that were left out because the virtual machine's processors were further apart than in other
     /// samples of the run, or shared a core. Samples of the launches that `moved_launches` counts are not included.
     /// Null if it is unknown how far apart the processors were.

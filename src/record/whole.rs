@@ -2,6 +2,7 @@
 //! from a stranger, and its paths must not lead out of the folder or to a device file.
 
 use crate::error::{Error, Result};
+use crate::reader::folder_of;
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
@@ -34,7 +35,7 @@ pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Writes a file unless it exists already, and returns whether it was written. If several processes
 /// write the same file in this way, only one succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
-    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let write = || -> std::io::Result<bool> {
         let mut file = temporary_in(folder)?;
         file.write_all(bytes)?;
@@ -60,7 +61,7 @@ fn replace(
     durable: bool,
     fill: impl FnOnce(&mut NamedTempFile) -> std::io::Result<()>,
 ) -> Result<()> {
-    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let write = || -> std::io::Result<()> {
         let mut file = temporary_in(folder)?;
         fill(&mut file)?;
@@ -74,6 +75,33 @@ fn replace(
         Error::run(format!("cannot write {}: {error}", path.display()))
             .with_help("free up space on the file's disk, or choose another folder with --out DIR")
     })
+}
+
+/// Fails if a file, or a link without a target, is in the place of a folder that raycl should write to, or in the place
+/// of a folder above it.
+pub fn refuse_file(folder: &Path) -> Result<()> {
+    let leads_nowhere = |path: &Path| path.is_symlink() && matches!(path.try_exists(), Ok(false));
+    let is_in_the_way = |path: &&Path| path.is_file() || leads_nowhere(path);
+    let Some(found) = folder.ancestors().find(is_in_the_way) else { return Ok(()) };
+    let (at, what) = (found.display(), if found.is_file() { "a file" } else { "a link without a target" });
+    Err(Error::input(match found == folder {
+        true => format!("'{at}' is {what}; a folder is needed here"),
+        false => format!("cannot make {}: '{at}' is {what}", folder.display()),
+    }))
+}
+
+/// Returns the error of a folder that cannot be made, with this remedy. It is a mistake of the user if the folder's
+/// path names something else or no possible place.
+pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
+    use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
+    let other = || {
+        let message = format!("cannot make {}: {error}", folder.display());
+        match error.kind() {
+            AlreadyExists | InvalidFilename | NotADirectory | NotFound => Error::input(message),
+            _ => Error::run(message),
+        }
+    };
+    refuse_file(folder).err().unwrap_or_else(other).with_help(remedy)
 }
 
 /// Creates a subfolder in a folder of results. Fails if a link with this name exists.

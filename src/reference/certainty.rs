@@ -3,12 +3,13 @@
 use super::cast::Caster;
 use super::intersect::Hit;
 use super::pixel_sample::{PixelSample, Reach};
-use super::ray::Ray;
-use super::shade::{Sight, sights, surface_at};
+use super::ray::{Frame, Ray};
+use super::shade::{Reaches, Sight, shade, sights, surface_at};
 use super::shadow_end::ends_before_hit;
 use super::soft::Seen;
-use crate::scene::PixelFrame;
+use crate::scene::{Mapped, Mesh, PixelFrame, Scene, Textures, Triangle};
 use glam::DVec3;
+use std::cell::RefCell;
 
 mod quick;
 
@@ -35,6 +36,11 @@ const SKY_NUDGE: f64 = 1e-6;
 /// The angle by which the direction to a sky with a picture is nudged. This angle is larger than `SKY_NUDGE`, because
 /// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
+/// How far rounding may move a hit's place in a texture, relative to the triangle's largest texture coordinate (at
+/// least 1): almost seven rounding errors of single precision. The errors on a device add up to at most six: one of the
+/// first weight (1 minus the other two weights), one of the products of weights and coordinates, two of their sum, and
+/// two of the texel's place, which is the sum times the texture's size, minus a half.
+const TEXTURE_SHIFT: f32 = 4e-7;
 
 /// A surface that is this close to a light may or may not occlude the light. This value is relative to the light's
 /// distance from the hit, or to its distance from the scene's origin if that is larger.
@@ -76,8 +82,43 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values of a hit's radiance if shadow rays end where those end that a device casts from a
-    /// distant light. `radiance` returns the value for shadow rays that end at a given distance from the hit.
+    /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's place in a texture.
+    /// Nudges do not reveal this error if all corners of the triangle have the same texture coordinates, as in models
+    /// whose texture is a palette. `reaches` tests whether a light is visible; it is called only once for each light,
+    /// since the hit itself stays where it is.
+    fn shift_texture(
+        &self,
+        sample: &mut PixelSample,
+        (ray, hit): (&Ray<f64>, &Hit<f64>),
+        reaches: Reaches<'_, f64>,
+    ) {
+        let scene = self.caster.scene();
+        let Some(mesh) = textured_triangle(&scene.mesh, hit.triangle) else { return };
+        let corners = mesh.textures.mapped[0].corners;
+        let mut shifted = scene_of(mesh, scene);
+        let largest = corners.as_flattened().iter().fold(1.0_f32, |largest, place| largest.max(place.abs()));
+        let by = TEXTURE_SHIFT * largest;
+        let width = Frame::<f64>::new(self.frame).cone_width(ray, hit.t);
+        let hit = Hit { triangle: 0, ..*hit };
+        // The entry after those of the lights is the sky's.
+        let known = RefCell::new(vec![None; self.seen.lights.len() + 1]);
+        let reaches_once = |sight: &Sight<f64>| {
+            let earlier: Option<bool> = known.borrow()[sight.light];
+            earlier.unwrap_or_else(|| {
+                let found = reaches(sight);
+                known.borrow_mut()[sight.light] = Some(found);
+                found
+            })
+        };
+        for [across, down] in [[by, by], [by, -by], [-by, by], [-by, -by]] {
+            let places = corners.map(|[u, v]| [u + across, v + down]);
+            shifted.mesh_mut().textures.mapped[0].corners = places;
+            sample.consider(shade(&shifted, &self.seen, (ray, width), &hit, &reaches_once));
+        }
+    }
+
+    /// Includes in `sample` the values of a hit's radiance if shadow rays end where those end that a device casts from
+    /// a distant light. `radiance` returns the value for shadow rays that end at a given distance from the hit.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -111,6 +152,40 @@ impl Asked<'_> {
     }
 }
 
+/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from elsewhere. Copies of them
+/// would take time for every pixel.
+fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
+    Scene {
+        name: String::new(),
+        mesh: mesh.into(),
+        lights: Vec::new(),
+        sky: None,
+        camera: scene.camera,
+        background: scene.background,
+        transparent: scene.transparent,
+        shadow_bias: scene.shadow_bias,
+        display: scene.display,
+    }
+}
+
+/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture. Its mask is left out,
+/// because it does not change the radiance of a hit.
+fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
+    let row = mesh.textures.mapped.get(triangle as usize)?;
+    let texture = mesh.textures.list[row.texture? as usize].clone();
+    let triangle = &mesh.triangles[triangle as usize];
+    Some(Mesh {
+        positions: mesh.corners(triangle).to_vec(),
+        normals: mesh.corner_normals(triangle).to_vec(),
+        triangles: vec![Triangle { positions: [0, 1, 2], normals: [0, 1, 2], material: 0 }],
+        materials: vec![*mesh.material(triangle)],
+        textures: Textures {
+            list: vec![texture],
+            mapped: vec![Mapped { texture: Some(0), mask: None, ..*row }],
+        },
+    })
+}
+
 /// Casts the pixel. Then casts it again with each of these changes:
 ///
 /// - The pixel's ray is nudged in each direction along the image's axes.
@@ -121,6 +196,7 @@ impl Asked<'_> {
 /// - Triangles become larger and holes smaller by rounding, and the reverse.
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
+/// - The hit's place in a texture is moved slightly.
 /// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
@@ -169,6 +245,7 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
             sample.consider(caster.radiance(seen, &ray, Some(&rival), bias));
         }
         asked.turn_sky(&mut sample, |seen| caster.radiance(seen, &ray, Some(hit), bias));
+        asked.shift_texture(&mut sample, (&ray, hit), &|sight| caster.reaches(sight, bias));
     }
     sample
 }
@@ -209,7 +286,7 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::super::tree::Tree;
     use super::*;
-    use crate::scene::{Sample, Scene, Sky};
+    use crate::scene::{Sample, Sky, Texture, Wrap};
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
 
@@ -234,6 +311,63 @@ mod tests {
         100 * quick / (size[0] * size[1]) as usize
     }
 
+    /// Returns a triangle whose corners all have the same place in a palette of 1024 texels, given in texels from the
+    /// left edge. The left half of the palette is dark, and the right half is white.
+    fn palette(texels: f32) -> Scene {
+        let mut scene = fixtures::single_triangle();
+        let palette = (0..1024).map(|x| if x < 512 { 0x20_2020 } else { 0xff_ffff });
+        let texture = Texture {
+            size: [1024, 1],
+            wrap: [Wrap::Repeat; 2],
+            least_alpha: 0,
+            texels: palette.collect::<Vec<u32>>().into(),
+        };
+        let mesh = scene.mesh_mut();
+        mesh.materials[0].glossy = Vec3::ZERO;
+        let row = Mapped { corners: [[texels / 1024.0, 0.5]; 3], texture: Some(0), mask: None };
+        mesh.textures = Textures { list: vec![texture], mapped: vec![row] };
+        scene
+    }
+
+    #[test]
+    fn the_edge_of_a_colour_of_a_palette_is_uncertain_and_its_inside_is_not() {
+        let change = |texels: f32| {
+            let scene = palette(texels);
+            let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+            let frame = scene.camera.pixel_frame(80, 50);
+            let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+            let found =
+                sample(&Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] });
+            assert!(found.hit && found.radiance.x > 0.0);
+            found.near_change / found.radiance.x
+        };
+        // At the edge, a shift by 4e-7 of 1024 texels adds or removes 4e-4 of the difference between the two colours,
+        // whose linear values are 0.014 and 1. A hundredth of the colour is white.
+        let expected = 4e-7 * 1024.0 * (1.0 - 0.014) / (0.014 * 0.99 + 0.01);
+        let [edge, inside] = [change(511.51), change(600.5)];
+        assert!((edge / expected - 1.0).abs() < 0.1, "{edge}, expected {expected}");
+        assert!(inside < 1e-4, "{inside}");
+    }
+
+    #[test]
+    fn a_shift_of_the_texture_casts_only_one_shadow_ray_to_each_light() {
+        let mut scene = palette(511.51);
+        scene.lights.push(scene.lights[0]);
+        let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+        let frame = scene.camera.pixel_frame(80, 50);
+        let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+        let asked = Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] };
+        let (ray, Some(hit)) = caster.look(40.5, 25.5) else { panic!("the triangle is in the middle") };
+        let mut found = PixelSample::of(DVec3::ZERO, true);
+        let cast = RefCell::new(Vec::new());
+        asked.shift_texture(&mut found, (&ray, &hit), &|sight| {
+            cast.borrow_mut().push(sight.light);
+            true
+        });
+        assert!(found.change > 0.0);
+        assert_eq!(*cast.borrow(), [0, 1]);
+    }
+
     #[test]
     fn what_is_found_quickly_is_what_the_plain_caster_finds() {
         for scene in [
@@ -243,6 +377,7 @@ mod tests {
             fixtures::pyramid_lower(),
             fixtures::sphere(12),
             fixtures::random(300, 1),
+            palette(511.51),
         ] {
             for culling in [Culling::None, Culling::Back] {
                 let percent = quickly(&scene, culling);

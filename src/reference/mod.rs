@@ -19,7 +19,6 @@ pub mod leaning;
 pub mod pixel_sample;
 pub mod ray;
 pub mod real;
-pub mod rough;
 pub mod shade;
 pub mod shadow_end;
 pub mod shadows;
@@ -30,6 +29,8 @@ pub mod tree;
 
 #[cfg(test)]
 pub(crate) mod fixtures;
+#[cfg(test)]
+pub(crate) mod rough;
 
 pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
 pub use fingerprint::fingerprint;

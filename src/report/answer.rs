@@ -28,6 +28,9 @@ pub struct Answer {
     pub interval: String,
     /// The speed-ups of the best point over the serial baselines and over the best naive point.
     pub speedups: Vec<Speedup>,
+    /// The name that the best naive point has in speed-ups, if this point is itself the fastest. It then has no
+    /// speed-up.
+    pub naive_wins: Option<String>,
     /// The certainty of the result: "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
@@ -89,6 +92,10 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
             .and_then(interval)
             .map_or(String::new(), |interval| format!("{} ms", interval_text(interval))),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
+        naive_wins: best
+            .zip(naive(group))
+            .filter(|(best, naive)| best.key == naive.key)
+            .map(|(best, _)| over(best)),
         sureness,
         sure,
         refused: refused(group),
@@ -112,17 +119,25 @@ pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Reco
 
 fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speedup> {
     let serial = baselines(group, groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
-    let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    let over = serial.chain(naive.filter(|naive| naive.key != best.key));
+    let over = serial.chain(naive(group).filter(|naive| naive.key != best.key));
     over.filter_map(|other| speedup(best, other)).collect()
 }
 
+/// Returns the best naive point of a group.
+fn naive<'a>(group: &Group<'a>) -> Option<&'a Record> {
+    group.best_where(|record| record.preset.as_deref() == Some("naive"))
+}
+
+/// Returns the name that a record has in speed-ups over it.
+fn over(record: &Record) -> String {
+    match record.is_baseline() {
+        true => record.strategy.clone(),
+        false => format!("the best {} point", series_name(record)),
+    }
+}
+
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
-    let over = if other.is_baseline() {
-        other.strategy.clone()
-    } else {
-        format!("the best {} point", series_name(other))
-    };
+    let over = over(other);
     let Some(ratio) = ratio(other, best) else {
         return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
     };
@@ -210,20 +225,31 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to
-/// 78 times as fast as the best naive point". Returns an empty text if no speed-up is known.
+/// 78 times as fast as the best naive point". If a speed-up is known for some comparisons only, their number follows.
+/// Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
-    let mut over: Vec<(&str, f64, f64)> = Vec::new();
+    let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
         let Some(ratio) = speedup.ratio else { continue };
-        match over.iter_mut().find(|(name, ..)| *name == speedup.over) {
-            Some((_, low, high)) => (*low, *high) = (low.min(ratio), high.max(ratio)),
-            None => over.push((&speedup.over, ratio, ratio)),
+        match over.iter_mut().find(|(name, _)| *name == speedup.over) {
+            Some((_, ratios)) => ratios.push(ratio),
+            None => over.push((&speedup.over, vec![ratio])),
         }
     }
-    let text = |(name, low, high): &(&str, f64, f64)| {
-        let (low, high) = (significant(*low, 2), significant(*high, 2));
+    let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
+    let text = |(name, ratios): &(&str, Vec<f64>)| {
+        let low = significant(ratios.iter().copied().fold(f64::INFINITY, f64::min), 2);
+        let high = significant(ratios.iter().copied().fold(0.0, f64::max), 2);
         let range = if low == high { low } else { format!("{low} to {high}") };
-        format!("{range} times as fast as {name}")
+        let itself = answers.iter().filter(|answer| answer.naive_wins.as_deref() == Some(*name)).count();
+        let known = match (ratios.len(), itself) {
+            (known, _) if known >= won => String::new(),
+            (known, 0) => format!(" (in {known} of {won} comparisons)"),
+            (known, itself) => {
+                format!(" (in {known} of {won} comparisons; in {itself}, this point is itself the fastest)")
+            }
+        };
+        format!("{range} times as fast as {name}{known}")
     };
     let all: Vec<_> = over.iter().take(3).map(text).collect();
     let mut winners = answers.iter().flat_map(|answer| &answer.winners).map(|winner| winner.name.as_str());
@@ -390,6 +416,28 @@ mod tests {
             let told = headline(&answers(&groups(&judged(records))));
             assert!(told.ends_with("; it is 12 to 40 times as fast as serial-f32"), "{told}");
         }
+    }
+
+    #[test]
+    fn the_headline_says_in_how_many_comparisons_a_speed_up_is_known() {
+        let of = |scene: &str, naive_ms: f64, serial: bool| {
+            let host = serial.then(|| measured("host", "serial-f32", 0, 400.0));
+            let both = [measured("gpu", "naive", 8, naive_ms), measured("gpu", "wide", 1, 10.0)];
+            both.into_iter()
+                .chain(host)
+                .map(|record| Record { scene: scene.into(), ..record })
+                .collect::<Vec<_>>()
+        };
+        let told = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
+        let [slow, fast, bare] = [of("room", 15.0, true), of("table", 5.0, true), of("chair", 15.0, false)];
+        let both = told(&[slow.clone(), fast.clone()]);
+        let itself = "1.5 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself \
+                      the fastest)";
+        assert!(both.contains("; the winners are 40 to 80 times as fast as serial-f32, "), "{both}");
+        assert!(both.ends_with(itself), "{both}");
+        let two = told(&[slow, bare]);
+        assert!(two.contains("40 times as fast as serial-f32 (in 1 of 2 comparisons), 1.5 times"), "{two}");
+        assert!(two.ends_with("as the best naive point"), "{two}");
     }
 
     #[test]

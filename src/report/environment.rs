@@ -1,6 +1,7 @@
 //! Describes the machines, programs and commands of runs, so that others can repeat these runs.
 
 use crate::record::{Folder, Record};
+use crate::words::quote;
 use serde_json::Value;
 
 /// The environment of a folder, as a page shows it.
@@ -73,7 +74,7 @@ fn program(environment: &Value) -> String {
         Some((commit, _)) => {
             format!("raycl {version}, commit {commit} with uncommitted changes, so it cannot be built again")
         }
-        None => format!("raycl {version}, built outside a git repository, so its commit is unknown"),
+        None => format!("raycl {version}, the commit from which it was built is unknown"),
     }
 }
 
@@ -101,15 +102,6 @@ fn command(environment: &Value) -> String {
         .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
         .collect();
     quoted.join(" ")
-}
-
-/// Quotes an argument, unless it has only characters that every shell reads unchanged.
-pub fn quote(argument: &str) -> String {
-    let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !argument.is_empty() && argument.chars().all(harmless) {
-        return argument.to_owned();
-    }
-    format!("'{}'", argument.replace('\'', r"'\''"))
 }
 
 fn facts(value: &Value) -> Vec<(String, String)> {
@@ -193,7 +185,7 @@ mod tests {
         };
         assert_eq!(told(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
         assert!(told(Some("abc-dirty")).contains("with uncommitted changes"));
-        assert_eq!(told(None), "raycl 1, built outside a git repository, so its commit is unknown");
+        assert_eq!(told(None), "raycl 1, the commit from which it was built is unknown");
     }
 
     #[test]

@@ -1,13 +1,12 @@
 //! Writes the page of `raycl compile`, which shows the source next to the instructions of each
 //! kernel.
 
-use super::environment::quote;
 use super::page::{SCRIPT, STYLE, nonce};
 use crate::error::{Error, Result};
 use crate::microscope::{Counts, Instruction, Kind, Listing, Microscope, Row, RowsAre};
 use crate::program::CompiledKernel;
 use crate::record::Record;
-use crate::words::counted;
+use crate::words::{counted, quote};
 use askama::Template;
 use std::collections::HashMap;
 

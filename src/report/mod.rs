@@ -21,7 +21,6 @@ mod words;
 
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
-pub use environment::quote;
 pub(crate) use growth::exponent;
 pub use microscope::{MICROSCOPE, microscope_page};
 pub use page::Page;

@@ -13,6 +13,8 @@ use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quar
 
 /// The image size in the paper's figures; the paper's times are only shown at this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
+/// The largest number of characters of a word in a cell.
+const LONGEST_CODE: usize = 8;
 /// The largest number of rows in the plot of samples.
 const STRIPS: usize = 14;
 
@@ -25,7 +27,7 @@ pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
 }
 
 /// Formats each local size as "16x16".
-pub fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
+fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
     sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect()
 }
 
@@ -159,7 +161,13 @@ fn code(record: &Record) -> String {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            word.split_whitespace().next().unwrap_or("none").chars().take(8).collect()
+            // Of "work-group" and "largest buffer", the last part says more.
+            let last = word.rsplit([' ', '-']).next().unwrap_or_default();
+            if (1..=LONGEST_CODE).contains(&last.chars().count()) {
+                last.to_owned()
+            } else {
+                "unfit".to_owned()
+            }
         }
         Outcome::OtherKind => "kind".into(),
         Outcome::BuildFailed => "build".into(),
@@ -311,7 +319,18 @@ mod tests {
             assert!(told.starts_with(means) && told.ends_with(": first"), "{told}");
         }
         let of = |reason: &str| code(&infeasible("gpu", "naive", 8, reason));
-        assert_eq!([of("__local memory: 2 B > 1 B"), of("no colon")], ["local", "infeasib"]);
+        for (reason, expected) in [
+            ("__local memory: 2 B > 1 B", "local"),
+            ("__constant memory: 2 B > 1 B", "constant"),
+            ("the host's memory (free now): 2 B > 1 B", "host"),
+            ("work-group: 64 x 64 = 4096 work-items > the device's limit of 1024", "group"),
+            ("largest buffer: 2 B > 1 B", "buffer"),
+            ("a reason that is long: 2 B > 1 B", "unfit"),
+            ("no colon", "unfit"),
+            (": 2 B > 1 B", "unfit"),
+        ] {
+            assert_eq!(of(reason), expected);
+        }
     }
 
     #[test]

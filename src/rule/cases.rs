@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::reader;
 use crate::scene::{Scene, load_scene_with};
 use crate::strategy::Task;
+use crate::toml_read::from_text;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -107,7 +108,7 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
             .with_help("docs/rule.toml is an example of a file with cases")
     };
     let text = reader::text(path, reader::Kind::Toml).map_err(|error| wrong(&error))?;
-    let File { case } = toml::from_str(&text).map_err(|error| wrong(&error))?;
+    let File { case } = from_text(&text).map_err(|error| wrong(&error))?;
     let mut cases = Vec::new();
     for entry in case {
         let unsized_case = format!("the case '{}' needs either `size` or `sizes`", entry.name);

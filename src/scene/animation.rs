@@ -8,17 +8,17 @@ use super::assemble::{Assembled, assemble};
 use super::document::{Document, KEYS};
 use super::kept::Kept;
 use super::overrides::{self, PATHS};
-use super::wire::SceneWire;
+use super::wire::{SceneWire, Whole};
 use super::{Scene, Shot};
 use crate::error::{Error, Result};
 use crate::toml_error::toml_error;
+use crate::toml_read::from_text;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-use toml::{Spanned, Table};
+use toml::Table;
 use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
-use wire::{MAX_FRAMES, MAX_RATE};
 
 /// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a
 /// copy of the scene file's table in which the frame's values have been set. A frame reuses data of the previous frame:
@@ -45,16 +45,7 @@ impl fmt::Debug for Animation {
 impl Animation {
     /// Checks the `[animation]` of a scene file, and returns the animation.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
-        let AnimationWire { frames, frames_per_second, track } = wire;
-        let in_range = |value: u32, most: u32, span| {
-            let message = || format!("{value} is out of range; expected 1 to {most}");
-            let valid = (1..=most).contains(&value);
-            if valid { Ok(value) } else { Err(document.error(span, message(), "here")) }
-        };
-        let frames = in_range(*frames.get_ref(), MAX_FRAMES, frames.span())?;
-        if let Some(rate) = &frames_per_second {
-            in_range((*rate.get_ref()).into(), MAX_RATE.into(), rate.span())?;
-        }
+        let AnimationWire { frames: Whole(frames), frames_per_second, track } = wire;
         let tracks = track.into_iter().enumerate().map(|track| Track::of(&document, track, frames));
         let tracks = tracks.collect::<Result<Vec<Track>>>()?;
         for (number, track) in tracks.iter().enumerate() {
@@ -62,7 +53,7 @@ impl Animation {
         }
         let mut table: Table = document.text.parse().map_err(|error| document.misread(&error))?;
         table.remove("animation");
-        let frames_per_second = frames_per_second.map(Spanned::into_inner);
+        let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
@@ -117,7 +108,7 @@ impl Animation {
     fn read(&self, frame: u32) -> Result<(Table, Document, SceneWire)> {
         let table = self.table(frame, &self.tracks)?;
         let document = self.document_of(frame, &table)?;
-        match toml::from_str(&document.text) {
+        match from_text(&document.text) {
             Ok(wire) => Ok((table, document, wire)),
             Err(_) => Err(self.mistake(frame)),
         }
@@ -156,7 +147,7 @@ impl Animation {
                 Ok(document) => document,
                 Err(error) => return error,
             };
-            match toml::from_str::<SceneWire>(&document.text) {
+            match from_text::<SceneWire>(&document.text) {
                 // With this track, the document is valid again.
                 Ok(_) => wrong = None,
                 Err(found) => wrong = wrong.or(Some((track, document, found))),

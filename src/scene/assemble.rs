@@ -8,12 +8,15 @@ mod sky;
 mod tests;
 
 use super::document::Document;
+use super::enclosed::encloses;
 use super::files::{self, FileLight, Placement};
 use super::kept::Kept;
 use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
 use super::wire::{BackgroundWire, LightWire, SceneWire};
-use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, framing, normals};
+use super::{
+    Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, facing, framing, normals,
+};
 use crate::error::Result;
 use camera::{base_camera, camera};
 use framing::Ball;
@@ -58,12 +61,8 @@ pub(super) fn assemble(
     let camera = camera(document, &wire.camera, base, ball)?;
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
-    match wire.two_sided.unwrap_or(document.bare) {
-        // A scene on a turntable is seen from all sides, so either all of its normals are reversed or none. If only
-        // some were reversed, the camera would see dark surfaces at some angles.
-        true if shot.turns => normals::turn_outwards(Arc::make_mut(&mut mesh)),
-        true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
-        false => {}
+    if wire.two_sided.unwrap_or(document.bare) {
+        turn_normals(Arc::make_mut(&mut mesh), around, &camera, shot);
     }
     let bounds = kept.bounds(&mesh);
     notes.extend(too_small(document, bounds));
@@ -81,9 +80,8 @@ pub(super) fn assemble(
         Some(studio) => studio.lights.clone(),
         None => lights(document, &wire, &seen, &camera, ball, notes),
     };
-    let is_seen = wire.background.is_none();
-    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, (wire.camera.upright(), is_seen), kept));
-    let sky = sky.transpose()?;
+    let seen_from = (wire.camera.upright(), wire.background.is_none());
+    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, kept, notes)).transpose()?;
     // If the user sets a background, the picture will probably be combined with another picture, so no ground is added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
@@ -106,6 +104,22 @@ pub(super) fn assemble(
         display,
     };
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
+}
+
+/// Turns normals to the viewer. A scene on a turntable is seen from all sides, so either all of its normals are
+/// reversed or none. If only some were reversed, the camera would see dark surfaces at some angles. `around` is the
+/// ball around a scene on a turntable.
+fn turn_normals(mesh: &mut Mesh, around: Option<Ball>, camera: &Camera, shot: Shot) {
+    if !shot.turns {
+        return normals::turn_towards(mesh, camera.position);
+    }
+    normals::turn_outwards(mesh);
+    // In a room, the viewer sees the inner side of the walls from every angle. An open mesh, such as a sheet, has no
+    // outside, so the first view decides which of its sides is lit.
+    let has_outside = around.is_some_and(|ball| ball.is_closed()) && !encloses(mesh, camera.position);
+    if !has_outside && facing::is_averted(mesh, camera, shot.aspect) {
+        normals::reverse(mesh);
+    }
 }
 
 fn display(wire: &SceneWire) -> Display {

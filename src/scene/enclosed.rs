@@ -1,29 +1,34 @@
 //! Tests whether surfaces lie all around the eye, as in a room. If they do, more rays hit something, and shadow rays
 //! are longer, than if the eye is in front of an object. Therefore other strategies are fastest
-//! (`src/strategy/fastest.rs`).
+//! (`src/strategy/fastest.rs`). On a turntable, such an eye sees the inner sides of surfaces (`assemble.rs`).
 
-use super::Scene;
+use super::{Mesh, Scene};
+use glam::Vec3;
 
 /// Largest number of triangles that are tested. In a larger scene, only every second, third, ...
 /// triangle is tested.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {
-    /// Returns whether triangles have corners in each of the eight octants around the eye. The planes between the
-    /// octants are perpendicular to the scene's axes.
+    /// Returns whether surfaces lie all around the eye.
     pub fn encloses_eye(&self) -> bool {
-        let (mesh, eye) = (&self.mesh, self.camera.position);
-        let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);
-        let mut octants = [false; 8];
-        for triangle in mesh.triangles.iter().step_by(step) {
-            for corner in mesh.corners(triangle) {
-                let [x, y, z] =
-                    (corner.as_dvec3() - eye.as_dvec3()).to_array().map(|along| usize::from(along > 0.0));
-                octants[x | y << 1 | z << 2] = true;
-            }
-        }
-        octants.iter().all(|seen| *seen)
+        encloses(&self.mesh, self.camera.position)
     }
+}
+
+/// Returns whether triangles have corners in each of the eight octants around the eye. The planes between the octants
+/// are perpendicular to the scene's axes.
+pub(super) fn encloses(mesh: &Mesh, eye: Vec3) -> bool {
+    let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);
+    let mut octants = [false; 8];
+    for triangle in mesh.triangles.iter().step_by(step) {
+        for corner in mesh.corners(triangle) {
+            let [x, y, z] =
+                (corner.as_dvec3() - eye.as_dvec3()).to_array().map(|along| usize::from(along > 0.0));
+            octants[x | y << 1 | z << 2] = true;
+        }
+    }
+    octants.iter().all(|seen| *seen)
 }
 
 #[cfg(test)]

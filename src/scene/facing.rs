@@ -16,15 +16,25 @@ const MOST: f64 = 0.5;
 /// is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
-/// Returns a note if most of the visible surface faces away, in images with this ratio of width to height.
-pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
+/// Returns a note if most of the visible surface faces away, in images with this ratio of width to height. `is_turned`
+/// is true if raycl has already reversed either all normals of the scene or none.
+pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
+    let remedy = match is_turned {
+        true => "a scene that is seen from all sides gets either all of its normals reversed or none",
+        false => "--two-sided (two_sided = true) reverses its normals",
+    };
     (part > MOST).then(|| {
         format!(
-            "{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: --two-sided (two_sided = true) reverses its normals",
+            "{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: {remedy}",
             100.0 * part
         )
     })
+}
+
+/// Returns whether most of the visible surface faces away, in images with this ratio of width to height.
+pub(super) fn is_averted(mesh: &Mesh, camera: &Camera, aspect: f64) -> bool {
+    averted_part(mesh, camera, aspect).is_some_and(|part| part > MOST)
 }
 
 /// Returns the fraction of the visible surface whose normals point away from the camera; `None` if no surface

@@ -19,6 +19,24 @@ const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the
 /// origin: eight to sixteen times the smallest difference between two numbers of type f32.
 const LEAST_RADIUS: f64 = 1e-6;
+/// A mesh is open if the sum of its area vectors (normal times area) is longer than this fraction of its area.
+const OPEN_PART: f64 = 0.1;
+/// A surface is a wall if it is no farther from a side of the bounding box than this fraction of the box's extent.
+/// Walls are rarely exactly parallel to the box's sides.
+const WALL_DEPTH: f64 = 1.0 / 16.0;
+/// The least number of the bounding box's sides, including the bottom and the top, that have a wall if the mesh is a
+/// room or a shell.
+const LEAST_WALLS: f64 = 3.0;
+/// The walls of a mesh face outwards if at least this fraction of their area does.
+const OUTWARDS_PART: f64 = 0.9;
+/// There are bodies between the walls if the surfaces there have at least this fraction of the mesh's area.
+const BODIES_PART: f64 = 0.02;
+/// The sum of the area vectors of bodies is at most this fraction of their area. For a cube that stands on the floor
+/// without a base, the fraction is a fifth. For a recessed part of a shell, it is larger.
+const BODIES_OPEN_PART: f64 = 0.3;
+/// A side of the bounding box counts as vertical if the component of the upward direction along the side's normal is
+/// less than this.
+const VERTICAL: f64 = 0.1;
 /// Distance of the lights from the centre of the mesh's ball, in radii of this ball: close enough that the shading
 /// shows the mesh's shape, far enough to light it evenly.
 const LIGHT_RADII: f64 = 10.0;
@@ -29,8 +47,11 @@ pub(super) struct Ball {
     /// The centre of the bounding box.
     pub centre: DVec3,
     radius: f64,
-    /// The direction in which an open mesh, such as a room without its front wall, is open; `None` for a closed mesh.
+    /// The horizontal direction in which an open mesh, such as a room without its front wall, is open; `None` for other
+    /// meshes.
     opening: Option<DVec3>,
+    /// True if the area vectors of the mesh's triangles nearly add up to zero.
+    closed: bool,
 }
 
 impl Ball {
@@ -42,7 +63,8 @@ impl Ball {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let centre = (low + high) / 2.0;
         let radius = ((high - low).length() / 2.0).max(LEAST_RADIUS * centre.length()).max(1e-9);
-        Self { centre, radius, opening: opening(mesh, up) }
+        let areas = Areas::of_mesh(mesh, [low, high]);
+        Self { centre, radius, opening: areas.opening([low, high], up), closed: areas.are_closed() }
     }
 
     /// Returns the ball's centre and radius.
@@ -53,6 +75,11 @@ impl Ball {
     /// Returns whether the mesh is a room with an open side.
     pub fn is_open(&self) -> bool {
         self.opening.is_some()
+    }
+
+    /// Returns whether the mesh encloses a volume, unlike a sheet or a room with an open side.
+    pub fn is_closed(&self) -> bool {
+        self.closed
     }
 }
 
@@ -142,18 +169,97 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     Camera { position: (ball.centre + aside + towards_eye * distance).as_vec3(), z_near: 0.0, ..look }
 }
 
-/// Returns the horizontal direction that the front sides of an open mesh face on average; `None`
-/// for a closed mesh.
-fn opening(mesh: &Mesh, up: DVec3) -> Option<DVec3> {
-    let areas = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|triangle| {
-        let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
-        let area = (b - a).cross(c - a);
-        (area, area.length())
-    });
-    // The area vectors of a closed mesh's triangles (normal times area) add up to zero.
-    let (open, total) = areas.reduce(|| (DVec3::ZERO, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-    let open = open.reject_from_normalized(up);
-    (open.length() > 0.1 * total).then(|| open.try_normalize()).flatten()
+/// Sums over a mesh's triangles. All areas are doubled.
+#[derive(Clone, Copy, Default)]
+struct Areas {
+    /// The area vectors: normal times area.
+    vector: DVec3,
+    area: f64,
+    /// The areas, projected along x, y and z, of the walls at the bounding box's sides with the least x, y and z. An
+    /// area is positive if it faces outwards. Therefore the areas of rough surfaces, and of the opposite sides of
+    /// bodies, cancel.
+    low_walls: DVec3,
+    /// The same for the sides with the greatest x, y and z.
+    high_walls: DVec3,
+    /// The area vectors of the triangles that lie at no side of the bounding box.
+    inner_vector: DVec3,
+    inner_area: f64,
+}
+
+impl Areas {
+    fn of_mesh(mesh: &Mesh, bounds: [DVec3; 2]) -> Self {
+        let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+        let areas = triangles.map(|triangle| Self::of(mesh.corners(triangle).map(|p| p.as_dvec3()), bounds));
+        areas.reduce(Self::default, Self::plus)
+    }
+
+    /// Returns the summands of one triangle of a mesh with this bounding box.
+    fn of([a, b, c]: [DVec3; 3], [low, high]: [DVec3; 2]) -> Self {
+        let vector = (b - a).cross(c - a);
+        let area = vector.length();
+        let depth = WALL_DEPTH * (high - low);
+        let [at_low, at_high] = [a.max(b).max(c).cmplt(low + depth), a.min(b).min(c).cmpge(high - depth)];
+        let is_inner = !at_low.any() && !at_high.any();
+        Self {
+            vector,
+            area,
+            low_walls: DVec3::select(at_low, -vector, DVec3::ZERO),
+            high_walls: DVec3::select(at_high, vector, DVec3::ZERO),
+            inner_vector: if is_inner { vector } else { DVec3::ZERO },
+            inner_area: if is_inner { area } else { 0.0 },
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            vector: self.vector + other.vector,
+            area: self.area + other.area,
+            low_walls: self.low_walls + other.low_walls,
+            high_walls: self.high_walls + other.high_walls,
+            inner_vector: self.inner_vector + other.inner_vector,
+            inner_area: self.inner_area + other.inner_area,
+        }
+    }
+
+    /// Returns whether the mesh is closed. The area vectors of a closed mesh's triangles add up to zero.
+    fn are_closed(&self) -> bool {
+        self.vector.length() <= OPEN_PART * self.area
+    }
+
+    /// Returns whether there are bodies between the walls, such as the furniture of a room.
+    fn have_bodies_inside(&self) -> bool {
+        self.inner_area >= BODIES_PART * self.area
+            && self.inner_vector.length() <= BODIES_OPEN_PART * self.inner_area
+    }
+
+    /// Returns the horizontal direction from the walls of a room to opposite sides that have no wall; zero if there is
+    /// no such side. `None` if the mesh is not a room with walls at the sides of its bounding box.
+    fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
+        let size = high - low;
+        let sides = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
+        // The areas are doubled, so walls cover at least half of a side that counts.
+        let is_wall = [self.low_walls, self.high_walls].map(|walls| walls.abs().cmpgt(sides));
+        let [at_low, at_high] = is_wall.map(|is_wall| DVec3::select(is_wall, DVec3::ONE, DVec3::ZERO));
+        let outwards = at_low * self.low_walls.max(DVec3::ZERO) + at_high * self.high_walls.max(DVec3::ZERO);
+        let all = at_low * self.low_walls.abs() + at_high * self.high_walls.abs();
+        let face_outwards = outwards.element_sum() >= OUTWARDS_PART * all.element_sum();
+        let is_room =
+            (at_low + at_high).element_sum() >= LEAST_WALLS && (!face_outwards || self.have_bodies_inside());
+        let vertical = up.abs().cmplt(DVec3::splat(VERTICAL));
+        let away = DVec3::select(vertical, at_low - at_high, DVec3::ZERO);
+        is_room.then(|| away.reject_from_normalized(up))
+    }
+
+    /// Returns the horizontal direction from which an open mesh is seen; `None` for a closed mesh. A room is seen
+    /// through the side that has no wall. If its walls face outwards, a mesh is a room only if there are bodies between
+    /// the walls; otherwise it is a shell, such as the housing of a device without its back. A shell, and any other
+    /// mesh, such as the scan of a face, is seen from the direction that its front sides face on average, since its
+    /// shape does not tell which side is to be seen.
+    fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
+        let front = self.vector.reject_from_normalized(up);
+        let is_open = front.length() > OPEN_PART * self.area;
+        is_open.then(|| self.away_from_walls(bounds, up).unwrap_or(front).try_normalize()).flatten()
+    }
 }
 
 /// Returns the key light's power, and the light's distance from the nearest point of the ball.

@@ -98,7 +98,7 @@ impl Kept {
             return Ok(texels.clone());
         }
         let read = self.read(path)?;
-        let texels = (read.0, SkyPicture::strengthened(&read, strength, MAX_POWER)?);
+        let texels = SkyPicture::strengthened(&read, strength, MAX_POWER)?;
         self.strengthened = self.keeps.then(|| (wanted, texels.clone()));
         Ok(texels)
     }
@@ -169,7 +169,7 @@ mod tests {
         });
         let mut kept = Kept::default();
         kept.begin(&Table::new(), true);
-        let red = |kept: &mut Kept, path: &Path| kept.picture(path, 1.0).unwrap().1[0][0];
+        let red = |kept: &mut Kept, path: &Path| kept.picture(path, 1.0).unwrap().texels[0][0];
         assert_eq!(
             [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
             [0.25, 4.0, 0.25]
@@ -178,7 +178,7 @@ mod tests {
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut kept, &dark), 0.25);
         // Frames whose pictures have the same strength share the multiplied texels, too.
-        let mut texels = |strength| kept.picture(&dark, strength).unwrap().1;
+        let mut texels = |strength| kept.picture(&dark, strength).unwrap().texels;
         let [one, again, stronger] = [2.0, 2.0, 4.0].map(&mut texels);
         assert!(Arc::ptr_eq(&one, &again));
         assert_eq!([one[0][0], stronger[0][0], texels(2.0)[0][0]], [0.5, 1.0, 0.5]);

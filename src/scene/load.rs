@@ -10,6 +10,7 @@ use super::{Orbit, Scene, facing};
 use crate::error::{Result, shortened};
 use crate::filetype::experiment_instead;
 use crate::reader::lies_in;
+use crate::toml_read::from_text;
 use std::path::Path;
 use toml::Value;
 
@@ -106,7 +107,7 @@ pub fn load_scene_named_in(
 
 fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<Loaded> {
     let document = Document::read(path, settings, quotes)?;
-    let mut wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
+    let mut wire: SceneWire = from_text(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
             .or_else(|| document.not_toml(path, &error))
             .unwrap_or_else(|| document.misread(&error))
@@ -122,7 +123,8 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     };
     let Assembled { scene, orbit, starts, dressed } = assembled;
     scene.validate()?;
-    notes.extend((!turned).then(|| facing::note(&scene, shot.aspect)).flatten());
+    // On a turntable, normals that are turned may still face away: all of them are reversed, or none.
+    notes.extend((!turned || shot.turns).then(|| facing::note(&scene, shot.aspect, turned)).flatten());
     Ok(Loaded {
         scene,
         orbit,

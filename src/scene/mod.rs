@@ -38,7 +38,7 @@ pub use animation::Animation;
 pub use camera::{Camera, PixelFrame};
 pub(crate) use inputs::{INPUTS, Inputs};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
-pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
+pub use material::{Material, MaterialKind};
 pub use mesh::{Mesh, Triangle};
 pub use mip::texel_on;
 pub use orbit::Orbit;
@@ -47,7 +47,6 @@ pub use setting::Setting;
 pub use shapes::{Shape, generate};
 pub use sky::{Sky, SkyPicture};
 pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
-pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
 use std::sync::Arc;
@@ -90,9 +89,13 @@ impl Display {
     pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
         // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
-        let radiance = |value| shown(value).powf(self.gamma.into()) / f64::from(self.exposure);
-        let [red, green, blue] = colour.map(|value| radiance(value) as f32);
-        let radiance = Vec3::new(red, green, blue);
+        let radiance = |value| {
+            let nearest = (shown(value).powf(self.gamma.into()) / f64::from(self.exposure)) as f32;
+            // White has no half step. If its radiance was rounded down, it would be displayed as 254.
+            let is_too_dark = value == u8::MAX && f64::from(self.exposure) * f64::from(nearest) < 1.0;
+            if is_too_dark { nearest.next_up() } else { nearest }
+        };
+        let radiance = Vec3::from_array(colour.map(radiance));
         // With an exposure of 0, everything is displayed as black.
         if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
@@ -139,6 +142,11 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
+    /// Returns whether any light has a radius.
+    pub fn has_soft_lights(&self) -> bool {
+        self.lights.iter().any(|light| light.radius > 0.0)
+    }
+
     /// Returns a hash of everything that determines the picture. The hash does not include the scene's name.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -173,7 +181,7 @@ impl Scene {
         if self.transparent {
             hash_words(&mut hasher, [u32::MAX].into_iter());
         }
-        if self.lights.iter().any(|light| light.radius > 0.0) {
+        if self.has_soft_lights() {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
         }
         if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {

@@ -72,8 +72,13 @@ pub(super) fn turn_outwards(mesh: &mut Mesh) {
     };
     let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
     if triangles.map(outwards).sum::<f64>() < 0.0 {
-        mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
+        reverse(mesh);
     }
+}
+
+/// Reverses all normals of a mesh.
+pub(super) fn reverse(mesh: &mut Mesh) {
+    mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
 }
 
 /// Adds one normal per position, and assigns these normals to the triangles without normals. A position's normal is

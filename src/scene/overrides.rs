@@ -17,14 +17,32 @@ const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. If a setting is an angle of the
 /// camera, the whole scene is shown, so the camera's own position, direction and field of view are removed.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
+    refuse_angle_beside_position(settings)?;
     for setting in settings {
         let Setting { path, value, .. } = setting;
-        if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
+        if is_angle(setting) {
             unplace_camera(document);
         }
         set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
     }
     Ok(())
+}
+
+fn is_angle(setting: &Setting) -> bool {
+    setting.path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key))
+}
+
+/// Refuses an angle if another setting places the camera, since one of the two would have no effect.
+fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
+    let places = |setting: &&Setting| match setting.path.split_once('.') {
+        None => setting.path == "camera" && setting.value.get("position").is_some(),
+        Some((table, key)) => table == "camera" && key.split('.').next() == Some("position"),
+    };
+    let angle = settings.iter().find(|setting| is_angle(setting));
+    let Some((angle, place)) = angle.zip(settings.iter().find(places)) else { return Ok(()) };
+    let message =
+        format!("this angle and '{}' both place the camera, so one of them has no effect", place.origin);
+    Err(angle.error(message).with_help("leave out the angle or the other value"))
 }
 
 /// Removes the camera's position, direction and field of view, and the tracks that animate them or replace the whole
@@ -154,6 +172,32 @@ mod tests {
         assert_eq!(set("camera.azimuth_degrees", &[]), ["azimuth_degrees", "z_near"]);
         let fov = [("camera.fov_y_degrees", 20)];
         assert_eq!(set("camera.elevation_degrees", &fov), ["elevation_degrees", "fov_y_degrees", "z_near"]);
+    }
+
+    #[test]
+    fn an_angle_beside_a_position_is_refused() {
+        let applied = |settings: &[(&str, Value)]| {
+            let settings: Vec<_> =
+                settings.iter().map(|(path, value)| Setting::new(path, value.clone())).collect();
+            apply(&mut Table::new(), &settings).map_err(|error| error.to_string())
+        };
+        let one = |path| (path, Value::Integer(1));
+        let camera =
+            |key: &str| ("camera", Value::Table(Table::from_iter([(key.to_owned(), Value::Integer(1))])));
+        for position in [one("camera.position"), one("camera.position.0"), camera("position")] {
+            for angle in ["camera.azimuth_degrees", "camera.elevation_degrees"] {
+                let (path, value) = &position;
+                let expected = format!(
+                    "{angle} = 1: this angle and '{path} = {value}' both place the camera, so one of them has no effect"
+                );
+                assert_eq!(applied(&[one(angle), position.clone()]), Err(expected.clone()));
+                assert_eq!(applied(&[position.clone(), one(angle)]), Err(expected));
+            }
+            assert_eq!(applied(&[position, one("camera.look_at")]), Ok(()));
+        }
+        let angle = one("camera.azimuth_degrees");
+        assert_eq!(applied(&[angle.clone(), one("camera.look_at"), one("camera.up")]), Ok(()));
+        assert_eq!(applied(&[camera("up"), angle]), Ok(()));
     }
 
     #[test]

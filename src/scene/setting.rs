@@ -267,7 +267,12 @@ mod tests {
             (
                 "object.0.triangles",
                 Value::from(-1),
-                "invalid value: integer `-1`, expected a whole number from 0 to 4294967295",
+                "invalid value: integer `-1`, expected a whole number from 1 to 100000000",
+            ),
+            (
+                "object.0.material",
+                Value::Array([1, 0, 0].map(Value::from).to_vec()),
+                "wrong type: list, expected a table",
             ),
             ("object.0.triangle", Value::from(50), "unknown key `triangle`; did you mean `triangles`?"),
             ("camera.z_near", Value::from(-1), "-1 is not a finite number of at least 0"),

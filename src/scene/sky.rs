@@ -2,6 +2,7 @@
 
 use super::{INPUTS, files};
 use crate::filetype::FileType;
+use crate::image::{HdrExposure, with_usual_signature};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use glam::{DQuat, DVec3, Vec3};
@@ -17,6 +18,9 @@ const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Memory for a texel while a picture is read, in bytes. Decoding takes up to two copies of four floats (32 bytes);
 /// later, up to three copies of three floats (36 bytes) are in memory. The rest is a reserve.
 const TEXEL_BYTES: u64 = 40;
+/// Filters of other programs can leave values slightly below zero. Values that are farther below zero than this share
+/// of a picture's mean value are reported in a note.
+const CLEARLY: f64 = 1e-3;
 
 /// A sky: light from all directions, unless something occludes it.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,8 +60,32 @@ impl PartialEq for SkyPicture {
     }
 }
 
-/// The values of a picture's file: its width and height in texels, and each texel's red, green and blue.
-pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
+/// The values of a picture's file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FileTexels {
+    /// Number of texels across and down.
+    pub size: [u32; 2],
+    /// Each texel's red, green and blue; none of them is negative or not a number.
+    pub texels: Arc<[[f32; 3]]>,
+    /// The number of texels that had a value that was clearly negative or not a number.
+    pub invalid: usize,
+}
+
+impl FileTexels {
+    /// Replaces negative values by 0, since no light is negative, and also values that are not a number: stitched and
+    /// baked pictures can have single texels with such values.
+    fn of(size: [u32; 2], mut texels: Vec<[f32; 3]>) -> Self {
+        let values = texels.as_flattened();
+        let sum: f64 = values.iter().map(|value| f64::from(value.max(0.0))).sum();
+        let least = -CLEARLY * sum / values.len() as f64;
+        let is_invalid =
+            |texel: &&[f32; 3]| texel.iter().any(|value| value.is_nan() || f64::from(*value) < least);
+        let invalid = texels.iter().filter(is_invalid).count();
+        // The maximum of 0 and a value that is not a number is 0.
+        texels.as_flattened_mut().iter_mut().for_each(|value| *value = value.max(0.0));
+        Self { size, texels: texels.into(), invalid }
+    }
+}
 
 impl SkyPicture {
     /// Reads a picture (Radiance HDR or OpenEXR). An error's text is meant to follow the file's name in a message.
@@ -65,7 +93,7 @@ impl SkyPicture {
         INPUTS.add(path);
         let bytes =
             reader::bytes(path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
-        Self::decoded(&bytes, &Available::read())
+        Self::decoded(&with_usual_signature(bytes), &Available::read())
     }
 
     /// Decodes a picture, if the available memory is enough.
@@ -92,29 +120,25 @@ impl SkyPicture {
         let mut limits = image::Limits::no_limits();
         limits.max_alloc = Some(DECODING_BYTES);
         reader.limits(limits);
+        let exposure = HdrExposure::of(bytes)?;
         let picture = reader.decode().map_err(damaged)?.into_rgb32f();
-        // Filters of other programs can leave values slightly below zero.
-        let texels = picture.pixels().map(|texel| texel.0.map(|value| value.max(0.0)));
-        Ok(([size.0, size.1], texels.collect()))
+        let texels = picture.pixels().map(|texel| exposure.radiance(texel.0)).collect();
+        Ok(FileTexels::of([size.0, size.1], texels))
     }
 
-    /// Returns the texels of a file multiplied by `strength`. An error's text is meant to follow the file's name in a
+    /// Returns a file's picture multiplied by `strength`. An error's text is meant to follow the file's name in a
     /// message.
-    pub(super) fn strengthened(
-        (size, texels): &FileTexels,
-        strength: f32,
-        most: f32,
-    ) -> Result<Arc<[[f32; 3]]>, String> {
+    pub(super) fn strengthened(file: &FileTexels, strength: f32, most: f32) -> Result<FileTexels, String> {
         let texels = if strength == 1.0 {
-            Arc::clone(texels)
+            Arc::clone(&file.texels)
         } else {
-            texels.iter().map(|texel| texel.map(|value| value * strength)).collect()
+            file.texels.iter().map(|texel| texel.map(|value| value * strength)).collect()
         };
         let valid = |texel: &[f32; 3]| texel.iter().all(|value| *value <= most);
         match texels.iter().position(|texel| !valid(texel)) {
-            None => Ok(texels),
+            None => Ok(FileTexels { texels, ..*file }),
             Some(at) => {
-                let [x, y] = [at as u32 % size[0], at as u32 / size[0]];
+                let [x, y] = [at as u32 % file.size[0], at as u32 / file.size[0]];
                 Err(format!(
                     "has a value of {:?} in column {x}, row {y} (from 0) after multiplication by its \
                      strength; expected at most {most:e}",
@@ -145,8 +169,49 @@ mod tests {
         let path = folder.path().join("sky.exr");
         let texels = [-0.5, 1.0, 2.0, 3.0, 4.0, 5.0];
         image::Rgb32FImage::from_vec(2, 1, texels.to_vec()).unwrap().save(&path).unwrap();
-        let (size, texels) = SkyPicture::read(&path).unwrap();
-        assert_eq!((size, &*texels), ([2, 1], &[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]][..]));
+        let read = SkyPicture::read(&path).unwrap();
+        assert_eq!((read.size, &*read.texels), ([2, 1], &[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]][..]));
+        assert_eq!(read.invalid, 1);
+    }
+
+    #[test]
+    fn only_texels_that_are_clearly_negative_are_counted() {
+        // The mean, without negative values, is 1.
+        let texels = vec![[4.0; 3], [0.0, -0.9e-3, 0.0], [0.0, -1.1e-3, -5.0], [0.0; 3]];
+        let file = FileTexels::of([4, 1], texels);
+        assert_eq!((file.invalid, &file.texels[1..]), (1, &[[0.0; 3]; 3][..]));
+        assert_eq!(FileTexels::of([1, 1], vec![[0.0, 0.0, -1e-9]]).invalid, 1);
+        assert_eq!(FileTexels::of([1, 1], vec![[0.0, -0.0, 1.0]]).invalid, 0);
+    }
+
+    #[test]
+    fn a_value_that_is_not_a_number_counts_as_0_and_an_infinite_one_is_refused_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.exr");
+        let read = |value: f32| {
+            let texels = [0.0, 1.0, 2.0, 3.0, value, 5.0];
+            image::Rgb32FImage::from_vec(1, 2, texels.to_vec()).unwrap().save(&path).unwrap();
+            SkyPicture::read(&path).unwrap()
+        };
+        let nan = read(f32::NAN);
+        assert_eq!((nan.invalid, &*nan.texels), (1, &[[0.0, 1.0, 2.0], [3.0, 0.0, 5.0]][..]));
+        let told = SkyPicture::strengthened(&read(f32::INFINITY), 1.0, 8.0).unwrap_err();
+        assert!(told.starts_with("has a value of [3.0, inf, 5.0] in column 0, row 1"), "{told}");
+    }
+
+    #[test]
+    fn a_radiance_hdr_of_another_program_is_read_as_radiance() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.hdr");
+        let write = |exposure: &str| {
+            let header = format!("#?RGBE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE={exposure}\n\n-Y 1 +X 1\n");
+            std::fs::write(&path, [header.as_bytes(), &[128, 64, 32, 129]].concat()).unwrap();
+        };
+        write("0.5");
+        // A value is its byte, divided by 256, times two to the power of the last byte minus 128.
+        assert_eq!(*SkyPicture::read(&path).unwrap().texels, [[2.0, 1.0, 0.5]]);
+        write("-1");
+        assert!(SkyPicture::read(&path).unwrap_err().starts_with("has the EXPOSURE -1 in its header"));
     }
 
     #[test]
@@ -155,7 +220,7 @@ mod tests {
         image::Rgb32FImage::new(8, 8).write_to(&mut bytes, ImageFormat::OpenExr).unwrap();
         let decoded = |available: u64| {
             let available = Available { bytes: available, source: "a test".to_owned() };
-            SkyPicture::decoded(bytes.get_ref(), &available).map(|(size, _)| size)
+            SkyPicture::decoded(bytes.get_ref(), &available).map(|file| file.size)
         };
         assert_eq!(decoded(40 * 64), Ok([8, 8]));
         let told = decoded(40 * 64 - 1).unwrap_err();
@@ -166,17 +231,17 @@ mod tests {
 
     #[test]
     fn a_strength_multiplies_texels_and_the_first_one_that_is_too_bright_is_told() {
-        let file: FileTexels = ([2, 2], vec![[1.0, 2.0, 3.0], [0.0; 3], [0.5; 3], [4.0, 0.0, 0.0]].into());
+        let file = FileTexels::of([2, 2], vec![[1.0, 2.0, 3.0], [0.0; 3], [0.5; 3], [4.0, 0.0, 0.0]]);
         let doubled = SkyPicture::strengthened(&file, 2.0, 8.0).unwrap();
-        assert_eq!(doubled[0], [2.0, 4.0, 6.0]);
-        assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file.1);
+        assert_eq!(doubled.texels[0], [2.0, 4.0, 6.0]);
+        assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file);
         let told = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
         assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{told}");
     }
 
     #[test]
     fn of_several_texels_that_are_too_bright_the_first_is_told() {
-        let file: FileTexels = ([2, 2], vec![[0.0; 3], [9.0, 0.0, 0.0], [0.0; 3], [8.0, 0.0, 0.0]].into());
+        let file = FileTexels::of([2, 2], vec![[0.0; 3], [9.0, 0.0, 0.0], [0.0; 3], [8.0, 0.0, 0.0]]);
         let told = SkyPicture::strengthened(&file, 1.0, 7.0).unwrap_err();
         assert!(told.starts_with("has a value of [9.0, 0.0, 0.0] in column 1, row 0"), "{told}");
     }

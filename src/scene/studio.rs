@@ -3,7 +3,8 @@
 
 use super::framing::{self, Ball};
 use super::mesh::PARALLEL_TRIANGLES;
-use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
+use super::validate::MAX_COORDINATE;
+use super::{Camera, Light, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 

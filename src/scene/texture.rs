@@ -1,6 +1,7 @@
 //! Textures: pictures that give surfaces their colours or, as masks, their holes.
 
 use super::files::linear;
+use crate::manifest::TEXTURE_HEAD_WORDS;
 use std::sync::Arc;
 
 /// How a texture continues beyond its edges, along an axis.
@@ -128,6 +129,27 @@ impl Textures {
         }
         let is_bare = |row: &Mapped| row.texture.is_none() && row.mask.is_none();
         if mapped.iter().all(is_bare) { Self::default() } else { Self { list, mapped } }
+    }
+
+    /// Returns the number of words of all textures on a device; 0 if there are none.
+    pub fn word_count(&self) -> usize {
+        if self.list.is_empty() {
+            return 0;
+        }
+        let own = self.list.iter().enumerate().filter(|(number, _)| self.same_as(*number).is_none());
+        self.head_words() + own.map(|(_, texture)| texture.texels.len()).sum::<usize>()
+    }
+
+    /// Returns the number of words before the first texel on a device.
+    pub(crate) fn head_words(&self) -> usize {
+        linear_values().len() + TEXTURE_HEAD_WORDS * self.list.len()
+    }
+
+    /// Returns the first earlier texture with the same texels as this one, if there is one: textures of one picture may
+    /// differ in their wrap mode, or one may be a colour and the other a mask.
+    pub(crate) fn same_as(&self, number: usize) -> Option<usize> {
+        let texels = &self.list[number].texels;
+        self.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, texels))
     }
 
     /// Returns whether any triangle has a mask.

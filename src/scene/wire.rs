@@ -94,13 +94,13 @@ pub(super) struct ObjectWire {
     pub shape: Option<Spanned<String>>,
     /// With a shape: the target number of triangles.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
-    pub triangles: Option<Spanned<u32>>,
+    pub triangles: Option<Spanned<Whole<1, MAX_TRIANGLES>>>,
     /// With the teapot: the number of quads along a side of each of its 32 patches.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_FINENESS))]
-    pub fineness: Option<Spanned<u32>>,
+    pub fineness: Option<Spanned<Whole<1, MAX_FINENESS>>>,
     /// With the terrain: the seed for the shape of the hills.
     #[schemars(with = "Option<u32>")]
-    pub seed: Option<Spanned<u32>>,
+    pub seed: Option<Spanned<Whole<0, { u32::MAX }>>>,
     /// Points of inline triangles.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub vertices: Option<Spanned<Vec<Vector>>>,

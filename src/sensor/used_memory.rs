@@ -18,7 +18,7 @@ pub struct UsedMemory {
 impl UsedMemory {
     /// Returns the part that other processes use, including other worker processes of the same run; `None` if it is not
     /// known.
-    pub fn others_bytes(&self) -> Option<u64> {
+    fn others_bytes(&self) -> Option<u64> {
         Some(self.used_bytes.saturating_sub(self.own_bytes?))
     }
 

@@ -3,7 +3,7 @@
 
 use super::Shard;
 use crate::error::{Error, Result};
-use crate::record::{Host, write_whole};
+use crate::record::{Host, cannot_make, write_whole};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -104,8 +104,7 @@ impl Attempt {
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
-            Error::run(format!("cannot make {}: {error}", path.display()))
-                .with_help("choose another folder with --out DIR, to which all machines can write")
+            cannot_make(path, &error, "choose another folder with --out DIR, to which all machines can write")
         };
         std::fs::create_dir_all(&parts).map_err(|error| failed(&parts, error))?;
         let mut about = about.clone();

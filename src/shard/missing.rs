@@ -2,8 +2,9 @@
 
 use super::{Attempt, Kind, ShardPlan};
 use crate::record::HOST;
-use crate::report::quote;
+use crate::words::quote;
 use std::collections::BTreeSet;
+use std::path::Path;
 
 /// The missing points of all kinds of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -59,8 +60,9 @@ pub struct Wanted<'a> {
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no shard has
 /// begun on a selected kind, these are all points except casters on the host. A caster on the host is missing only if
 /// it has no record on any kind of host. If no shard with casters on the host has begun, all of these casters are
-/// missing.
+/// missing. The commands that measure the points write to the folder `out`.
 pub fn missing(
+    out: &Path,
     plan: &ShardPlan,
     wanted: Wanted<'_>,
     attempts: &[Attempt],
@@ -90,16 +92,16 @@ pub fn missing(
             continue;
         }
         let label = distinction.filter(|_| !is_host).map_or(String::new(), |what| format!(" ({what})"));
-        let words = started_with(Some(kind), attempts);
+        let words = started_with(out, Some(kind), attempts);
         found.push(lacking(plan, format!("{}{label}", kind.device), (&lacks, kind.points.len()), &words));
     }
     let (of_host, of_device) = divided(plan, all);
     if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
-        let words = started_with(None, attempts);
+        let words = started_with(out, None, attempts);
         found.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &words));
     }
     found.extend(not_begun.iter().map(|device| {
-        let mut words = without(&started_with(None, attempts), "--device");
+        let mut words = without(&started_with(out, None, attempts), "--device");
         words.extend(["--device".to_owned(), device.clone()]);
         lacking(plan, device.clone(), (&of_device, of_device.len()), &words)
     }));
@@ -144,11 +146,15 @@ fn lacking(
 }
 
 /// Returns the command line of an attempt on this kind of device or, if there is none, that of the first attempt. The
-/// option `--shard` is removed.
-fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
+/// option `--shard` is removed. The option `--out` names the folder by its present path: the attempt may have been
+/// started in another folder, and its folder may have been moved or copied.
+fn started_with(out: &Path, kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
-    without_shard(&own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone()))
+    let command = own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone());
+    let mut words = without_out(&without_shard(&command));
+    words.extend(["--out".to_owned(), out.display().to_string()]);
+    words
 }
 
 /// Returns the command that runs raycl with these words once for each of the missing shards.
@@ -184,10 +190,31 @@ fn without(command: &[String], option: &str) -> Vec<String> {
     words
 }
 
+/// Returns a command line without the option `--out` and its value. The option's short form may follow short options
+/// that have no value, as in `-qo DIR`; these options stay.
+fn without_out(command: &[String]) -> Vec<String> {
+    let mut words = Vec::new();
+    let mut rest = without(command, "--out").into_iter();
+    while let Some(word) = rest.next() {
+        let letters = word.strip_prefix('-').filter(|letters| !letters.starts_with('-'));
+        match letters.and_then(|letters| letters.split_once('o')) {
+            Some((others, value)) if others.chars().all(|letter| "qv".contains(letter)) => {
+                if value.is_empty() {
+                    rest.next();
+                }
+                words.extend((!others.is_empty()).then(|| format!("-{others}")));
+            }
+            _ => words.push(word),
+        }
+    }
+    words
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::{Block, Header, KindPoint};
+    use super::super::{Header, KindPoint};
     use super::*;
+    use crate::experiment::Block;
     use crate::record::PlannedPoint;
 
     fn kind(device: &str, identity: &str, points: &[usize]) -> Kind {
@@ -215,7 +242,7 @@ mod tests {
 
     /// Returns the missing points of kinds that are all selected.
     fn lacks(kinds: &[Kind], not_begun: &[String], has: &dyn Fn(&str) -> bool) -> Missing {
-        missing(&plan(), Wanted { all: kinds, kinds, not_begun }, &[], has)
+        missing(Path::new("o"), &plan(), Wanted { all: kinds, kinds, not_begun }, &[], has)
     }
 
     #[test]
@@ -230,9 +257,9 @@ mod tests {
         let found = lacks(&kinds, &[], &|key| there.contains(&key));
         let [two] = &found.kinds[..] else { panic!("{found:?}") };
         assert_eq!((two.device.as_str(), two.points.len(), &two.shards[..]), ("gpu (2)", 2, &[3, 7][..]));
-        assert_eq!(two.command, "for shard in 3 7; do raycl --shard $shard/16; done");
+        assert_eq!(two.command, "for shard in 3 7; do raycl --out o --shard $shard/16; done");
         let found = lacks(&kinds[..1], &[], &|_| false);
-        assert_eq!(found.kinds[0].command, "raycl --shard 3/16");
+        assert_eq!(found.kinds[0].command, "raycl --out o --shard 3/16");
         assert!(lacks(&[], &[], &|_| true).nothing_began);
     }
 
@@ -242,7 +269,7 @@ mod tests {
         let found = lacks(&kinds, &["h200".to_owned()], &|_| true);
         let [h200] = &found.kinds[..] else { panic!("{found:?}") };
         assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
-        assert_eq!(h200.command, "for shard in 3 7; do raycl --device h200 --shard $shard/16; done");
+        assert_eq!(h200.command, "for shard in 3 7; do raycl --out o --device h200 --shard $shard/16; done");
         assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
     }
 
@@ -250,7 +277,7 @@ mod tests {
     fn casters_on_a_host_that_has_not_begun_are_the_hosts_alone() {
         let all = [kind("gpu", "1", &[1, 2])];
         let wanted = Wanted { all: &all, kinds: &[], not_begun: &["h200".to_owned()] };
-        let found = missing(&plan(), wanted, &[], &|_| true);
+        let found = missing(Path::new("o"), &plan(), wanted, &[], &|_| true);
         let told = |kind: &MissingKind| format!("{} {:?} {:?}", kind.device, kind.points, kind.shards);
         let told: Vec<_> = found.kinds.iter().map(told).collect();
         assert_eq!(told, [r#"host ["a"] [3]"#, r#"h200 ["b", "c"] [3, 7]"#]);
@@ -267,6 +294,26 @@ mod tests {
             words("raycl run a.toml --out o")
         );
     }
+
+    #[test]
+    fn the_command_has_no_trace_of_the_attempts_folder() {
+        let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        for given in ["--out old", "--out=old", "-o old", "-oold", "-o=old"] {
+            assert_eq!(
+                without_out(&words(&format!("raycl run a.toml {given} -q"))),
+                words("raycl run a.toml -q")
+            );
+        }
+        for given in ["-qo old", "-qoold"] {
+            assert_eq!(
+                without_out(&words(&format!("raycl run {given} a.toml"))),
+                words("raycl run -q a.toml")
+            );
+        }
+        let other = words("raycl run a-o.toml -q --no-wait --set x=-o");
+        assert_eq!(without_out(&other), other);
+    }
+
     #[test]
     fn an_option_whose_name_begins_like_another_stays() {
         let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
@@ -288,7 +335,7 @@ mod tests {
         use crate::shard::About;
         let out = tempfile::tempdir().unwrap();
         let attempts = [("1", "one"), ("2", "other")].map(|(identity, device)| {
-            let words = ["raycl", "run", "--device", device, "--shard", "1/16"];
+            let words = ["raycl", "run", "-o", "its old path", "--device", device, "--shard", "1/16"];
             let about = About {
                 host: device.into(),
                 devices: vec![identity.into()],
@@ -304,17 +351,19 @@ mod tests {
             kind("gpu", "2", &[2]),
         ];
         let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
-        let found = missing(&plan(), wanted, &attempts, &|_| false);
+        let now = Path::new("my results");
+        let found = missing(now, &plan(), wanted, &attempts, &|_| false);
         let told: Vec<_> =
             found.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
         let expected = [
-            (HOST, "raycl run --device one --shard 3/16"),
-            ("gpu (1)", "raycl run --device one --shard 7/16"),
-            ("gpu (2)", "raycl run --device other --shard 7/16"),
+            (HOST, "raycl run --device one --out 'my results' --shard 3/16"),
+            ("gpu (1)", "raycl run --device one --out 'my results' --shard 7/16"),
+            ("gpu (2)", "raycl run --device other --out 'my results' --shard 7/16"),
         ];
         assert_eq!((told, found.count()), (expected.to_vec(), 3));
         let not_begun = ["tpu".to_owned()];
         let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
-        assert_eq!(missing(&plan(), wanted, &attempts, &|_| true).took_part.as_deref(), Some("host, gpu"));
+        let found = missing(now, &plan(), wanted, &attempts, &|_| true);
+        assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
     }
 }

@@ -1,9 +1,9 @@
 //! `shards.json`: the data that all shards of an experiment share. The shard that starts first, whatever its
 //! number, writes the file, and the others read it.
 
-use super::Block;
 use crate::error::{Error, Result};
-use crate::record::{ordinary, write_new};
+use crate::experiment::Block;
+use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ impl ShardPlan {
         let plan = make()?;
         let text = serde_json::to_vec(&plan).map_err(|error| Error::run(error.to_string()))?;
         std::fs::create_dir_all(out)
-            .map_err(|error| Error::run(format!("cannot make {}: {error}", out.display())))?;
+            .map_err(|error| cannot_make(out, &error, "choose another folder with --out DIR"))?;
         if write_new(&out.join(FILE), &text)? {
             return Ok(plan);
         }

@@ -15,7 +15,7 @@ use std::time::Duration;
 /// The file's name.
 const FILE: &str = "pulse";
 /// The time between two counts.
-pub const BEAT: Duration = Duration::from_secs(1);
+const BEAT: Duration = Duration::from_secs(1);
 /// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
 

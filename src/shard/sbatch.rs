@@ -1,7 +1,7 @@
 //! Makes a shell script that contains two Slurm scripts (the shards and the merge) and submits them. raycl only prints
 //! the shell script.
 
-use crate::report::quote;
+use crate::words::quote;
 use std::fmt::Write as _;
 use std::time::Duration;
 

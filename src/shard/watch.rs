@@ -3,6 +3,7 @@
 //! the process that replaces it, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
+use crate::printer;
 use std::time::Duration;
 
 /// The time between two checks of the launcher.
@@ -44,20 +45,14 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
             if let Some(lost) = chain.lost() {
                 // If the folder cannot be written to, only the message below reports the loss.
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
-                eprintln_if_heard(&format!(
+                // Standard error may be a pipe whose reader, the launcher, has ended; `tell` ignores errors.
+                printer::tell(printer::plain(&format!(
                     "launcher lost: {lost}, so raycl ends; start this shard again if the scheduler does not"
-                ));
+                )));
                 std::process::exit(1);
             }
         }
     });
-}
-
-/// Prints a line to standard error. An error is ignored, since standard error may be a pipe whose reader, the launcher,
-/// has ended.
-fn eprintln_if_heard(line: &str) {
-    use std::io::Write as _;
-    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// A process. Its start time distinguishes it from a later process with the same ID.

@@ -87,7 +87,7 @@ fn included(line: &str) -> Option<&str> {
 
 fn other_form(name: &str, number: usize) -> Error {
     Error::input(format!("{name}, line {number}: raycl does not support this form of #include"))
-        .with_help("write #include \"FOLDER/FILE.cl\" at the start of the line; paths are relative to cl/")
+        .with_help("write #include \"FOLDER/FILE.cl\" at the start of the line; the path is relative to cl/ or to the folder of --cl-dir")
 }
 
 impl Within {

@@ -4,7 +4,7 @@
 
 use super::header::Header;
 use super::values::{header_of, values_of};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 
 /// An axis as data: its name, its meaning, and its values that are not files.
 #[derive(Clone, Copy, Debug)]
@@ -45,14 +45,11 @@ pub trait Axis: Sized + Copy + Eq + 'static {
                 Self::INFO.name,
                 names.join(", ")
             ));
-            error.with_help(match nearest(name, names) {
-                Some(meant) => format!("did you mean '{meant}'?"),
-                None if Self::INFO.listed.is_empty() => {
-                    "`raycl strategies` explains each value; with --cl-dir DIR, DIR's files are values too"
-                        .to_owned()
-                }
-                None => "`raycl strategies` explains each value".to_owned(),
-            })
+            error.with_help(meant(name, names).unwrap_or_else(|| {
+                let are_files = Self::INFO.listed.is_empty();
+                let more = if are_files { "; with --cl-dir DIR, DIR's files are values too" } else { "" };
+                format!("`raycl strategies` explains each value{more}")
+            }))
         })
     }
 }

@@ -3,6 +3,7 @@
 use super::{Axis as _, Intersector, Passes, Strategy, TileSize, Width, constants, preset};
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::error::Result;
+use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
 /// The properties of a picture that affect which strategy is fastest.
@@ -21,6 +22,29 @@ pub struct Task {
     /// True if shadow rays go to random points of the sky or of lights with a radius.
     #[serde(default)]
     pub soft: bool,
+}
+
+impl Task {
+    /// Describes the work of casting a scene at this image size, with one sample per pixel.
+    pub fn of(scene: &Scene, size: [u32; 2], watertight: bool) -> Self {
+        let pixels = size[0] as usize * size[1] as usize;
+        Self {
+            triangles: scene.mesh.triangles.len(),
+            pixels,
+            covered_pixels: (pixels as f64 * scene.covered_share(size)).ceil() as usize,
+            inside: scene.encloses_eye(),
+            watertight,
+            soft: scene.sky.is_some(),
+        }
+    }
+
+    /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one sample, lights
+    /// with a radius make the task soft. With one sample, these lights count as points.
+    #[must_use]
+    pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
+        let soft_lights = samples > 1 && scene.has_soft_lights();
+        Self { soft: self.soft || soft_lights, ..self }
+    }
 }
 
 #[cfg(test)]
@@ -257,6 +281,8 @@ fn widest(native: u32) -> Width {
 mod tests {
     use super::super::Traversal;
     use super::*;
+    use crate::scene::load_scene;
+    use std::path::Path;
 
     const PIXELS: usize = 1920 * 1080;
 
@@ -279,6 +305,19 @@ mod tests {
 
     fn choice(limits: &DeviceLimits, task: &Task) -> (Strategy, [u32; 2]) {
         fastest(limits, task).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn a_task_counts_the_pixels_that_triangles_may_cover() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let mut scene = load_scene(&path).unwrap().scene;
+        let task = Task::of(&scene, [64, 64], false);
+        assert_eq!((task.triangles, task.pixels), (1, 4096));
+        // The triangle's bounding rectangle reaches from column 0 to column 14 of 16 columns of cells, and from row 4
+        // to the upper edge of row 12. A cell has 16 pixels.
+        assert_eq!(task.covered_pixels, 15 * 9 * 16);
+        scene.camera.forward = -scene.camera.forward;
+        assert_eq!(Task::of(&scene, [64, 64], false).covered_pixels, 0, "the triangle is behind the eye");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! properties.
 
 use super::keys::{KEYS, Key, Said};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 
 /// The properties of a value of an axis, if the value is a kernel file.
 #[derive(Debug, PartialEq, Eq)]
@@ -67,10 +67,14 @@ impl Header {
 pub(super) struct Reader<'a> {
     /// The axis to which the value belongs.
     pub axis: &'static str,
+    /// The file's name, relative to `cl/`.
+    pub file: &'a str,
     /// The file's path, as messages show it.
     pub path: &'a str,
     /// Returns the names of an axis's values; an empty list if there is no such axis.
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
+    /// Returns the place of an `#include` of this file; `None` if no file includes it.
+    pub included_at: &'a dyn Fn() -> Option<String>,
 }
 
 /// The entries of a header that have been read so far. Entries that may occur only once have the numbers of their
@@ -95,22 +99,46 @@ impl Reader<'_> {
                 self.take(&mut found, row + 1, key, value.trim())?;
             }
         }
-        let lacks = |key: &str, what: &str| {
-            Error::input(format!("{}, line 1: the file's header has no '{key}' ({what})", self.path))
-                .with_help(format!(
-                    "begin the file with these lines, and one value in each: {}; docs/own-kernels.md describes headers",
-                    self.example()
-                ))
-        };
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
-        let meaning = meaning.ok_or_else(|| lacks("meaning", "the value's meaning, in a line"))?;
+        let meaning = meaning.ok_or_else(|| self.no_meaning(text))?;
         let said = |key: &Key| found.facts.iter().any(|(_, name, _)| *name == key.name);
         if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
-            return Err(lacks(key.name, &format!("{}; expected {}", key.about, key.takes)));
+            let what = format!("{}; expected {}", key.about, key.takes);
+            return Err(self.lacks(&format!("the file's header has no '{}' ({what})", key.name)));
         }
         self.check_planes(&found)?;
         let facts = found.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
+    }
+
+    /// Returns the error for a file whose header does not state the value's meaning. Often, such a file has no header,
+    /// because the header is not at the file's start, or because the file is meant to be included by others.
+    fn no_meaning(&self, text: &str) -> Error {
+        let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
+        let further_down = text.lines().position(bare).map(|row| row + 1);
+        let mut why = match text.starts_with("//") {
+            true => "the file's header has no 'meaning' (the value's meaning, in a line)".to_owned(),
+            false => "the file does not begin with a `//` comment, its header".to_owned(),
+        };
+        if let Some(line) = further_down {
+            why += &format!("; 'meaning' is only in line {line}");
+        }
+        let error = self.lacks(&why);
+        let (top, name) = (self.file.split('/').next(), self.file.rsplit('/').next());
+        match ((self.included_at)(), top, name) {
+            (Some(place), Some(top), Some(name)) => error.with_help(format!(
+                "{place} includes this file: a file that is not itself a value of '{}' must be in another folder; move it, for example to {top}/{name}, and write #include \"{top}/{name}\"",
+                self.axis
+            )),
+            _ => error,
+        }
+    }
+
+    fn lacks(&self, why: &str) -> Error {
+        Error::input(format!("{}, line 1: {why}", self.path)).with_help(format!(
+            "begin the file with these lines, and one value in each: {}; docs/own-kernels.md describes headers",
+            self.example()
+        ))
     }
 
     /// Returns the keys that headers of the file's axis can have.
@@ -138,7 +166,7 @@ impl Reader<'_> {
                 }
                 let said = key.takes.parse(value).ok_or_else(|| {
                     let message = format!("'{value}' is not a valid '{}'; expected {}", key.name, key.takes);
-                    self.wrong(line, message, nearest(value, key.takes.words().iter().copied()))
+                    self.wrong(line, message, meant(value, key.takes.words().iter().copied()))
                 })?;
                 found.facts.push((line, key.name, said));
                 Ok(())
@@ -165,7 +193,7 @@ impl Reader<'_> {
             if !names.iter().any(|name| name == value) {
                 let message =
                     format!("'{value}' is not a value of {axis}; expected one of {}", names.join(", "));
-                return Err(self.wrong(line, message, nearest(value, names.iter().map(String::as_str))));
+                return Err(self.wrong(line, message, meant(value, names.iter().map(String::as_str))));
             }
             Ok(Contradiction { axis, value: value.to_owned(), because: because.clone() })
         };
@@ -181,7 +209,7 @@ impl Reader<'_> {
                 self.axis,
                 others.join(", ")
             );
-            self.wrong(line, message, nearest(name, others))
+            self.wrong(line, message, meant(name, others))
         })
     }
 
@@ -210,18 +238,16 @@ impl Reader<'_> {
             self.axis,
             own.join(", ")
         );
-        self.wrong(line, message, nearest(key, own))
+        self.wrong(line, message, meant(key, own))
     }
 
     fn twice(&self, line: usize, key: &str, first: usize) -> Error {
         self.wrong(line, format!("'{key}' occurs twice: first in line {first}"), None)
     }
 
-    fn wrong(&self, line: usize, message: String, meant: Option<&str>) -> Error {
-        Error::input(format!("{}, line {line}: {message}", self.path)).with_help(match meant {
-            Some(meant) => format!("did you mean '{meant}'?"),
-            None => "docs/own-kernels.md describes headers".to_owned(),
-        })
+    fn wrong(&self, line: usize, message: String, meant: Option<String>) -> Error {
+        Error::input(format!("{}, line {line}: {message}", self.path))
+            .with_help(meant.unwrap_or_else(|| "docs/own-kernels.md describes headers".to_owned()))
     }
 
     /// Returns a header with all required keys, as an example.

@@ -214,13 +214,13 @@ mod tests {
         let available = Available { bytes: 1_000_000_000, source: "a test".to_owned() };
         let needs = needs("tile", &workload(10_000_000, 100), false, false);
         let reason = needs.check(&available, 0).map_err(|refused| refused.reason).unwrap_err();
-        // The tree being built takes 10 M x (2 x 32 + 4) B for boxes and the leaf order, and 8,000,002 x 32 B for
-        // nodes. The mesh takes 10 M x (28 + 12 / 2 + 12 / 2) B.
+        // The tree being built takes 10 M x (32 + 4) B for boxes and the leaf order, and 8,000,002 x 32 B for nodes.
+        // The mesh takes 10 M x (28 + 12 / 2 + 12 / 2) B.
         assert_eq!(
             reason,
             "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
              + materials 32 B x 1 \
-             + tree being built 936000064 B = 1576000096 B > 1000000000 B according to a test"
+             + tree being built 616000064 B = 1256000096 B > 1000000000 B according to a test"
         );
         assert!(needs.check(&available, 600_000_000).is_ok());
     }

@@ -15,6 +15,8 @@ pub struct Infeasible {
 pub enum Cause {
     /// A size: the point exceeds a limit of a device or of the host.
     Size,
+    /// A size: the point exceeds a device's global memory. It may fit when other points hold none of this memory.
+    GlobalMemory,
     /// The local size.
     WorkGroup,
     /// The strategy, which does not support something that the scene contains; neither the device nor a size is the
@@ -27,6 +29,8 @@ impl Infeasible {
     pub const ON_HOST: &'static str = "the host's memory";
     /// The words with which a reason contains the memory that other points of the run hold.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
+    /// The words with which a reason ends if the limit is not the device's, but one that the config sets.
+    pub const EMULATED: &'static str = "the limit in [emulate]";
 
     /// Returns whether a reason holds only for a moment: other programs use the host's memory, or other points of the
     /// run hold memory. The point may fit at another moment.
@@ -37,6 +41,15 @@ impl Infeasible {
     /// Returns the reason why a point exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
         Self { reason, cause: Cause::Size }
+    }
+
+    /// Returns this reason, which names `[emulate]` as the origin of the limit if `is_emulated`.
+    #[must_use]
+    pub fn emulated_if(self, is_emulated: bool) -> Self {
+        match is_emulated {
+            true => Self { reason: format!("{}, {}", self.reason, Self::EMULATED), ..self },
+            false => self,
+        }
     }
 
     /// Returns the reason why a work-group has a shape that the device or the strategy does not support.

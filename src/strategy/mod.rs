@@ -26,11 +26,11 @@ pub use host::{Afterwards, HostNeeds};
 pub use infeasible::{Cause, Infeasible};
 pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
-pub use values::{FOLDERS, Values, values_of};
+pub use values::{FOLDERS, Values};
 pub use workload::{MOST_SUBPIXEL_BITS, Workload};
 
 use crate::device::{Builtins, DeviceLimits, LaneOperations};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 use crate::manifest::GROUP_LANES;
 
 /// Declares [`Strategy`] and everything else that lists its axes.
@@ -102,10 +102,8 @@ const LISTED: &str = "`raycl strategies` lists every axis, its values and the pr
 fn unknown_axis(axis: &str) -> Error {
     let names: Vec<_> = AXES.iter().map(|info| info.name).collect();
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
-    error.with_help(match nearest(axis, names) {
-        Some(meant) => format!("did you mean '{meant}'?"),
-        None => "`raycl strategies` explains each axis".to_owned(),
-    })
+    let explained = || "`raycl strategies` explains each axis".to_owned();
+    error.with_help(meant(axis, names).unwrap_or_else(explained))
 }
 
 impl std::fmt::Display for Strategy {

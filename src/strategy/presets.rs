@@ -5,7 +5,7 @@ use super::{
     Strategy, TileSize, Traversal, Triangles, Vectors, Width,
 };
 use crate::device::DeviceKind;
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, meant};
 
 /// A named strategy.
 #[derive(Clone, Copy, Debug)]
@@ -254,10 +254,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
         let names: Vec<_> = PRESETS.iter().map(|preset| preset.name).collect();
         let error = Error::input(format!("'{name}' is not a preset; the presets are {}", names.join(", ")));
-        match nearest(name, names) {
-            Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-            None => error.with_help(LISTED),
-        }
+        error.with_help(meant(name, names).unwrap_or_else(|| LISTED.to_owned()))
     })
 }
 

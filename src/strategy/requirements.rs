@@ -6,7 +6,7 @@ mod fits;
 
 use fits::{counters, groups, indices, shape, soft, textures};
 
-use super::infeasible::Infeasible;
+use super::infeasible::{Cause, Infeasible};
 use super::sum::Sum;
 use super::workload::Workload;
 use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
@@ -111,14 +111,19 @@ impl Requirements {
         soft(strategy, workload)?;
         indices(strategy, workload)?;
         let lanes = limits.lane_operations;
-        local(strategy, workload, lanes).within("__local memory", limits.local_bytes)?;
-        constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
+        local(strategy, workload, lanes)
+            .within("__local memory", limits.local_bytes)
+            .map_err(|refused| refused.emulated_if(limits.local_is_emulated))?;
+        constant(strategy, workload)
+            .within("__constant memory", limits.constant_bytes)
+            .map_err(|refused| refused.emulated_if(limits.constant_is_emulated))?;
         if limits.is_cpu {
             private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES)?;
         }
         let all = buffers(strategy, workload);
         all.each_within("largest buffer", limits.allocation_bytes)?;
-        all.within("global memory", limits.global_bytes)?;
+        all.within("global memory", limits.global_bytes)
+            .map_err(|refused| Infeasible { cause: Cause::GlobalMemory, ..refused })?;
         counters(strategy, workload)?;
         Ok(Self::of(strategy, workload, lanes))
     }

@@ -1,6 +1,7 @@
 //! Which combinations of values are allowed.
 
-use super::{AXES, Copied, Header, Math, Passes, Records, Strategy, values_of};
+use super::values::values_of;
+use super::{AXES, Copied, Header, Math, Passes, Records, Strategy};
 use crate::error::{Error, Result};
 use crate::manifest::Rule;
 

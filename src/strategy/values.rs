@@ -4,9 +4,10 @@
 use super::AXES;
 use super::header::{Header, Reader};
 use crate::error::{Error, Result, nearest};
-use crate::sources::{Sources, lines};
+use crate::reader::folder_of;
+use crate::sources::{SourceLine, Sources, lines, meant_file, stem};
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
 
 /// The folders of values, and the axis to which their files belong. A value may have a file in several
@@ -152,7 +153,19 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     };
     let read = |named: &Named| {
         let file = named.file();
-        let reader = Reader { axis: named.axis, path: &sources.path_of(&file), names_of: &names_of };
+        let path = sources.path_of(&file);
+        let included_at = || {
+            // A built-in value may also be included by other files.
+            if Sources::Embedded.read(&file).is_ok() {
+                return None;
+            }
+            let includes = includes_of_all(sources).ok()?;
+            let of_file = includes.iter().find(|include| include.path == file);
+            let wrong = || wrong_include(&file, &includes).filter(|include| has_name_of(include, &file));
+            of_file.or_else(wrong).map(|include| include.place.clone())
+        };
+        let (names_of, included_at) = (&names_of, &included_at);
+        let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at };
         reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)
     };
     all.iter().map(read).collect()
@@ -183,54 +196,121 @@ fn refuse_names(sources: &Sources) -> Result<()> {
 
 /// Refuses a file that nothing includes and that is not a value, since it would silently have no effect.
 fn refuse_unused(sources: &Sources) -> Result<()> {
-    let files = sources.own_files()?;
-    let built_in = Sources::names();
-    let is_value = |file: &str| FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some());
-    let mut texts = None;
-    for file in files.iter().filter(|file| !built_in.contains(&file.as_str()) && !is_value(file)) {
-        let read = || {
-            let named = |name: String| Ok((sources.read(&name)?, name));
-            sources.files()?.into_iter().map(named).collect::<Result<Vec<(String, String)>>>()
-        };
-        let texts = match &texts {
-            Some(texts) => texts,
-            None => texts.insert(read()?),
-        };
-        if !texts.iter().any(|(text, name)| includes(name, text, file)) {
-            return Err(unused(&sources.path_of(file), file, &built_in));
-        }
+    let Sources::Folder(folder) = sources else { return Ok(()) };
+    let mut unknown = sources.own_files()?;
+    unknown.retain(|file| !is_known(file));
+    if unknown.is_empty() {
+        return Ok(());
     }
-    Ok(())
+    let includes = includes_of_all(sources)?;
+    match unknown.iter().find(|file| !includes.iter().any(|include| include.path == **file)) {
+        Some(file) => Err(unused(folder, file, &includes)),
+        None => Ok(()),
+    }
 }
 
-/// Returns whether a kernel file includes another one; an `#include` in a comment has no effect.
-fn includes(name: &str, text: &str, included: &str) -> bool {
-    lines(name, text).is_ok_and(|lines| lines.iter().any(|line| line.includes == Some(included)))
+/// Returns whether a file is a value of an axis or has the path of a built-in file.
+fn is_known(file: &str) -> bool {
+    Sources::names().contains(&file) || FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some())
 }
 
-fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
-    let message =
-        format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
-    if let Some(folder) = path.strip_suffix(file).filter(|_| file.starts_with("cl/")) {
-        return Error::input(message).with_help(format!(
-            "{folder}cl is a folder of kernels inside the folder that --cl-dir names: write --cl-dir {folder}cl, or remove {folder}cl"
+/// A line `#include "path"` of a kernel file.
+struct Include {
+    path: String,
+    /// The file that has this line, and the number of the line, as messages show them.
+    place: String,
+    /// False if the path is that of no file, and has no axis in braces.
+    is_there: bool,
+}
+
+/// Returns the lines with which kernel files include other files, built-in files and those of the folder.
+fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
+    let files = sources.files()?;
+    let mut all = Vec::new();
+    for file in &files {
+        all.extend(includes(&sources.path_of(file), &sources.read(file)?)?);
+    }
+    for include in &mut all {
+        include.is_there = include.path.contains('{') || files.contains(&include.path);
+    }
+    Ok(all)
+}
+
+/// Returns the lines with which a kernel file includes other files. An `#include` in a comment has no effect.
+fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
+    let lines = (1..).zip(lines(path, text)?);
+    let include = |(number, line): (usize, SourceLine<'_>)| {
+        let place = format!("{path}, line {number}");
+        Some(Include { path: line.includes?.to_owned(), place, is_there: false })
+    };
+    Ok(lines.filter_map(include).collect())
+}
+
+/// Returns the line that probably includes a file by a wrong path: its path names no file, and its last part is the
+/// file's name or a similar name.
+fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include> {
+    let mut wrong = includes.iter().filter(|include| !include.is_there);
+    let meant = nearest(stem(file), wrong.clone().map(|include| stem(&include.path)))?;
+    wrong.find(|include| stem(&include.path) == meant)
+}
+
+/// Returns whether the last part of an include's path is the name of this file. If it is only similar, another file may
+/// be meant.
+fn has_name_of(include: &Include, file: &str) -> bool {
+    stem(&include.path) == stem(file)
+}
+
+fn unused(folder: &Path, file: &str, includes: &[Include]) -> Error {
+    let (path, folder_name) = (folder.join(file), folder.display());
+    let message = "is neither a file of raycl nor a value of an axis, and no file includes it";
+    let error = Error::input(format!("{} {message}", path.display()));
+    if let Some(include) = wrong_include(file, includes) {
+        let Include { path, place, .. } = include;
+        return error.with_help(if has_name_of(include, file) {
+            format!(
+                "{place} includes \"{path}\", but paths in #include are relative to {folder_name}: write #include \"{file}\""
+            )
+        } else {
+            format!("{place} includes \"{path}\", which does not exist: did you mean \"{file}\"?")
+        });
+    }
+    if file.starts_with("cl/") {
+        let inner = folder.join("cl");
+        let inner = inner.display();
+        return error.with_help(format!(
+            "{inner} is a folder of kernels inside the folder that --cl-dir names: write --cl-dir {inner}, or remove {inner}"
         ));
     }
-    let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
-    let stem = file.rsplit('/').next().unwrap_or(file);
-    let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
+    error.with_help(match outer_folder(folder, file) {
+        Some(outer) => format!(
+            "{folder_name} is only a part of a folder laid out like raycl's cl/: write --cl-dir {}",
+            outer.display()
+        ),
+        None => elsewhere(file),
+    })
+}
+
+/// Returns the folder around `folder` in which a file is known; `None` if the file is known in none.
+fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
+    let (mut outer, mut inner) = (folder, file.to_owned());
+    while !is_known(&inner) {
+        inner = format!("{}/{inner}", outer.file_name()?.to_str()?);
+        outer = folder_of(outer);
+    }
+    Some(outer)
+}
+
+/// Returns where a file may have to be, or how its name may have to be spelt.
+fn elsewhere(file: &str) -> String {
+    let folders = FOLDERS.map(|(folder, _)| folder);
     let places = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));
-    // A file in a wrong folder is more likely than a misspelt name.
-    let is_named_so = |name: &&str| name.rsplit('/').next() == Some(stem);
-    let same: Vec<&str> = built_in.iter().copied().filter(is_named_so).collect();
-    let others =
-        built_in.iter().copied().chain(as_values.iter().map(String::as_str)).filter(|other| *other != file);
-    let meant =
-        nearest(file, same.iter().copied()).or(same.first().copied()).or_else(|| nearest(file, others));
-    Error::input(message).with_help(match meant {
+    let (own_folder, name) = file.split_at(file.rfind('/').map_or(0, |at| at + 1));
+    let as_value = nearest(own_folder, folders).map(|folder| format!("{folder}{name}"));
+    let candidates = Sources::names().into_iter().chain(as_value.as_deref());
+    match meant_file(file, candidates) {
         Some(meant) => format!("did you mean {meant}? {places}"),
         None => places,
-    })
+    }
 }
 
 #[cfg(test)]
@@ -239,14 +319,87 @@ mod tests {
 
     #[test]
     fn a_kernel_file_in_a_wrong_folder_is_sent_to_the_right_one() {
-        let built_in = ["anchor/spheres.cl", "cast/intersect/moller_trumbore.cl", "cast/layout/soup.cl"];
-        let help = |path: &str, file: &str| format!("{:?}", unused(path, file, &built_in));
-        let moved = help("k/cast/moller_trumbore.cl", "cast/moller_trumbore.cl");
-        assert!(moved.contains("did you mean cast/intersect/moller_trumbore.cl?"), "{moved}");
-        let misspelt = help("k/cast/layout/suop.cl", "cast/layout/suop.cl");
-        assert!(misspelt.contains("did you mean cast/layout/soup.cl?"), "{misspelt}");
-        let nested = help("k/cl/cast/layout/soup.cl", "cl/cast/layout/soup.cl");
-        assert!(nested.contains("--cl-dir k/cl,"), "{nested}");
+        for (folder, file, told) in [
+            ("k", "cast/moller_trumbore.cl", "did you mean cast/intersect/moller_trumbore.cl? the file of"),
+            ("k", "cast/layuot/suop.cl", "did you mean cast/layout/suop.cl? the file of"),
+            ("k", "cast/exhaustve.cl", "did you mean cast/exhaustive.cl? the file of"),
+            ("k", "cast/my_own.cl", "the file of an axis's value lies in one of the folders cast/vectors/,"),
+            ("k", "cl/cast/layout/soup.cl", "k/cl is a folder of kernels inside the folder that --cl-dir"),
+            ("k/cast", "intersect/mine.cl", "k/cast is only a part of a folder laid out like raycl's cl/: "),
+        ] {
+            let error = unused(Path::new(folder), file, &[]);
+            assert!(error.remedy().starts_with(told), "{file}: {}", error.remedy());
+        }
+        for (folder, file, outer) in [
+            ("k/cast", "intersect/mine.cl", Some("k")),
+            ("cast/intersect", "mine.cl", Some(".")),
+            ("k/cast", "mine.cl", None),
+        ] {
+            assert_eq!(outer_folder(Path::new(folder), file), outer.map(Path::new), "{folder}");
+        }
+    }
+
+    /// Returns the error about a folder with these kernel files.
+    fn refused_of(files: &[(&str, &str)]) -> Error {
+        let folder = tempfile::tempdir().unwrap();
+        for (file, text) in files {
+            let path = folder.path().join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        let sources = Sources::Folder(folder.path().to_owned());
+        refuse_unused(&sources).and_then(|()| headers(&sources)).unwrap_err()
+    }
+
+    #[test]
+    fn a_wrong_path_in_an_include_is_told_with_its_line() {
+        let value = "cast/vectors/mine.cl";
+        for path in ["../helper.cl", "helper.cl"] {
+            let text = format!("int a;\n#include \"{path}\"\n");
+            let error = refused_of(&[(value, &text), ("cast/helper.cl", "")]);
+            assert!(error.to_string().contains("cast/helper.cl is neither a file of raycl"), "{error}");
+            let line = format!("{value}, line 2 includes \"{path}\", but paths in #include are relative to ");
+            let help = error.remedy();
+            assert!(help.contains(&line) && help.ends_with("write #include \"cast/helper.cl\""), "{help}");
+        }
+        // Another file may be meant, so raycl only asks.
+        let error = refused_of(&[(value, "int a;\n#include \"cast/helpr.cl\"\n"), ("cast/helper.cl", "")]);
+        let asked =
+            "line 2 includes \"cast/helpr.cl\", which does not exist: did you mean \"cast/helper.cl\"?";
+        assert!(error.remedy().ends_with(asked), "{}", error.remedy());
+        // raycl cannot follow other forms of #include.
+        for text in ["#include <cast/helper.cl>\n", "#define H \"cast/helper.cl\"\n#include H\n"] {
+            let error = refused_of(&[(value, text), ("cast/helper.cl", "")]);
+            assert!(error.to_string().ends_with("does not support this form of #include"), "{error}");
+            assert!(error.remedy().contains("write #include \"FOLDER/FILE.cl\""), "{}", error.remedy());
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_only_included_is_sent_out_of_a_folder_of_values() {
+        for path in ["helper.cl", "cast/vectors/helper.cl"] {
+            let value = Sources::Embedded.read("cast/vectors/private.cl").unwrap();
+            let text = format!("{value}\n#include \"{path}\"\n");
+            let error =
+                refused_of(&[("cast/vectors/mine.cl", &text), ("cast/vectors/helper.cl", "int a;\n")]);
+            assert!(error.to_string().contains("helper.cl, line 1: "), "{error}");
+            let line = value.lines().count() + 2;
+            let help = error.remedy();
+            assert!(
+                help.contains(&format!("cast/vectors/mine.cl, line {line} includes this file")),
+                "{help}"
+            );
+            assert!(help.contains("move it, for example to cast/helper.cl"), "{help}");
+        }
+    }
+
+    #[test]
+    fn an_include_of_a_similar_name_may_mean_another_file() {
+        let value = Sources::Embedded.read("cast/vectors/private.cl").unwrap();
+        let text = format!("{value}\n#include \"cast/helpr.cl\"\n");
+        let error = refused_of(&[("cast/vectors/mine.cl", &text), ("cast/vectors/helper.cl", "int a;\n")]);
+        assert!(error.to_string().contains("helper.cl, line 1: "), "{error}");
+        assert!(!error.remedy().contains("includes this file"), "{}", error.remedy());
     }
 
     #[test]
@@ -262,9 +415,13 @@ mod tests {
 
     #[test]
     fn an_include_in_a_comment_has_no_effect() {
-        let is_included = |text: &str| includes("a.cl", text, "b.cl");
-        assert!(is_included("int a;\n#include \"b.cl\"\n"));
-        assert!(!is_included("/*\n#include \"b.cl\"\n*/\n") && !is_included("#include \"c.cl\"\n"));
+        let included = |text: &str| -> Vec<_> {
+            let includes = includes("a.cl", text).unwrap();
+            includes.into_iter().map(|include| (include.path, include.place)).collect()
+        };
+        let second = ("b.cl".to_owned(), "a.cl, line 2".to_owned());
+        assert_eq!(included("int a;\n#include \"b.cl\"\n"), [second]);
+        assert!(included("/*\n#include \"b.cl\"\n*/\n").is_empty());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Strategy, Traversal};
 use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
-use crate::scene::Mapped;
+use crate::scene::{Mapped, Sampling, Scene};
 use serde::{Deserialize, Serialize};
 
 /// The base-2 logarithm of the largest number of sub-pixels across a pixel, and down. A pixel thus has at most 16
@@ -78,6 +78,38 @@ impl Workload {
         image_size: [64, 64],
         local_size: [8, 8],
     };
+
+    /// Returns the workload of casting `scene` at an image size and a local size, with one sample per pixel.
+    pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
+        Self {
+            triangles: scene.mesh.triangles.len(),
+            positions: scene.mesh.positions.len(),
+            normals: scene.mesh.normals.len(),
+            materials: scene.mesh.materials.len(),
+            lights: scene.lights.len(),
+            texture_words: scene.mesh.textures.word_count(),
+            mip_levels: scene.mesh.textures.have_levels(),
+            cut_outs: scene.mesh.textures.have_holes(),
+            soft_lights: false,
+            sky: scene.sky.is_some(),
+            many_samples: false,
+            half_light: false,
+            given_rays: false,
+            sky_texels: scene.sky.as_ref().and_then(|sky| sky.picture.as_ref()).map_or(0, |p| p.texels.len()),
+            stack_size: 0,
+            image_size,
+            local_size,
+        }
+    }
+
+    /// Returns this workload with several samples per pixel.
+    #[must_use]
+    pub fn sampled(self, scene: &Scene, sampling: &Sampling) -> Self {
+        let many_samples = sampling.most > 1;
+        let soft_lights = many_samples && scene.has_soft_lights();
+        let half_light = many_samples && sampling.half_light > 0;
+        Self { soft_lights, many_samples, half_light, ..self }
+    }
 
     /// Returns whether triangles have textures.
     pub fn is_textured(&self) -> bool {

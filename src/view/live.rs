@@ -284,7 +284,7 @@ fn after<'a>(current: &DeviceInfo, found: &'a [Device]) -> Option<&'a Device> {
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene))
         .among_twins(device.info.program_twin())
-        .sampling(Sampling::all(samples))
+        .with_sampling(Sampling::all(samples))
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and

@@ -15,7 +15,7 @@ pub mod screen;
 mod sum;
 mod title;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::words::counted;
 use camera::{Pose, elevation};
 use heat::Heat;
@@ -42,8 +42,8 @@ pub struct Until {
     /// The number of frames; `None` if frames are not limited. With this limit, the view also ends if nothing is left
     /// to cast.
     pub frames: Option<u32>,
-    /// The time in seconds; `None` if the time is not limited.
-    pub seconds: Option<f64>,
+    /// The time; `None` if the time is not limited.
+    pub time: Option<Duration>,
 }
 
 /// A scene that is shown, and the state that the user's actions change.
@@ -116,7 +116,7 @@ impl<S: Screen> Viewer<S> {
             self.redraw()?;
             self.point(input.pointer);
             self.tell()?;
-            let over = until.seconds.is_some_and(|seconds| start.elapsed().as_secs_f64() >= seconds);
+            let over = until.time.is_some_and(|time| start.elapsed() >= time);
             let enough = until.frames.is_some_and(|frames| rests || self.rate.frames() >= frames);
             if over || enough {
                 break;
@@ -263,7 +263,13 @@ impl<S: Screen> Viewer<S> {
     /// Changes the strategy, local size or device, or reads changed files. If this fails, the scene is cast as before,
     /// and a note states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
-        self.note = change(&mut self.live).err().map(|error: Error| error.in_a_line());
+        match change(&mut self.live) {
+            Ok(()) => {
+                self.note = None;
+                self.rate.switched();
+            }
+            Err(error) => self.note = Some(error.in_a_line()),
+        }
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
             self.heat = Heat::new(self.live.scene()).ok();
         }

@@ -1,6 +1,6 @@
-//! Frames per second and rays per second.
+//! Frames per second, device times and rays per second.
 
-use crate::measure::Summary;
+use crate::measure::median_of;
 use std::time::{Duration, Instant};
 
 /// The time after which the line of text beside the picture is renewed.
@@ -11,8 +11,9 @@ pub struct Rate {
     first: Option<Instant>,
     last: Instant,
     frames: u32,
-    /// Device times of frames that the device cast.
+    /// Device times of the frames that the device cast since the last switch.
     times_ms: Vec<f64>,
+    /// The number of rays of these frames.
     rays: f64,
     recent: Recent,
     /// Frames per second and rays per second, measured over the last complete period of at least `PERIOD`.
@@ -32,19 +33,22 @@ impl Recent {
     }
 }
 
-/// The figures of a whole session.
+/// The figures of a session. Times and rays are those of the frames since the last switch (a change of the strategy,
+/// the local size, the device or the files), so that no time of one strategy counts for another.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
-    /// The number of frames that were shown.
+    /// The number of frames that were shown in the whole session.
     pub frames: u32,
     /// The time from the first frame to the last.
     pub seconds: f64,
     /// The number of frames after the first, divided by `seconds`.
     pub frames_per_s: f64,
-    /// The median device time of a frame.
-    pub frame_ms: f64,
-    /// Primary and shadow rays, divided by the device time.
-    pub rays_per_s: f64,
+    /// The number of frames that the device cast since the last switch.
+    pub timed_frames: usize,
+    /// The median device time of these frames; `None` if there are none.
+    pub frame_ms: Option<f64>,
+    /// Primary and shadow rays of these frames, divided by their device time; `None` if this time is 0.
+    pub rays_per_s: Option<f64>,
 }
 
 impl Rate {
@@ -78,6 +82,12 @@ impl Rate {
         self.recent.ms += ms;
     }
 
+    /// Forgets the times and the rays so far, because the next frames are cast in another way.
+    pub fn switched(&mut self) {
+        self.times_ms.clear();
+        self.rays = 0.0;
+    }
+
     /// Returns frames per second, rays per second of device time, and whether these rates are new since the last call.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
@@ -96,16 +106,17 @@ impl Rate {
         self.frames
     }
 
-    /// Returns the figures of the whole session.
+    /// Returns the figures of the session.
     pub fn total(&self) -> Total {
         let seconds = self.first.map_or(0.0, |first| (self.last - first).as_secs_f64());
         let frames = self.frames();
-        let per = |count: f64, seconds: f64| if seconds > 0.0 { count / seconds } else { 0.0 };
+        let per = |count: f64, seconds: f64| (seconds > 0.0).then(|| count / seconds);
         Total {
             frames,
             seconds,
-            frames_per_s: per(f64::from(frames.saturating_sub(1)), seconds),
-            frame_ms: Summary::of(&self.times_ms).map_or(0.0, |summary| summary.median_ms),
+            frames_per_s: per(f64::from(frames.saturating_sub(1)), seconds).unwrap_or(0.0),
+            timed_frames: self.times_ms.len(),
+            frame_ms: median_of(&self.times_ms),
             rays_per_s: per(self.rays, self.times_ms.iter().sum::<f64>() / 1e3),
         }
     }
@@ -127,14 +138,32 @@ mod tests {
     #[test]
     fn rays_are_counted_by_device_time() {
         let mut rate = Rate::new();
-        assert_eq!((rate.total().frames, rate.total().rays_per_s), (0, 0.0));
+        assert_eq!((rate.total().frames, rate.total().rays_per_s), (0, None));
         for (rays, ms) in [(1e6, 2.0), (3e6, 6.0), (1e6, 2.0)] {
             rate.count_rays(rays, ms);
             rate.count();
         }
         let total = rate.total();
-        assert_eq!((total.frames, total.frame_ms), (3, 2.0));
-        assert!((total.rays_per_s - 5e8).abs() < 1.0, "{total:?}");
+        assert_eq!((total.frames, total.timed_frames, total.frame_ms), (3, 3, Some(2.0)));
+        assert!(total.rays_per_s.is_some_and(|rate| (rate - 5e8).abs() < 1.0), "{total:?}");
+    }
+
+    #[test]
+    fn times_and_rays_before_a_switch_are_forgotten() {
+        let mut rate = Rate::new();
+        let cast = |rate: &mut Rate, rays, ms| {
+            rate.count_rays(rays, ms);
+            rate.count();
+        };
+        (0..5).for_each(|_| cast(&mut rate, 1e6, 100.0));
+        rate.switched();
+        let total = rate.total();
+        assert_eq!((total.frames, total.timed_frames), (5, 0));
+        assert_eq!((total.frame_ms, total.rays_per_s), (None, None));
+        (0..2).for_each(|_| cast(&mut rate, 2e6, 2.0));
+        let total = rate.total();
+        assert_eq!((total.frames, total.timed_frames, total.frame_ms), (7, 2, Some(2.0)));
+        assert!(total.rays_per_s.is_some_and(|rate| (rate - 1e9).abs() < 1.0), "{total:?}");
     }
 
     #[test]

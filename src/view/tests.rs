@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::cli::subject::Subject;
+use crate::error::Error;
 use clap::Parser as _;
 use keys::Key;
 use std::collections::VecDeque;
@@ -99,9 +100,9 @@ fn a_view_ends_after_its_frames_its_time_or_when_nothing_is_left_to_cast() {
         );
         total.frames
     };
-    let frames = |frames| Until { frames: Some(frames), seconds: None };
+    let frames = |frames| Until { frames: Some(frames), time: None };
     assert_eq!([run(frames(2), vec![]), run(frames(9), vec![])], [2, 3]);
-    assert_eq!(run(Until { frames: None, seconds: Some(0.0) }, vec![]), 1);
+    assert_eq!(run(Until { frames: None, time: Some(Duration::ZERO) }, vec![]), 1);
     assert_eq!(run(Until::default(), vec![Input { closed: true, ..Input::default() }]), 0);
     let quits = Input { keys: vec![Key::Escape], ..Input::default() };
     assert_eq!(run(Until::default(), vec![Input::default(), quits]), 1);
@@ -110,7 +111,7 @@ fn a_view_ends_after_its_frames_its_time_or_when_nothing_is_left_to_cast() {
 #[test]
 fn the_line_beside_the_picture_tells_how_it_is_cast() {
     let mut screen = Script::default();
-    let frames = Until { frames: Some(1), seconds: None };
+    let frames = Until { frames: Some(1), time: None };
     let (live, _) = Viewer::new(live(&["--local-size", "16x2"], 3), &mut screen, false)
         .run(frames, || false)
         .expect("it casts");
@@ -125,7 +126,7 @@ fn the_line_beside_the_picture_tells_how_it_is_cast() {
 fn a_scene_that_changed_is_cast_again() {
     let mut screen = Script::default();
     let mut changes = [false, true].into_iter();
-    let until = Until { frames: Some(9), seconds: None };
+    let until = Until { frames: Some(9), time: None };
     let viewer = Viewer::new(live(&[], 2), &mut screen, false);
     let (_, total) = viewer.run(until, || changes.next().unwrap_or(false)).expect("it casts");
     // One of the two samples is cast before the scene changes, and both are cast after the change: three frames in all.
@@ -307,6 +308,25 @@ fn rays_per_second_are_those_of_the_frames_that_the_device_cast() {
     let picture = viewer.shown.as_ref().expect("a picture");
     let hits = picture.pixels().filter(|pixel| *pixel != picture.get_pixel(0, 0)).count();
     // There is one primary ray per pixel, and one shadow ray per hit.
-    let rays = total.rays_per_s * total.frame_ms / 1e3;
+    let (rays_per_s, ms) = total.rays_per_s.zip(total.frame_ms).expect("a frame");
+    let rays = rays_per_s * ms / 1e3;
     assert!((rays - (800 + hits) as f64).abs() < 1e-6, "{rays} {hits}");
+}
+
+#[test]
+fn times_are_those_of_the_frames_since_the_last_key_that_switched_something() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
+    let mut timed_after = |key: char| {
+        viewer.obey(&Input { keys: vec![Key::Char(key)], ..Input::default() });
+        assert!(viewer.note.is_none(), "{:?}", viewer.note);
+        let before = viewer.rate.total().timed_frames;
+        assert!(viewer.show_next().expect("it casts"));
+        (before, viewer.rate.total().timed_frames)
+    };
+    assert_eq!(timed_after('r'), (0, 1));
+    // The key `r` moves the camera back, which changes nothing about how a frame is cast.
+    assert_eq!([timed_after('r'), timed_after('w'), timed_after('s')], [(1, 2), (0, 1), (0, 1)]);
+    viewer.tried(|_| Err(Error::input("it does not fit")));
+    assert_eq!((viewer.rate.total().timed_frames, viewer.rate.frames()), (1, 4));
 }

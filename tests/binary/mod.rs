@@ -187,7 +187,7 @@ impl Place {
     pub fn notices(&self, (file, from, to): (&str, &str, &str), strategy: &str, options: &[&str]) {
         let (kernels, device) = (self.kernels(file, from, to), device());
         let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
-        let ends = ["-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &kernels];
+        let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
         // The next call may replace a part of another file.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");

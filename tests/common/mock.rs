@@ -45,6 +45,8 @@ fn device() -> DeviceInfo {
         limits: DeviceLimits {
             local_bytes: 1 << 15,
             constant_bytes: 1 << 16,
+            local_is_emulated: false,
+            constant_is_emulated: false,
             global_bytes: 1 << 30,
             allocation_bytes: 1 << 28,
             work_group_size: 1024,
@@ -108,7 +110,7 @@ impl Mock {
 }
 
 impl Spawner for Mock {
-    fn spawn(&mut self, _device: usize) -> raycl::Result<Box<dyn Worker>> {
+    fn spawn(&mut self, _job: usize) -> raycl::Result<Box<dyn Worker>> {
         self.counts.borrow_mut().workers += 1;
         let (script, counts) = (Rc::clone(&self.script), Rc::clone(&self.counts));
         Ok(Box::new(MockWorker { script, counts, next: Wait::Reply(Reply::Started) }))

@@ -3,8 +3,9 @@
 use super::succeeds;
 use crate::binary::{Place, finish, repository};
 use crate::common::is_long;
+use raycl::experiment::{Block, Cost, cut};
 use raycl::record::{PlannedPoint, Record, Sample, read_lines};
-use raycl::shard::{About, Attempt, Block, Cost, End, Header, Kind, KindPoint, ShardPlan, cut};
+use raycl::shard::{About, Attempt, End, Header, Kind, KindPoint, ShardPlan};
 use std::path::Path;
 use std::process::Stdio;
 

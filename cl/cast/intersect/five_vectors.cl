@@ -7,11 +7,12 @@
 //
 // The test of Moeller and Trumbore 1997 as in the book: a division per weight, and constants as thresholds. The paper's
 // function `intersect` allocates its five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so
-// here each test has five arrays of its own. The arrays are volatile, and the vectors begin at an index that depends on
-// the scene. Otherwise, compilers would keep the arrays in registers. (With a constant index, NVIDIA's compiler keeps
-// even volatile arrays in registers.) On a GPU, the arrays are in the work-item's private memory, which is off the
-// chip. Operations up to the point where most misses are found: 6 for direction x e2, 3 for the determinant a, 3 for
-// origin - v0, and 3 for the first weight.
+// here each test has an array of its own for each vector. The arrays are volatile, and the vectors begin at an index
+// that is computed from the triangle, although it is always 0. Otherwise, compilers would keep the arrays in registers.
+// (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays are in the
+// work-item's private memory, which is off the chip. Operations up to the point where most misses are found: 6 for
+// direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight; the 6 operations for the
+// edges are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 

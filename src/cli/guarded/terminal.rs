@@ -6,10 +6,11 @@ use crate::view::screen::leave_terminal;
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::stdio::stdin;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
-use signal_hook::consts::SIGTERM;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::flag::register_conditional_default;
 use signal_hook::iterator::Signals;
 use std::io::{IsTerminal as _, Result, Write as _};
+use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,11 +18,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Ends a picture that was written only in part, and selects the usual colours.
 const END_OF_PICTURE: &[u8] = b"\x1b\\\x1b[0m";
 
+/// The signals with which a user, a shell or the system ends processes.
+const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
+
 /// A terminal that child processes use, one after another.
 pub struct LentTerminal {
     /// The terminal's mode before the first child process.
     mode: Termios,
-    /// True while no child process uses the terminal. SIGTERM then ends this process at once.
+    /// True while no child process uses the terminal. A signal of [`ENDING`] then ends this process at once.
     is_back: Arc<AtomicBool>,
 }
 
@@ -30,27 +34,33 @@ impl LentTerminal {
     pub fn new() -> Result<Option<Self>> {
         let (Ok(mode), true) = (tcgetattr(stdin()), std::io::stdout().is_terminal()) else { return Ok(None) };
         let is_back = Arc::new(AtomicBool::new(true));
-        register_conditional_default(SIGTERM, Arc::clone(&is_back))?;
+        for signal in ENDING {
+            register_conditional_default(signal, Arc::clone(&is_back))?;
+        }
         Ok(Some(Self { mode, is_back }))
     }
 
-    /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this process gets
-    /// SIGTERM meanwhile, it sends the signal to the child process instead of ending.
+    /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this process gets a
+    /// signal of [`ENDING`] meanwhile, it does not end, but ends the child process. The returned status then says that
+    /// this signal ended the child process.
     pub fn wait(&self, child: &mut Child) -> Result<ExitStatus> {
         let process = Pid::from_child(child);
-        let mut signals = Signals::new([SIGTERM])?;
+        let mut signals = Signals::new(ENDING)?;
         let handle = signals.handle();
         self.is_back.store(false, Ordering::SeqCst);
         let ended = std::thread::scope(|scope| {
-            scope.spawn(|| {
-                for _ in signals.forever() {
-                    // A child process that has ended meanwhile needs no signal.
+            let listener = scope.spawn(|| {
+                signals.forever().fold(None, |first, signal| {
+                    // The child process gets SIGTERM in place of every signal: LLVM, which PoCL uses, can catch the
+                    // first SIGQUIT and ignore it. A child process that has ended meanwhile needs no signal.
                     let _ = kill_process(process, Signal::TERM);
-                }
+                    first.or(Some(signal))
+                })
             });
             let ended = child.wait();
             handle.close();
-            ended
+            let received = listener.join().ok().flatten();
+            ended.map(|status| received.map_or(status, ExitStatus::from_raw))
         });
         self.restore();
         self.is_back.store(true, Ordering::SeqCst);

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::{LocalSize, Question};
+use super::{Question, items, named};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
@@ -22,7 +22,7 @@ fn predicted(items: u32) -> u32 {
 }
 
 struct Row {
-    size: LocalSize,
+    size: [u32; 2],
     predicted: u32,
     /// The occupancy with the paper's 63 registers per work-item.
     held: Occupancy,
@@ -36,7 +36,7 @@ impl Row {
     }
 }
 
-pub(super) fn run(sizes: &[LocalSize], as_json: bool) -> Result<()> {
+pub(super) fn run(sizes: &[[u32; 2]], as_json: bool) -> Result<()> {
     let rows = rows(sizes)?;
     if as_json {
         return crate::cli::print_json(&json(&rows));
@@ -44,13 +44,13 @@ pub(super) fn run(sizes: &[LocalSize], as_json: bool) -> Result<()> {
     crate::cli::print(text(&rows))
 }
 
-fn rows(sizes: &[LocalSize]) -> Result<Vec<Row>> {
+fn rows(sizes: &[[u32; 2]]) -> Result<Vec<Row>> {
     let sm = multiprocessor("2.0")?;
     let bare = Question { sm, registers: REGISTERS, local_bytes: 0, local_bytes_per_item: 0 };
     let vectors = Question { local_bytes_per_item: VECTOR_BYTES, ..bare };
-    let row = |&size: &LocalSize| Row {
+    let row = |&size: &[u32; 2]| Row {
         size,
-        predicted: predicted(size.items()),
+        predicted: predicted(items(size)),
         held: bare.answer(size),
         held_with_vectors: vectors.answer(size),
     };
@@ -68,7 +68,7 @@ fn text(rows: &[Row]) -> String {
     let mut table = crate::cli::table(&header, 1);
     for row in rows {
         table.add_row([
-            row.size.to_string(),
+            named(row.size),
             row.predicted.to_string(),
             threads(&row.held),
             threads(&row.held_with_vectors),
@@ -79,7 +79,7 @@ fn text(rows: &[Row]) -> String {
         "The paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
-        text += &format!("\n{}: {}", row.size, contradiction(row));
+        text += &format!("\n{}: {}", named(row.size), contradiction(row));
     }
     text
 }
@@ -104,7 +104,7 @@ fn contradiction(row: &Row) -> String {
 fn json(rows: &[Row]) -> Value {
     let row = |row: &Row| {
         json!({
-            "local_size": [row.size.0, row.size.1],
+            "local_size": row.size,
             "predicted_threads": row.predicted,
             "threads": row.held.threads,
             "threads_with_local_vectors": row.held_with_vectors.threads,
@@ -123,16 +123,21 @@ fn json(rows: &[Row]) -> Value {
 mod tests {
     use super::super::LOCAL_SIZES;
     use super::*;
+    use crate::cli::choice::parse_size;
+
+    fn sizes() -> [[u32; 2]; 9] {
+        LOCAL_SIZES.map(|size| parse_size(size).unwrap())
+    }
 
     #[test]
     fn figure_5_from_its_caps() {
-        let predicted = LOCAL_SIZES.map(|size| predicted(size.items()));
+        let predicted = sizes().map(|size| predicted(items(size)));
         assert_eq!(predicted, [32, 128, 288, 512, 800, 1152, 1372, 1536, 1024]);
     }
 
     #[test]
     fn its_registers_contradict_it_at_16x16_and_32x32() {
-        let text = text(&rows(&LOCAL_SIZES).unwrap());
+        let text = text(&rows(&sizes()).unwrap());
         assert!(
             text.contains(
                 "\n16x16: with 63 registers per thread, a multiprocessor holds 512 threads, not 1536."

@@ -7,7 +7,6 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::image::{Incoming, Radiance};
 use crate::launch::{Caster, FrameTimes, LaunchError, LightParts, Prepared, Refused, ShowProgram};
-use crate::measure::Summary;
 use crate::output::Target;
 use crate::scene::{Display, SampleCounts, Sampling, Scene};
 use image::RgbImage;
@@ -35,7 +34,6 @@ pub struct Shows<'a> {
 pub struct Cast {
     pub hits: usize,
     pub times: FrameTimes,
-    pub from_cache: bool,
     pub records_ms: f64,
     pub read_ms: f64,
     /// Number of samples per pixel.
@@ -130,10 +128,9 @@ pub fn cast(
     if parts.is_some() {
         timeline.ends("verify");
     }
-    let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
     let times = medians(&frames);
-    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, sampling, counts, parts }))
+    Ok((image, Cast { hits, times, records_ms, read_ms, sampling, counts, parts }))
 }
 
 /// Reads the last frame's image: in 8 bits if requested and possible, else as radiance.
@@ -164,16 +161,12 @@ fn read_shown(
 /// Returns the median of each of a frame's times, over these frames. The processor time is left out, because it is
 /// measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
-    let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
-        let times: Vec<f64> = frames.iter().filter_map(time).collect();
-        Summary::of(&times).map(|summary| summary.median_ms)
-    };
     FrameTimes {
-        frame_ms: median(&|frame| Some(frame.frame_ms)).unwrap_or(0.0),
-        primary_ms: median(&|frame| frame.primary_ms),
-        shadow_ms: median(&|frame| frame.shadow_ms),
-        shade_ms: median(&|frame| frame.shade_ms),
-        host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
+        frame_ms: FrameTimes::median_of(frames, |frame| Some(frame.frame_ms)).unwrap_or(0.0),
+        primary_ms: FrameTimes::median_of(frames, |frame| frame.primary_ms),
+        shadow_ms: FrameTimes::median_of(frames, |frame| frame.shadow_ms),
+        shade_ms: FrameTimes::median_of(frames, |frame| frame.shade_ms),
+        host_ms: FrameTimes::median_of(frames, |frame| Some(frame.host_ms)).unwrap_or(0.0),
         ..FrameTimes::default()
     }
 }
@@ -208,7 +201,7 @@ mod tests {
         let queue = Queue::open(&device).unwrap();
         let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
         let spec = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
-        let show = ShowProgram::build(&queue, &spec, &Kept::default()).unwrap();
+        let show = ShowProgram::build(&queue, &spec, &Kept::default(), &Sources::Embedded).unwrap();
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
         let strategy = preset(strategy).unwrap().strategy;
         let prepared =
@@ -244,7 +237,7 @@ mod tests {
         let (cast, timeline) = cast_with(&[]);
         let compile_ms = (cast.times.host_ms - cast.times.frame_ms).max(0.0);
         assert!((timeline.ms("build") - compile_ms).abs() < 1e-9, "{} {compile_ms}", timeline.ms("build"));
-        assert_eq!((cast.read_ms, cast.from_cache), (timeline.ms("read"), prepared.program.from_cache));
+        assert_eq!(cast.read_ms, timeline.ms("read"));
         assert!(cast.hits > 0 && cast.parts.is_none() && cast.counts.is_none());
         assert_eq!(timeline.ms("verify"), 0.0);
     }
@@ -298,7 +291,6 @@ mod tests {
         let cast = Cast {
             hits: 9,
             times: FrameTimes::default(),
-            from_cache: false,
             records_ms: 0.0,
             read_ms: 0.0,
             sampling: Sampling { half_light: 2, ..Sampling::ONE },

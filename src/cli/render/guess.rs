@@ -266,7 +266,7 @@ mod tests {
             let task = args.subject.task(&loaded.scene, sampling.most);
             let (strategy, local_size) = args.subject.strategy(&device.info, task).unwrap();
             let session = Session::open(&device, &Sources::Embedded, Arc::new(loaded.scene)).unwrap();
-            let mut session = session.sampling(sampling).rounding_stacks();
+            let mut session = session.with_sampling(sampling).rounding_stacks();
             let workload = session.workload(&strategy, args.subject.size(), local_size);
             let needed =
                 session.spec(&strategy, &workload.map_err(|refused| refused.reason()).unwrap()).unwrap();

@@ -67,7 +67,7 @@ pub fn choose(
     session: &mut Session,
     fastest: (Strategy, [u32; 2]),
 ) -> ((Strategy, [u32; 2]), Option<Later>) {
-    let quick = quick(device).filter(|_| may_cast(args, device, scene, session.samples()));
+    let quick = quick(device).filter(|_| may_cast(args, device, scene, session.sampling()));
     let Some(quick) = quick.filter(|(quick, _)| *quick != fastest.0) else { return (fastest, None) };
     match not_built(session, fastest, args.subject.size()) {
         Some(later) => (quick, Some(later)),

@@ -1,6 +1,6 @@
 //! Checks the picture: its values must be finite, and with `--verify` it must match the reference.
 
-use super::report::Verified;
+use super::report::{Verification, Verified};
 use crate::error::{Error, Result};
 use crate::image::{RELATIVE_LIMIT, Radiance, dark_floor, relative_difference};
 use crate::launch::LightParts;
@@ -26,8 +26,27 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
 }
 
 /// Returns the words that tell the user where a wrong picture was saved.
-pub(super) fn saved_at(path: &Path) -> String {
+fn saved_at(path: &Path) -> String {
     format!("the picture was saved for inspection: {}", path.display())
+}
+
+/// Checks the values of a picture and, with `--verify`, calls `compare` to compare it with the reference. Returns what
+/// the report says about the verification (`None` without `--verify`) and, if the picture is wrong, the error with
+/// which the command ends after the report.
+pub(super) fn verified(
+    image: &Radiance,
+    saved: &Target,
+    verify: Option<Option<u32>>,
+    compare: impl FnOnce(Option<u32>) -> Result<Verified>,
+) -> (Option<Verification>, Option<Error>) {
+    let finite = refuse_not_finite(image, &saved_at(saved.path()));
+    match finite.and_then(|()| verify.map(compare).transpose()) {
+        Ok(verified) => (verified.map(Verification::Right), None),
+        Err(error) => {
+            let wrong = error.to_string();
+            (verify.map(|_| Verification::Wrong { wrong }), Some(error))
+        }
+    }
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels whose rays
@@ -192,6 +211,27 @@ mod tests {
         assert!(
             told(&[11, 9]).is_err_and(|told| told.contains("2 pixels are not finite; the first, (1, 2)"))
         );
+    }
+
+    #[test]
+    fn the_report_says_what_is_wrong_only_if_the_picture_is_verified() {
+        let saved = Target::of_results("a.png");
+        let agrees = |_| Ok(Verified { max_difference: 0.0, uncertain_pixels: 0, pixels: 12, of_pixels: 12 });
+        let differs = |_| Err(wrong("pixel (0, 0) is black", &saved));
+        let (good, mut broken) = (Radiance::new(4, 3), Radiance::new(4, 3));
+        broken.pixels[6] = [f32::NAN; 3];
+        assert!(matches!(verified(&good, &saved, None, agrees), (None, None)));
+        assert!(matches!(verified(&good, &saved, Some(None), agrees), (Some(Verification::Right(_)), None)));
+        assert!(matches!(verified(&broken, &saved, None, agrees), (None, Some(_))));
+        for (image, expected) in [(&good, "pixel (0, 0) is black"), (&broken, "1 pixel is not finite")] {
+            let (Some(told), Some(error)) = verified(image, &saved, Some(None), differs) else {
+                panic!("the picture is wrong")
+            };
+            assert!(error.to_string().contains(expected), "{error}");
+            assert_eq!(told.text(), format!("verified  {error}"));
+            let json = serde_json::to_value(&told).expect("JSON");
+            assert_eq!(json, serde_json::json!({ "wrong": error.to_string() }));
+        }
     }
 
     #[test]

@@ -9,7 +9,9 @@ mod stage;
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
 use super::{Args, last_notes, ms_since};
+use crate::cli::choice::whole;
 use crate::error::{Error, Result};
+use crate::measure::median_of;
 use crate::program::Sources;
 use crate::shard::Asked;
 use crate::words::{counted, counted_of_were};
@@ -34,7 +36,7 @@ const HEADING: &str = "Moving pictures";
 pub struct Motion {
     /// Move the camera once around the scene in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`)
     /// a y4m stream for a video encoder
-    #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = whole::<u32>(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
     /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
@@ -48,7 +50,7 @@ pub struct Motion {
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
     /// Frames per second of an .apng or a y4m stream [default: the rate of the scene's animation, or 30]
-    #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = whole::<u16>(1..=1000))]
     rate: Option<u16>,
 }
 
@@ -181,7 +183,7 @@ pub fn run(args: &Args) -> Result<()> {
         image_size: args.subject.size(),
         frames,
         skipped,
-        frame_ms: crate::measure::Summary::of(&frame_ms).map_or(0.0, |summary| summary.median_ms),
+        frame_ms: median_of(&frame_ms).unwrap_or(0.0),
         total_ms: ms_since(start),
         frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
         output,
@@ -255,6 +257,7 @@ fn text(report: &Report) -> String {
     let mut lines = vec![
         format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
         format!("device    {}", report.device),
+        format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, {}", all_frames(report)),
     ];
     let was_cast = report.frames > 0;
@@ -333,5 +336,6 @@ mod tests {
         assert!(told(1, 3).contains("1.50 ms\n") && told(1, 3).contains("4.0 frames/s"));
         assert!(told(2, 2).contains("1.50 ms, the median of the cast frames\n"));
         assert!(told(0, 4).ends_with("note      a remark\npictures  a.png"), "{}", told(0, 4));
+        assert!(told(1, 0).contains("device    a device\nstrategy  naive\nsize"), "{}", told(1, 0));
     }
 }

@@ -86,7 +86,7 @@ pub struct Report {
     /// Largest use of the host's memory, measured; null if the system does not report it.
     pub peak_bytes: Option<u64>,
     /// The result of `--verify`.
-    pub verified: Option<Verified>,
+    pub verified: Option<Verification>,
     /// The path of the picture.
     pub output: String,
     /// Remarks for the user: parts of the scene's file that were ignored or replaced by defaults, lights with a radius
@@ -94,7 +94,30 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// The result of `--verify` if the picture agrees with the reference. If it does not, the command ends with an error.
+/// The result of `--verify`.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum Verification {
+    /// The picture agrees with the reference.
+    Right(Verified),
+    /// The picture is wrong. The command ends with an error after its report.
+    Wrong {
+        /// What is wrong.
+        wrong: String,
+    },
+}
+
+impl Verification {
+    /// Formats the result for a person.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Right(verified) => verified.text(),
+            Self::Wrong { wrong } => format!("verified  {wrong}"),
+        }
+    }
+}
+
+/// The result of `--verify` if the picture agrees with the reference.
 #[derive(Debug, Serialize)]
 pub struct Verified {
     /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
@@ -113,7 +136,7 @@ pub struct Verified {
 
 impl Verified {
     /// Formats the result for a person.
-    pub fn text(&self) -> String {
+    fn text(&self) -> String {
         let sample = match self.pixels < self.of_pixels {
             true => format!("{} of {} pixels, chosen at random, ", self.pixels, self.of_pixels),
             false => String::new(),
@@ -145,7 +168,7 @@ impl Report {
             local_size: workload.local_size,
             image_size: workload.image_size,
             tree_ms: prepared.tree_ms(),
-            build_from_cache: cast.from_cache,
+            build_from_cache: prepared.program.from_cache,
             upload_ms: prepared.upload_ms(),
             records_ms: cast.records_ms,
             primary_ms: cast.times.primary_ms,
@@ -201,7 +224,7 @@ impl Report {
         }
         lines.push(format!("speed     {}", self.speeds().join(", ")));
         lines.push(format!("memory    {}", self.memory()));
-        lines.extend(self.verified.iter().map(Verified::text));
+        lines.extend(self.verified.iter().map(Verification::text));
         lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
         lines.push(format!("picture   {}", self.output));
         lines.join("\n")

@@ -1,8 +1,8 @@
 //! `raycl render --devices`: renders one frame on several devices.
 
 use super::casting::medians;
-use super::judge::{check, refuse_not_finite, saved_at};
-use super::report::Verified;
+use super::judge::{check, verified};
+use super::report::Verification;
 use super::{Args, last_notes, load, ms_since, target};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
@@ -38,13 +38,13 @@ struct Report {
     /// Primary and shadow rays of all samples, divided by the longest device time.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
-    /// Devices that were not used, because they would have slowed the frame down.
+    /// Devices that were not used, because they would have slowed the frame down or because the frame has too few rows.
     left_out: Vec<LeftOut>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     frames: u32,
     /// Time of the whole command.
     total_ms: f64,
-    verified: Option<Verified>,
+    verified: Option<Verification>,
     output: String,
     /// Remarks for the user: parts of the scene's file that were ignored or replaced by defaults, lights with a radius
     /// that were treated as points, and a raycl built from uncommitted sources.
@@ -121,13 +121,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let Whole { image, hits, shares, left_out } = split.cast(&castings)?;
     drop(held);
     save(&image, scene.display, &target)?;
-    refuse_not_finite(&image, &saved_at(target.path()))?;
-    let verified = args
-        .verify
-        .map(|some| {
-            check(&scene, (&image, hits), (&castings[0].strategy, (sampling, None)), None, &target, some)
-        })
-        .transpose()?;
+    let (verified, wrong) = verified(&image, &target, args.verify, |some| {
+        check(&scene, (&image, hits), (&castings[0].strategy, (sampling, None)), None, &target, some)
+    });
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let rays = rays(image_size, hits * scene.shadow_rays_per_hit(), sampling.most);
@@ -151,7 +147,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         output: target.path().display().to_string(),
         notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).collect(),
     };
-    tell(args, &report, target.is_standard_output())
+    tell(args, &report, target.is_standard_output())?;
+    wrong.map_or(Ok(()), Err)
 }
 
 /// Prints the report; to standard error if the picture goes to standard output.
@@ -198,7 +195,7 @@ fn text(report: &Report) -> String {
     lines.extend(
         report.left_out.iter().map(|LeftOut { device, reason }| format!("left out  {device}: {reason}")),
     );
-    lines.extend(report.verified.iter().map(Verified::text));
+    lines.extend(report.verified.iter().map(Verification::text));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
     lines.push(format!("picture   {}", report.output));
     lines.join("\n")
@@ -214,6 +211,7 @@ fn rays(image_size: [u32; 2], shadow_rays: usize, samples: u32) -> f64 {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::cli::render::report::Verified;
     use crate::launch::FrameTimes;
     use crate::strategy::preset;
 
@@ -276,7 +274,12 @@ mod tests {
             left_out: vec![LeftOut { device: "slow".to_owned(), reason: "it is slow".to_owned() }],
             frames: 7,
             total_ms: 5.0,
-            verified: Some(Verified { max_difference: 0.0, uncertain_pixels: 0, pixels: 9, of_pixels: 9 }),
+            verified: Some(Verification::Right(Verified {
+                max_difference: 0.0,
+                uncertain_pixels: 0,
+                pixels: 9,
+                of_pixels: 9,
+            })),
             output: "a.png".to_owned(),
             notes: vec!["a remark".to_owned()],
         };

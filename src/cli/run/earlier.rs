@@ -2,33 +2,23 @@
 
 use crate::error::Result;
 use crate::experiment::{Expected, Past, Run};
-use crate::record::{Outcome, Record, read_lines};
+use crate::reader::folder_of;
+use crate::record::journals::RECORDS;
+use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
 /// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `past`
 /// contains this run's results so far.
 pub fn foreseen(run: &Run<'_>, out: &Path, past: &Past) -> Result<Expected> {
-    run.expected(&earlier(out), &finished(run, &past.records), &past.samples)
-}
-
-/// Returns the keys of the points that the run does not measure again: those with a record. With `--retry-failed`,
-/// failed points are measured again, and so are points that lacked memory only at that moment. The record of a skipped
-/// point (its preset is meant for another kind of device) does not count: the config may now ask for the point.
-pub fn finished(run: &Run<'_>, done: &[Record]) -> Vec<String> {
-    done.iter()
-        .filter(|record| record.outcome != Outcome::OtherKind)
-        .filter(|record| !run.retry_failed || record.is_final())
-        .map(|record| record.key.clone())
-        .collect()
+    run.expected(&earlier(out), past)
 }
 
 /// Returns the records in a folder of results and in its sibling folders, in the order in which the folders' files
 /// records.jsonl last changed. Unreadable files are ignored.
 pub fn earlier(out: &Path) -> Vec<Record> {
-    let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();
+    let folders = std::fs::read_dir(folder_of(out)).into_iter().flatten().flatten();
     let mut journals: Vec<PathBuf> =
-        folders.map(|entry| entry.path().join("records.jsonl")).filter(|file| file.is_file()).collect();
+        folders.map(|entry| entry.path().join(RECORDS)).filter(|file| file.is_file()).collect();
     journals.sort_by_key(|file| file.metadata().and_then(|data| data.modified()).ok());
     journals.iter().filter_map(|file| read_lines::<Record>(file).ok()).flat_map(|read| read.lines).collect()
 }
@@ -42,6 +32,7 @@ mod tests {
     use crate::experiment::{Taken, asleep};
     use crate::launch::FrameTimes;
     use crate::program::Sources;
+    use crate::record::Outcome;
     use std::time::{Duration, SystemTime};
 
     #[test]
@@ -113,7 +104,7 @@ mod tests {
             assert_eq!(done.len(), planned.len());
             let past = Past { records: done, ..Past::default() };
             [false, true]
-                .map(|retries| foreseen(&run(retries), &place.path().join("out"), &past).unwrap().points[0])
+                .map(|retries| foreseen(&run(retries), &place.path().join("out"), &past).unwrap().points)
         };
         assert_eq!(counts(Outcome::BuildFailed, "no"), [0, 1]);
         assert_eq!(counts(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B"), [0, 1]);

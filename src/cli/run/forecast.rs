@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
 use crate::words::counted;
+use std::collections::HashSet;
 
 /// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
 /// prints the expected duration of the run.
@@ -17,10 +18,15 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
         table.add_row(cells(point));
     }
     print(table)?;
-    let mut notes: Vec<&String> = points.iter().flat_map(|point| &point.scene_notes).collect();
-    notes.dedup();
-    notes.into_iter().try_for_each(|note| print(format!("note: {note}")))?;
+    notes(points).into_iter().try_for_each(|note| print(format!("note: {note}")))?;
     print(format!("{}\n{expected}.", counts(points)))
+}
+
+/// Returns the notes on the points' scenes, each once.
+fn notes(points: &[Forecast]) -> Vec<&str> {
+    let mut seen = HashSet::new();
+    let all = points.iter().flat_map(|point| &point.scene_notes).map(String::as_str);
+    all.filter(|note| seen.insert(*note)).collect()
 }
 
 /// Returns a point's row of the table.
@@ -93,6 +99,16 @@ mod tests {
         assert_eq!(cells(&Forecast { needs: None, ..point(None, None) })[3..], ["", "", ""]);
         let done = Forecast { done: true, ..point(None, None) };
         assert_eq!(cells(&done)[2], "yes, and is done");
+    }
+
+    #[test]
+    fn a_note_on_the_scene_of_several_points_is_told_once() {
+        let noted = |words: &[&str]| {
+            let scene_notes = words.iter().map(|note| (*note).to_owned()).collect();
+            Forecast { scene_notes, ..point(None, None) }
+        };
+        let points = [noted(&["a", "b"]), noted(&["a", "b"]), noted(&["c"])];
+        assert_eq!(notes(&points), ["a", "b", "c"]);
     }
 
     #[test]

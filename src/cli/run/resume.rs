@@ -3,21 +3,12 @@
 use super::{Args, HANG_LIMIT};
 use crate::error::Error;
 use crate::peak;
-use crate::report::quote;
+use crate::words::quote;
 use std::path::Path;
 
-/// Returns the error, with the command that continues the run added to its help. An error about a mistake in the input
-/// is returned unchanged.
+/// Returns the error, with the command that continues the run in its help.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
-    let command = format!("to continue from here: {}", resuming(args, out));
-    match &error {
-        Error::Run { help, .. } => {
-            let help = format!("{help}\n{command}");
-            error.with_help(help)
-        }
-        Error::Input(_) => error,
-        _ => error.with_help(command),
-    }
+    error.to_be_continued(format!("to continue from here: {}", resuming(args, out)))
 }
 
 /// Returns the command that resumes a run.
@@ -50,9 +41,9 @@ pub fn choices(args: &Args) -> Vec<String> {
 
 /// Returns the option `--peak` as it was given.
 pub fn peak_option(args: &Args) -> Option<String> {
-    args.peak.as_ref().map(|from| match from.as_str() {
-        "measure" => "--peak".to_owned(),
-        file => format!("--peak={file}"),
+    args.peak.as_ref().map(|file| match file {
+        None => "--peak".to_owned(),
+        Some(file) => format!("--peak={}", file.display()),
     })
 }
 

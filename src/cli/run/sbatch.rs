@@ -7,7 +7,7 @@ use crate::config;
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::Locks;
 use crate::error::Result;
-use crate::experiment::{Past, asleep};
+use crate::experiment::{Past, asleep, distinct_scenes};
 use crate::shard::{Header, ShardPlan, Wishes, scripts};
 use std::path::Path;
 use std::time::Duration;
@@ -25,6 +25,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let stand_in = asleep::device(0.0);
     let infos: Vec<&DeviceInfo> = here.unwrap_or_else(|| vec![&stand_in]);
     let locks = Locks::of_machine(false);
+    let experiment = distinct_scenes(experiment)?;
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
     let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;

@@ -3,21 +3,23 @@
 
 use super::environment::environment;
 use super::{Args, chosen, earlier, interrupt_flag, listed, two_kernels};
+use crate::cli::measured::refuse_failed;
 use crate::cli::print;
 use crate::cli::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
-use crate::experiment::{Observer, Plan, Results, Run};
+use crate::experiment::{Observer, Results, Run, cut, distinct_scenes};
 use crate::output::{Choice, refuse_other_folders};
 use crate::peak::Peak;
 use crate::program::Sources;
+use crate::record::journals::RECORDS;
 use crate::record::{Environment, Record};
 use crate::shard::{
-    About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
+    About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, watch_launcher,
 };
-use crate::words::{counted, counted_of_were};
+use crate::words::{counted, quote};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -38,6 +40,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let sources = two_kernels::sources(args, false)?;
     let experiment = config::load(&args.config, &args.set)?;
     let peak = super::peak_of_file(args)?;
+    let experiment = distinct_scenes(experiment)?;
     let header = header(&experiment, &sources[0], shard.of)?;
     refuse_others(&out, args.force)?;
     let interrupted = interrupt_flag()?;
@@ -55,7 +58,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
 /// Refuses a folder with files that raycl did not make, unless `force` is true. Also refuses the folder of a run
 /// without shards, since `raycl merge` writes files with the same names. Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
-    let refused = match out.join("records.jsonl").exists() {
+    let refused = match out.join(RECORDS).exists() {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice::new(force, "--out DIR"), false),
@@ -68,7 +71,10 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
 /// Returns the header that the plan has if this process makes it. The headers of all shards' processes must be equal,
 /// except for the config's path.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
-    let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
+    let hash = |scene: &config::SceneChoice| match &scene.hash {
+        Some(hash) => Ok(hash.clone()),
+        None => scene.load().map(|loaded| loaded.scene.content_hash()),
+    };
     Ok(Header {
         shards,
         config: experiment.path.display().to_string(),
@@ -90,7 +96,7 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
         let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|place| costs.get(place)).sum();
         expected_ms[block.shard as usize - 1] += cost;
     }
-    let points = Plan::new(run.experiment, run.devices.len().min(1)).points;
+    let points = run.plan_of_one_device().points;
     let mut cases: Vec<usize> = Vec::new();
     for (place, point) in points.iter().enumerate() {
         let is_new = place > 0 && !point.is_beside(&points[place - 1]);
@@ -151,6 +157,7 @@ impl Part<'_> {
                 attempts => format!(", after {attempts} earlier attempts"),
             };
             observer.says(&format!("shard {}{again}: {}", self.shard, attempt.folder.display()));
+            super::say_copies(run.experiment, observer);
         }
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
@@ -159,7 +166,9 @@ impl Part<'_> {
     /// Writes nothing if all these files exist already. `own` contains this shard's points, as indices into the plan.
     /// The host counts as a kind of device if casters on the host are among these points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
-        let has_host = own.iter().any(|place| self.run.is_on_host(*place));
+        let plan = self.run.plan_of_one_device();
+        let mut own_points = own.iter().filter_map(|place| plan.points.get(*place));
+        let has_host = own_points.any(|point| point.device.is_none());
         let kinds = self
             .run
             .devices
@@ -189,16 +198,13 @@ impl Part<'_> {
         if self.args.json {
             records.iter().try_for_each(crate::cli::print_json)?;
         } else if !self.args.quiet {
-            let out = crate::report::quote(&self.out.display().to_string());
+            let out = quote(&self.out.display().to_string());
             print(done(self.shard, records.len(), &out))?;
         }
-        match records.iter().filter(|record| !record.outcome.is_fine()).count() {
-            0 => Ok(()),
-            failed => Err(Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")))
-                .with_help(
-                    "`raycl merge` gives the reason for each point; the same command with --resume --retry-failed measures these points again",
-                )),
-        }
+        refuse_failed(
+            records,
+            "`raycl merge` gives the reason for each point; the same command with --resume --retry-failed measures these points again",
+        )
     }
 }
 
@@ -216,7 +222,7 @@ fn identity(device: &DeviceInfo) -> String {
 mod tests {
     use super::super::fixtures;
     use super::*;
-    use crate::shard::Block;
+    use crate::experiment::Block;
 
     #[test]
     fn the_points_of_a_shard_are_counted_and_one_is_a_point() {
@@ -230,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_shard_cannot_compare_two_folders_of_kernels() {
-        let plain = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[], [false; 2]);
+        let plain = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[]);
         let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
         let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
         assert!(error.to_string().contains("can only be compared on one machine"), "{error}");

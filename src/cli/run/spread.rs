@@ -2,9 +2,8 @@
 
 use super::earlier::earlier;
 use crate::error::{Error, Result};
-use crate::experiment::{Plan, Run};
+use crate::experiment::{Block, Run, cut};
 use crate::record::{ordinary, write_whole};
-use crate::shard::{Block, cut};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -27,7 +26,7 @@ impl Spread {
     /// blocks, the control point of a group could change between the sessions.
     pub fn of(run: &Run<'_>, out: &Path) -> Result<Self> {
         let devices = run.devices.len();
-        let plan = Plan::new(run.experiment, devices.min(1));
+        let plan = run.plan_of_one_device();
         let points: Vec<String> = plan.points.iter().map(|point| point.label(run.experiment)).collect();
         let known = read(&out.join(FILE));
         if let Some(known) = known.filter(|known| known.devices == devices && known.points == points) {

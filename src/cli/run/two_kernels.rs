@@ -1,17 +1,14 @@
 //! Compares two folders of kernels within one run.
 
 use super::Args;
-use crate::cli::compare::print_table;
+use crate::cli::compare::{THRESHOLD_PERCENT, print_table, refuse_regressions};
 use crate::config;
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Folder;
+use crate::record::journals::IMAGES;
 use crate::report::Comparison;
-use crate::words::counted;
 use std::path::{Path, PathBuf};
-
-/// A change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this fraction.
-const THRESHOLD: f64 = 0.02;
 
 /// Prints how the times with the second folder of kernels compare with those with the first. If `limit_percent` is
 /// given, returns an error with exit code 1 in two cases. In the first case, the slowdown with the second folder
@@ -19,36 +16,33 @@ const THRESHOLD: f64 = 0.02;
 /// points, of the mean of one strategy's points, or of a single point. In the second case, a point fails with the
 /// second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
-    let mut comparison = Comparison::of_kernels(folder, THRESHOLD);
+    let mut comparison = Comparison::of_kernels(folder, THRESHOLD_PERCENT / 100.0);
     if limit_percent.is_some() {
         comparison.notes.extend(comparison.left_out_of_means());
     }
     if !quiet {
         print_table(&comparison)?;
     }
-    match limit_percent.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, folder)),
-        _ => Ok(()),
-    }
+    let [first, second] = &comparison.labels;
+    let between = format!(" with {second} instead of {first}");
+    refuse_regressions(&comparison, limit_percent, &between, remedy(&comparison, folder))
 }
 
-/// Returns the error that lists the regressions of the second folder of kernels.
-fn regressed(comparison: &Comparison, worse: &[String], folder: &Folder) -> Error {
+/// Returns the remedy if the second folder of kernels has regressions.
+fn remedy(comparison: &Comparison, folder: &Folder) -> String {
     let [first, second] = &comparison.labels;
-    let help = match comparison.broken.is_empty() {
+    match comparison.broken.is_empty() {
         true => format!(
             "change the kernels of {second}, which are slower than those of {first}, or allow a larger slowdown with --fail-on-regression"
         ),
         false => {
-            let images = folder.path.join("images");
+            let images = folder.path.join(IMAGES);
             format!(
                 "points with the kernels of {second} fail or have wrong pictures; pictures are in {}",
                 images.display()
             )
         }
-    };
-    let count = counted(worse.len(), "regression");
-    Error::run(format!("{count} with {second} instead of {first}: {}", worse.join("; "))).with_help(help)
+    }
 }
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several

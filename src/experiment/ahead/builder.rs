@@ -27,7 +27,7 @@ pub struct Patience<'a> {
 }
 
 /// The processes of one builder, either with or without the driver's cache. There is one process
-/// for each device, started when it is first needed.
+/// for each job, started when it is first needed.
 pub struct Pool {
     spawner: Box<dyn Spawner + Send>,
     workers: HashMap<usize, Box<dyn Worker>>,
@@ -41,11 +41,11 @@ impl Pool {
     /// Builds a program; `None` if it was not built. If a process died or hung, the next program gets a new
     /// process.
     pub fn build(&mut self, order: &Order, patience: &Patience<'_>) -> Option<Built> {
-        let device = order.program.device;
-        let mut worker = self.workers.remove(&device).or_else(|| self.start(device, patience))?;
+        let job = order.program.job;
+        let mut worker = self.workers.remove(&job).or_else(|| self.start(job, patience))?;
         worker.send(&Request::Build { point: order.point });
         let reply = patience.wait(worker.as_mut())?;
-        self.workers.insert(device, worker);
+        self.workers.insert(job, worker);
         match reply {
             Reply::Built(built) => built,
             _ => None,
@@ -60,9 +60,9 @@ impl Pool {
     }
 
     /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause persists, the
-    /// worker that measures on this device fails too, and the run reports that failure.
-    fn start(&mut self, device: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
-        let mut worker = self.spawner.spawn(device).ok()?;
+    /// worker that measures for this job fails too, and the run reports that failure.
+    fn start(&mut self, job: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
+        let mut worker = self.spawner.spawn(job).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)
     }
 }
@@ -95,12 +95,12 @@ mod tests {
     /// A time limit that is far longer than anything in these tests takes.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Starts processes that reply to `Build` with these answers, one after the other. Notes the devices of the
+    /// Starts processes that reply to `Build` with these answers, one after the other. Notes the jobs of the
     /// processes, and the points that were sent to them.
     #[derive(Clone, Default)]
     struct Scripted {
         answers: Arc<Mutex<Vec<Wait>>>,
-        devices: Arc<Mutex<Vec<usize>>>,
+        jobs: Arc<Mutex<Vec<usize>>>,
         points: Arc<Mutex<Vec<usize>>>,
         limits: Arc<Mutex<Vec<Duration>>>,
         starts_with: Option<Wait>,
@@ -112,8 +112,8 @@ mod tests {
     }
 
     impl Spawner for Scripted {
-        fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
-            self.devices.lock().unwrap().push(device);
+        fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
+            self.jobs.lock().unwrap().push(job);
             Ok(Box::new(Process { of: self.clone(), has_started: false }))
         }
     }
@@ -133,19 +133,19 @@ mod tests {
         }
     }
 
-    fn order(device: usize, point: usize) -> Order {
-        Order { program: Program { device, hash: "a".into(), scene: None }, point, room: Room::UNLIMITED }
+    fn order(job: usize, point: usize) -> Order {
+        Order { program: Program { job, hash: "a".into(), scene: None }, point, room: Room::UNLIMITED }
     }
 
     fn built(build_ms: f64) -> Wait {
         Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
     }
 
-    /// Builds programs of these devices and points, and returns the times in the replies.
+    /// Builds programs of these jobs and points, and returns the times in the replies.
     fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
         let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
         let patience = Patience { limit, interrupted: &interrupted };
-        let build = |&(device, point): &(usize, usize)| pool.build(&order(device, point), &patience);
+        let build = |&(job, point): &(usize, usize)| pool.build(&order(job, point), &patience);
         orders.iter().map(build).map(|built| built.map(|built| built.build_ms)).collect()
     }
 
@@ -155,7 +155,7 @@ mod tests {
         let processes = Scripted { answers: Arc::new(Mutex::new(answers.into())), ..Scripted::default() };
         let times = build(&processes, &[(2, 10), (0, 11), (2, 12)], LIMIT);
         assert_eq!(times, [1.0, 2.0, 3.0].map(Some));
-        assert_eq!(*processes.devices.lock().unwrap(), [2, 0]);
+        assert_eq!(*processes.jobs.lock().unwrap(), [2, 0]);
         assert_eq!(*processes.points.lock().unwrap(), [10, 11, 12]);
     }
 
@@ -165,7 +165,7 @@ mod tests {
             let answers = Arc::new(Mutex::new(vec![lost, built(2.0)]));
             let processes = Scripted { answers, ..Scripted::default() };
             assert_eq!(build(&processes, &[(1, 0), (1, 3)], Duration::ZERO), [None, Some(2.0)]);
-            assert_eq!(*processes.devices.lock().unwrap(), [1, 1]);
+            assert_eq!(*processes.jobs.lock().unwrap(), [1, 1]);
             assert!(
                 processes.limits.lock().unwrap().iter().all(Duration::is_zero),
                 "no wait exceeds the limit"
@@ -174,7 +174,7 @@ mod tests {
         // A process that does not open its device builds nothing.
         let processes = Scripted { starts_with: Some(Wait::Dead(Death::default())), ..Scripted::default() };
         assert_eq!(build(&processes, &[(1, 0), (1, 3)], LIMIT), [None, None]);
-        assert_eq!(*processes.devices.lock().unwrap(), [1, 1]);
+        assert_eq!(*processes.jobs.lock().unwrap(), [1, 1]);
         assert!(processes.points.lock().unwrap().is_empty());
     }
 

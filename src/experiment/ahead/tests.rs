@@ -32,7 +32,7 @@ struct Fake {
 }
 
 impl Spawner for Noting {
-    fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
+    fn spawn(&mut self, _job: usize) -> Result<Box<dyn Worker>> {
         self.started.fetch_add(1, Ordering::Relaxed);
         Ok(Box::new(Fake { of: self.clone(), answer: Wait::Reply(Reply::Started) }))
     }
@@ -212,9 +212,8 @@ fn no_program_is_begun_on_a_device_on_which_another_process_measures() {
 /// builds trees in another way must not use the stored program, so it gives the program another name.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
-    let name = |scene: Option<&str>| {
-        Program { device: 0, hash: "hash".into(), scene: scene.map(str::to_owned) }.name()
-    };
+    let name =
+        |scene: Option<&str>| Program { job: 0, hash: "hash".into(), scene: scene.map(str::to_owned) }.name();
     assert_eq!(name(Some("scene 1")), format!("hash scene 1 {FINGERPRINT}"));
     assert!(!name(None).contains(FINGERPRINT), "{}", name(None));
 }

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::device::DeviceInfo;
+use crate::experiment::Block;
 use crate::experiment::ahead::{Ahead, Builder};
 use crate::experiment::asleep;
 use crate::experiment::fixtures;
@@ -10,7 +11,6 @@ use crate::experiment::protocol::{Built, Reply, Request};
 use crate::experiment::supervisor::{Wait, Worker};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, Environment, Sample, read_lines};
-use crate::shard::Block;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -20,10 +20,10 @@ const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_
 /// A number of requests that no test reaches.
 const NEVER: usize = usize::MAX;
 
-/// Starts workers that answer at once. Notes the device of each worker.
+/// Starts workers that answer at once. Notes the job of each worker.
 #[derive(Clone)]
 struct Answering {
-    devices: Arc<Mutex<Vec<usize>>>,
+    jobs: Arc<Mutex<Vec<usize>>>,
     requests: Arc<AtomicUsize>,
     /// At this number of requests, the user interrupts the run.
     interrupts_at: usize,
@@ -49,7 +49,7 @@ struct Answering {
 impl Default for Answering {
     fn default() -> Self {
         Self {
-            devices: Arc::default(),
+            jobs: Arc::default(),
             requests: Arc::default(),
             interrupts_at: NEVER,
             interrupted: Arc::default(),
@@ -71,8 +71,8 @@ struct Answer {
 }
 
 impl Spawner for Answering {
-    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
-        self.devices.lock().unwrap().push(device);
+    fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
+        self.jobs.lock().unwrap().push(job);
         Ok(Box::new(Answer { of: self.clone(), next: Reply::Started }))
     }
 }
@@ -84,7 +84,7 @@ impl Worker for Answer {
             self.of.interrupted.store(true, Ordering::Relaxed);
         }
         if requests == 1 {
-            self.of.at_first.store(self.of.devices.lock().unwrap().len(), Ordering::Relaxed);
+            self.of.at_first.store(self.of.jobs.lock().unwrap().len(), Ordering::Relaxed);
         }
         if let Some(all) = self.of.gathering.take() {
             all.fetch_add(1, Ordering::Relaxed);
@@ -496,7 +496,7 @@ fn each_of_two_devices_has_its_workers_which_start_together() {
     let workers = Answering::default();
     let (records, heard) = on_devices(&lines, &devices, &workers, plain);
     assert_eq!((records.unwrap().len(), heard.begun), (2, vec![[2, 2]]));
-    let mut started = workers.devices.lock().unwrap().clone();
+    let mut started = workers.jobs.lock().unwrap().clone();
     started.sort_unstable();
     assert_eq!((started, workers.at_first.load(Ordering::Relaxed)), (vec![0, 1], 2));
     // The two groups are distributed over the devices. Neither group ends before both have begun, so each device
@@ -504,7 +504,7 @@ fn each_of_two_devices_has_its_workers_which_start_together() {
     let lines = format!("{lines}\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'");
     let workers = Answering { gathering: Some(Arc::default()), ..Answering::default() };
     let (records, _) = on_devices(&lines, &devices, &workers, |run| Run { spread: true, ..run });
-    let mut started = workers.devices.lock().unwrap().clone();
+    let mut started = workers.jobs.lock().unwrap().clone();
     started.sort_unstable();
     assert_eq!((records.unwrap().len(), started), (2, vec![0, 1]));
 }
@@ -557,7 +557,7 @@ fn after_an_error_no_other_group_is_visited() {
     let waiting = Waiting::new(groups.into_iter().map(OpenGroup::new).collect(), 1);
     let folder = tempfile::tempdir().unwrap();
     let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
-    let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+    let mut sink = FolderSink { results: &mut results, observer: &mut (), names: HashMap::new(), done: 0 };
     let mut workers = Answering::default();
     let mut served = |interrupted: bool| {
         let interrupted = AtomicBool::new(interrupted);

@@ -12,6 +12,7 @@ use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, RoundLoad};
 use std::cell::Cell;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -39,6 +40,8 @@ struct Noting {
     waits: usize,
     /// A lock of another process, which ends when this run has to wait.
     of_another: Option<Held>,
+    /// A folder of locks, which a file replaces when this run has to wait.
+    unusable: Option<PathBuf>,
     /// The builders' list, and whether builders might begin programs on the first device at each wait.
     ahead: Option<&'static Ahead>,
     may_build: Vec<bool>,
@@ -55,6 +58,9 @@ impl ResultSink for Noting {
         self.waits += 1;
         self.may_build.extend(self.ahead.map(|ahead| ahead.may_build_on(0)));
         self.of_another = None;
+        if let Some(folder) = self.unusable.take() {
+            std::fs::remove_dir_all(&folder).and_then(|()| std::fs::write(&folder, "")).unwrap();
+        }
     }
     fn keep(&mut self, record: Record) -> Result<()> {
         self.records.push(record);
@@ -114,7 +120,7 @@ struct Mortal {
 }
 
 impl Spawner for Mortals {
-    fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
+    fn spawn(&mut self, _job: usize) -> Result<Box<dyn Worker>> {
         let frames = Rc::clone(&self.frames);
         self.started.set(self.started.get() + 1);
         let fails_anchor = self.fails_anchor;
@@ -351,7 +357,7 @@ fn a_run_that_waits_for_a_device_tells_for_whom_once_and_that_it_waits_again_and
     let experiment = fixtures::experiment("local_sizes = [4]");
     let run = fixtures::run(&experiment, &[], &locks);
     let host = LockName::of(None);
-    let of_another = Some(locks.take(&host, &mut |_| {}, &off).unwrap());
+    let of_another = Some(locks.held_by_another_process(&host));
     let mut sink = Noting { of_another, ..Noting::default() };
     drop(take_locks(&run, vec![host], &mut sink, &off).unwrap());
     assert_eq!((sink.said.len(), sink.waits), (1, 1), "{:?}", sink.said);
@@ -373,8 +379,24 @@ fn builders_begin_nothing_before_a_run_had_its_devices_lock_or_while_it_waits_fo
     };
     assert!(!ahead.may_build_on(0), "the run has not had the lock yet");
     assert_eq!(take(None), (vec![], true));
-    let of_another = locks.take(&host, &mut |_| {}, &off).unwrap();
+    let of_another = locks.held_by_another_process(&host);
     assert_eq!(take(Some(of_another)), (vec![false], true));
+}
+
+/// The thread of another device may be waiting for a program, and it could wait until the user ends the run.
+#[test]
+fn builders_go_on_if_a_device_waits_in_vain_for_a_lock() {
+    let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
+    let locks = Locks::in_folder(&folder.path().join("locks"), true);
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let host = LockName::of(None);
+    let ahead: &'static Ahead = Box::leak(Box::new(Ahead::new(Vec::new(), vec![host.clone()])));
+    let run = Run { ahead: Some(ahead), ..fixtures::run(&experiment, &[], &locks) };
+    let of_another = Some(locks.held_by_another_process(&host));
+    let unusable = Some(folder.path().join("locks"));
+    let mut sink = Noting { ahead: Some(ahead), of_another, unusable, ..Noting::default() };
+    assert!(take_locks(&run, vec![host], &mut sink, &off).is_err());
+    assert_eq!((&sink.may_build[..], ahead.may_build_on(0)), (&[false][..], true));
 }
 
 #[test]
@@ -499,7 +521,7 @@ fn a_launch_is_repeated_by_new_workers_on_all_devices() {
     let started = Rc::clone(&workers.started);
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     let mut group = group();
-    group.points[1].device = 1;
+    group.points[1].job = 1;
     group.visit(&run, &mut supervisor, &mut sink).unwrap();
     assert_eq!((started.get(), sink.records.len()), (4, 2));
 }

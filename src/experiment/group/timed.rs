@@ -33,8 +33,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// Number of samples taken on each device since the device's anchor was run; a device whose anchor has not been run
-    /// yet is missing. This number determines when the anchor is run again.
+    /// Number of samples of each job since its device's anchor was run; a job whose anchor has not been run yet is
+    /// missing. This number determines when the anchor is run again.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -117,14 +117,14 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         };
         let is_beside = |(place, other): &(usize, &PendingPoint)| {
-            other.device == pending.device && !other.record.is_baseline() && !self.failed.contains(place)
+            other.job == pending.job && !other.record.is_baseline() && !self.failed.contains(place)
         };
         let every = self.points.iter().enumerate().filter(is_beside).count().min(CASTS_PER_ANCHOR);
-        if let Some(casts) = self.casts.get_mut(&pending.device).filter(|casts| **casts + 1 < every) {
+        if let Some(casts) = self.casts.get_mut(&pending.job).filter(|casts| **casts + 1 < every) {
             *casts += 1;
             return Ok(());
         }
-        self.casts.insert(pending.device, 0);
+        self.casts.insert(pending.job, 0);
         // Devices that stand for each other do equal work, so their anchors have one name, as their points have equal
         // keys. Otherwise, a block that another one of these devices measured could not be compared with the anchor.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
@@ -137,7 +137,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             None => return Ok(()),
         };
         let (device, launch, at_ms) = (pending.record.device.clone(), self.launch, self.at_ms());
-        self.sink.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
+        let (ms, host_ms, processor_ms) = (times.frame_ms, Some(times.host_ms), times.processor_ms);
+        self.sink.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms, host_ms, processor_ms })
     }
 }
 

@@ -8,10 +8,10 @@ use std::rc::Rc;
 /// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Starts workers, and notes their devices, the requests to all of them, and how many were dismissed.
+/// Starts workers, and notes their jobs, the requests to all of them, and how many were dismissed.
 #[derive(Clone, Default)]
 struct Noting {
-    devices: Rc<RefCell<Vec<usize>>>,
+    jobs: Rc<RefCell<Vec<usize>>>,
     requests: Rc<RefCell<Vec<Request>>>,
     dismissed: Rc<Cell<usize>>,
     /// What workers return instead of the usual replies, from the next request on.
@@ -30,8 +30,8 @@ struct Noted {
 }
 
 impl Spawner for Noting {
-    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
-        self.devices.borrow_mut().push(device);
+    fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
+        self.jobs.borrow_mut().push(job);
         let next = self.at_start.take().unwrap_or(Wait::Reply(Reply::Started));
         Ok(Box::new(Noted { of: self.clone(), next }))
     }
@@ -61,8 +61,8 @@ impl Worker for Noted {
     }
 }
 
-fn task(point: usize, device: usize, scene: usize) -> Task<'static> {
-    Task { point, device, scene, key: "key", verified: Some("hash") }
+fn task(point: usize, job: usize, scene: usize) -> Task<'static> {
+    Task { point, job, scene, key: "key", verified: Some("hash") }
 }
 
 fn check(point: usize) -> Request {
@@ -80,11 +80,11 @@ fn workers_are_started_on_their_devices_and_those_started_ahead_are_used() {
     let mut spawner = noting.clone();
     let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
     supervisor.start_ahead([task(0, 2, 0), task(1, 1, 0), task(2, 2, 0)].into_iter()).unwrap();
-    assert_eq!(*noting.devices.borrow(), [2, 1]);
+    assert_eq!(*noting.jobs.borrow(), [2, 1]);
     for task in [task(0, 2, 0), task(1, 1, 0), task(3, 3, 0)] {
         passes(&mut supervisor, task);
     }
-    assert_eq!(*noting.devices.borrow(), [2, 1, 3]);
+    assert_eq!(*noting.jobs.borrow(), [2, 1, 3]);
     assert_eq!(*noting.requests.borrow(), [0, 1, 3].map(check));
 }
 
@@ -96,18 +96,18 @@ fn in_a_launch_a_worker_goes_on_to_the_next_scene_of_its_device_and_each_launch_
     supervisor.turn_to(1, [task(0, 0, 0), task(1, 1, 0)].into_iter());
     passes(&mut supervisor, task(0, 0, 0));
     passes(&mut supervisor, task(1, 1, 0));
-    assert_eq!((noting.devices.borrow().len(), noting.dismissed.get()), (2, 0));
-    // The worker of device 1 has nothing to do in the next group.
+    assert_eq!((noting.jobs.borrow().len(), noting.dismissed.get()), (2, 0));
+    // The worker of job 1 has nothing to do in the next group.
     supervisor.turn_to(1, [task(2, 0, 1)].into_iter());
     passes(&mut supervisor, task(2, 0, 1));
-    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1], 1));
-    // The worker of device 0 cannot cast on device 1, so a new worker is started.
+    assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 1], 1));
+    // The worker of job 0 cannot cast for job 1, so a new worker is started.
     supervisor.turn_to(1, [task(3, 1, 1)].into_iter());
     passes(&mut supervisor, task(3, 1, 1));
-    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1], 2));
+    assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1], 2));
     supervisor.turn_to(2, [task(3, 1, 1)].into_iter());
     passes(&mut supervisor, task(3, 1, 1));
-    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1, 1], 3));
+    assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1, 1], 3));
 }
 
 #[test]
@@ -133,8 +133,8 @@ fn an_anchor_that_fails_is_not_run_again_on_its_device() {
     let mut spawner = noting.clone();
     let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
     assert!(supervisor.anchor(task(0, 0, 0)).unwrap().is_none(), "no worker has been started for it");
-    for device in [0, 1] {
-        passes(&mut supervisor, task(device, device, 0));
+    for job in [0, 1] {
+        passes(&mut supervisor, task(job, job, 0));
     }
     let failed = Reply::Failed { message: "no anchor".into(), help: "go on".into() };
     noting.instead.borrow_mut().push_back(Wait::Reply(failed));
@@ -142,7 +142,7 @@ fn an_anchor_that_fails_is_not_run_again_on_its_device() {
     assert_eq!((error.to_string().as_str(), error.remedy()), ("no anchor", "go on"));
     // The context of a GPU may be unusable after a fault, so another worker goes on, in another launch.
     passes(&mut supervisor, task(0, 0, 0));
-    assert_eq!((noting.devices.borrow().clone(), supervisor.losses()), (vec![0, 1, 0], 1));
+    assert_eq!((noting.jobs.borrow().clone(), supervisor.losses()), (vec![0, 1, 0], 1));
     assert!(supervisor.anchor(task(0, 0, 0)).unwrap().is_none());
     assert!(matches!(supervisor.anchor(task(1, 1, 0)), Ok(Some(Ok(_)))));
     let anchors = noting.requests.borrow().iter().filter(|request| **request == Request::Anchor).count();
@@ -235,7 +235,7 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     assert!(error.to_string().ends_with("failed: its process did not answer within 0 s and was ended"));
     assert_eq!(supervisor.losses(), 2, "the launch is repeated");
     passes(&mut supervisor, task(2, 0, 0));
-    assert_eq!(noting.devices.borrow().len(), 3, "each hung worker is replaced");
+    assert_eq!(noting.jobs.borrow().len(), 3, "each hung worker is replaced");
 }
 
 #[test]
@@ -288,13 +288,13 @@ fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_to
     let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
     supervisor.start_ahead([task(0, 0, 0)].into_iter()).unwrap();
     passes(&mut supervisor, task(0, 0, 0));
-    assert_eq!(noting.devices.borrow().len(), 2);
+    assert_eq!(noting.jobs.borrow().len(), 2);
     // `retire` also ends workers that `start_ahead` has started and that have no request yet, so the next request goes
     // to a new worker.
     supervisor.start_ahead([task(1, 1, 0)].into_iter()).unwrap();
     supervisor.retire();
     passes(&mut supervisor, task(1, 1, 0));
-    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 0, 1, 1], 2));
+    assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 0, 1, 1], 2));
     let mut hanging = Noting { at_start: Some(Wait::Silence), ..Noting::default() };
     let error = Supervisor::new(&mut hanging, &never, Duration::ZERO).check(task(0, 0, 0)).unwrap_err();
     let words = "a worker process could not start: it did not open its device in 0 s";
@@ -315,13 +315,13 @@ fn a_worker_that_reports_a_failed_launch_is_replaced_and_counts_as_lost() {
         noting.instead.borrow_mut().push_back(fails(outcome));
         assert!(matches!(supervisor.check(task(0, 0, 0)), Ok(Ok((_, false)))));
         passes(&mut supervisor, task(1, 0, 0));
-        assert_eq!((noting.devices.borrow().len(), supervisor.losses()), (workers, workers - 1));
+        assert_eq!((noting.jobs.borrow().len(), supervisor.losses()), (workers, workers - 1));
     }
     let refused = Reply::Refused(PointFailure::new(Outcome::LaunchFailed, "no"));
     noting.instead.borrow_mut().push_back(Wait::Reply(refused));
     assert!(matches!(supervisor.cast(task(1, 0, 0)), Ok(Some(Err(_)))));
     passes(&mut supervisor, task(2, 0, 0));
-    assert_eq!((noting.devices.borrow().len(), supervisor.losses()), (3, 2));
+    assert_eq!((noting.jobs.borrow().len(), supervisor.losses()), (3, 2));
 }
 
 #[test]
@@ -329,9 +329,9 @@ fn deaths_at_a_point_are_counted_for_each_device_and_each_folder_of_kernels() {
     let (noting, never) = (Noting::default(), AtomicBool::new(false));
     let mut spawner = noting.clone();
     let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
-    for device in [0, 1] {
+    for job in [0, 1] {
         noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
-        passes(&mut supervisor, task(0, device, 0));
+        passes(&mut supervisor, task(0, job, 0));
     }
     assert_eq!(supervisor.losses(), 2);
 }

@@ -20,25 +20,30 @@ pub struct Interval {
     pub error: f64,
     /// Degrees of freedom of that standard error, for Student's t.
     pub degrees: f64,
+    /// By how much the estimate's logarithm may be wrong in either direction for a reason that the samples do not show.
+    /// Both ends of the interval include all of it.
+    pub bias: f64,
 }
 
 impl Interval {
     /// The ratio of a time to itself, which has no error.
-    pub const ONE: Self = Self { middle: 1.0, low: 1.0, high: 1.0, error: 0.0, degrees: f64::INFINITY };
+    pub const ONE: Self =
+        Self { middle: 1.0, low: 1.0, high: 1.0, error: 0.0, degrees: f64::INFINITY, bias: 0.0 };
 
     /// Returns the ratio of this value to an independent value, `other`.
     pub fn over(self, other: Self) -> Self {
         let error = Error::of_sum([self.error(), other.error()]);
-        interval((self.middle / other.middle).ln(), error)
+        biased((self.middle / other.middle).ln(), error, self.bias + other.bias)
     }
 
     /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by the
-    /// inverse of its variance, so that an uncertain value has little weight. The variances are only estimates, so the
-    /// mean is less certain than they suggest. The result includes this additional error, by equation 1 of Meier,
-    /// "Variance of a weighted mean" (Biometrics 9, 1953).
+    /// inverse of its variance, so that an uncertain value has little weight; for the weights, the square of a value's
+    /// bias counts as variance. The variances are only estimates, so the mean is less certain than they suggest. The
+    /// result includes this additional error, by equation 1 of Meier, "Variance of a weighted mean" (Biometrics 9,
+    /// 1953). Biases may all have the same sign, so they do not average out: the mean has their weighted mean.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without an error, a value would have an infinite weight.
-        let weight = |one: &Self| one.error.max(LEAST_ERROR).powi(-2);
+        let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);
         let sum: f64 = all.iter().map(weight).sum();
         let shares = || all.iter().map(|one| (weight(one) / sum, one));
         let log = shares().map(|(share, one)| share * one.middle.ln()).sum();
@@ -46,12 +51,21 @@ impl Interval {
             Error::of_sum(shares().map(|(share, one)| Error { error: share * one.error, ..one.error() }));
         let estimated: f64 = shares().map(|(share, one)| share * (1.0 - share) / one.degrees).sum();
         let error = mean.error * (1.0 + 4.0 * estimated).sqrt();
-        (!all.is_empty()).then(|| interval(log, Error { error, ..mean }))
+        let bias = shares().map(|(share, one)| share * one.bias).sum();
+        (!all.is_empty()).then(|| biased(log, Error { error, ..mean }, bias))
+    }
+
+    /// Returns this value divided by a factor of which only the limits are known: its logarithm lies between 0 and
+    /// `log`, which may be negative. The estimate is divided by the factor halfway between the limits. The true factor
+    /// may be at a limit, the same one in all samples, so half of `log` is a bias and not a part of the error.
+    #[must_use]
+    pub fn over_up_to(self, log: f64) -> Self {
+        biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())
     }
 
     /// Returns a lower bound: the true value lies below it only with the probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
-        (self.middle.ln() - self.error().reach(risk)).exp()
+        (self.middle.ln() - self.error().reach(risk) - self.bias).exp()
     }
 
     pub(super) fn error(self) -> Error {
@@ -61,9 +75,14 @@ impl Interval {
 
 /// Makes an interval from a logarithm and its error.
 pub(super) fn interval(middle: f64, error: Error) -> Interval {
-    let half = error.reach(RISK);
-    let Error { error, degrees } = error;
-    Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp(), error, degrees }
+    biased(middle, error, 0.0)
+}
+
+/// Makes an interval from a logarithm, its error and its bias.
+pub(super) fn biased(middle: f64, error: Error, bias: f64) -> Interval {
+    let half = error.reach(RISK) + bias;
+    let [low, high] = [(middle - half).exp(), (middle + half).exp()];
+    Interval { middle: middle.exp(), low, high, error: error.error, degrees: error.degrees, bias }
 }
 
 #[cfg(test)]
@@ -104,6 +123,23 @@ mod tests {
         // By Meier's equation, the variance of the mean, 0.1 * 0.1 / 2, grows by 4 * (1/4 + 1/4) / 4.
         assert!((found.error - (0.005_f64 * 1.5).sqrt()).abs() < 1e-12, "{found:?}");
         assert!((found.degrees - 8.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn a_factor_that_is_unknown_between_limits_moves_the_middle_and_both_ends_allow_for_both_limits() {
+        // With two degrees of freedom, the error alone makes the interval reach 0.43 to each side.
+        let one = interval(2.0, Error { error: 0.1, degrees: 2.0 });
+        for log in [0.6_f64, -0.6] {
+            let found = one.over_up_to(log);
+            assert!((found.middle.ln() - (2.0 - 0.5 * log)).abs() < 1e-12, "{found:?}");
+            assert!((found.low.ln() - (one.low.ln() - log.max(0.0))).abs() < 1e-12, "{found:?}");
+            assert!((found.high.ln() - (one.high.ln() - log.min(0.0))).abs() < 1e-12, "{found:?}");
+            let [sure, before] = [found, one].map(|one| one.surely_above(1e-4).ln());
+            assert!((sure - (before - log.max(0.0))).abs() < 1e-12, "{found:?}");
+        }
+        assert_eq!(Interval::ONE.over_up_to(0.0), Interval::ONE);
+        let quotient = one.over_up_to(0.6).over(one.over_up_to(-0.2));
+        assert!((quotient.bias - 0.4).abs() < 1e-12, "{quotient:?}");
     }
 
     #[test]

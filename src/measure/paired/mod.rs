@@ -15,13 +15,15 @@
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
 //!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points
 //!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
-//!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
+//!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]). If
+//!    processors run an anchor, the variance of a pair of a point and this anchor is not averaged with the usual
+//!    variance.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
 //!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
 //!    plus those that other groups of the same run add, if they were measured on the same machine and devices. Each
 //!    group has a table of its own. The point's own spread is averaged with the spread between launches in the tables
-//!    of those other groups that have the same number of launches, and more than one. Together, these tables add at most
-//!    six degrees of freedom.
+//!    of those other groups that have the same number of launches, and more than one. Together, these tables add at
+//!    most six degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -61,8 +63,10 @@ const STRETCHES: usize = MIN_SAMPLES;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paired {
     launches: usize,
-    /// The points; `None` for a point with too few samples.
+    /// The points, and then the anchors; `None` for one with too few samples.
     points: Vec<Option<Point>>,
+    /// For each anchor, whether processors run it.
+    on_processors: Vec<bool>,
     /// How much the times of each point differ from run to run; zero if unknown.
     between: Vec<BetweenRuns>,
     pooled: Pooled,
@@ -86,6 +90,8 @@ pub struct Standing {
     point: Point,
     /// Number of points whose mean this is; 1 for a single point.
     points: usize,
+    /// Whether this is an anchor that processors run.
+    is_anchor_on_processors: bool,
     between: BetweenRuns,
     pooled: Pooled,
 }
@@ -126,11 +132,15 @@ impl Standing {
         Relative { ratio: interval(self.level() - reference.level(), error), common }
     }
 
-    /// Returns the error of a ratio without the differences between runs.
+    /// Returns the error of a ratio without the differences between runs. Other programs may delay an anchor that
+    /// processors run far more than the points, and a few launches cannot show whether they do. The usual spread of all
+    /// points therefore has no part in the error of a ratio to such an anchor.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
-        self.pooled.of_difference(&differences, [self.points, other.points])
+        let is_delayed = self.is_anchor_on_processors || other.is_anchor_on_processors;
+        let pooled = if is_delayed { self.pooled.alone() } else { self.pooled };
+        pooled.of_difference(&differences, [self.points, other.points])
     }
 
     /// Returns the ratio of this point's time to that of a point that was measured at another time. The ratio includes
@@ -184,6 +194,13 @@ impl Paired {
     /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
     /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any other launch.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
+        Self::beside_anchors(samples, points, &[])
+    }
+
+    /// Compares points like [`Self::of`], which were measured together with anchors. `on_processors` says of each
+    /// anchor whether processors run it. In the samples, the indices of the anchors follow those of the points.
+    pub fn beside_anchors(samples: &[PairedSample], points: usize, on_processors: &[bool]) -> Self {
+        let (first_anchor, points) = (points, points + on_processors.len());
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();
         let launches = launches(&samples, points);
@@ -200,12 +217,13 @@ impl Paired {
             .enumerate()
             .map(|(place, enough)| enough.then(|| point(place, &launches, &left)).flatten())
             .collect();
-        let known = || points.iter().flatten();
+        let known = || points[..first_anchor].iter().flatten();
         let relative: Vec<&[f64]> = known().map(|point| point.relative.as_slice()).collect();
         let plain: Vec<&[f64]> = known().map(|point| point.plain.as_slice()).collect();
         let pooled = Pooled::of(&relative, &plain);
         let between = vec![BetweenRuns::default(); points.len()];
-        Self { launches: launches.len(), points, between, pooled }
+        let on_processors = on_processors.to_vec();
+        Self { launches: launches.len(), points, on_processors, between, pooled }
     }
 
     /// Sets how much the times of each point differ from run to run.
@@ -233,7 +251,10 @@ impl Paired {
     pub fn standing(&self, place: usize) -> Option<Standing> {
         let point = self.points.get(place)?.clone()?;
         let between = self.between.get(place).copied().unwrap_or_default();
-        Some(Standing { launches: self.launches, point, points: 1, between, pooled: self.pooled })
+        let anchor = place.checked_sub(self.points.len() - self.on_processors.len());
+        let is_anchor_on_processors = anchor.is_some_and(|anchor| self.on_processors[anchor]);
+        let (launches, pooled) = (self.launches, self.pooled);
+        Some(Standing { launches, point, points: 1, is_anchor_on_processors, between, pooled })
     }
 
     /// Returns a point's median over all samples, in milliseconds; `None` if the point has too few samples.

@@ -227,7 +227,7 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     medians.sort_by(f64::total_cmp);
     let middle = median_of(samples).expect("samples");
     let (low, high) = (quantile(&medians, 0.025), quantile(&medians, 0.975));
-    Interval { middle, low, high, error: 0.0, degrees: 0.0 }
+    Interval { middle, low, high, error: 0.0, degrees: 0.0, bias: 0.0 }
 }
 
 /// Shows why launches are repeated: the bootstrap ignores launches, and its intervals contain far fewer results

@@ -48,6 +48,11 @@ impl Pooled {
         self.moderated(parts, variance(differences))
     }
 
+    /// Returns the same table, with which the error of a difference follows from the difference's own rows only.
+    pub(super) fn alone(self) -> Self {
+        Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
+    }
+
     /// Returns the error of a row's mean. All rows share the effects of a column, so the other rows of the same table
     /// add no degrees of freedom. Other tables add some.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
@@ -83,8 +88,9 @@ impl Pooled {
         self.error(variance, borrowed + self.columns.saturating_sub(1) as f64)
     }
 
-    /// Returns the degrees of freedom that the spread of all rows adds. `own` is the number of rows whose error is
-    /// computed; these rows add none.
+    /// Returns how many degrees of freedom `prior`, the common spread of all rows, adds to those of an error's own
+    /// rows: at most its own degrees of freedom, at most [`BORROWED`], and at most those of the other rows. `own` is 1
+    /// for the error of a row's mean, and 2 for that of a difference.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)

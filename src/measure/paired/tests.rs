@@ -239,3 +239,26 @@ fn a_launch_counts_once_though_samples_of_another_lie_between_its_own() {
     let counts: Vec<usize> = launches(&samples, 1).iter().map(Vec::len).collect();
     assert_eq!(counts, [5, 10]);
 }
+
+/// In the second launch, six points take up to 1.02 times as long as in the first, and the anchor takes 1.5 times as
+/// long.
+#[test]
+fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_of_the_points() {
+    let mut samples = steady(7, 2, 9);
+    for sample in samples.iter_mut().filter(|sample| sample.launch == 1) {
+        sample.ms *= if sample.point == 6 { 1.5 } else { 1.0 + 0.01 * (sample.point % 3) as f64 };
+    }
+    let paired = Paired::beside_anchors(&samples, 6, &[true]);
+    let ratio = paired.ratio(0, 6).expect("enough samples");
+    // Two launches leave one degree of freedom, and the ratio's error is half of the difference of the two launches.
+    let expected = 0.5 * 1.5_f64.ln();
+    assert!((ratio.degrees - 1.0).abs() < 1e-9 && (ratio.error - expected).abs() < 1e-3, "{ratio:?}");
+    // The anchor has no part in the spread of the points.
+    let without: Vec<PairedSample> = samples.iter().filter(|sample| sample.point < 6).copied().collect();
+    let alone = Paired::of(&without, 6);
+    let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(1, 0).expect("enough samples"));
+    assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
+    // On other devices, the anchor is compared like a point.
+    let elsewhere = Paired::beside_anchors(&samples, 6, &[false]).ratio(0, 6).expect("enough samples");
+    assert!((elsewhere.degrees - beside.degrees).abs() < 1e-9, "{elsewhere:?} {beside:?}");
+}

@@ -72,7 +72,7 @@ impl InstructionCounts {
 }
 
 /// Returns whether a word is a label, such as "$L__BB0_2:", or a predicate, such as "@%p1" or "@!%p1".
-pub(crate) fn is_label_or_predicate(word: &str) -> bool {
+fn is_label_or_predicate(word: &str) -> bool {
     word.ends_with(':') || word.starts_with('@')
 }
 

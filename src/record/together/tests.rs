@@ -91,6 +91,26 @@ fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() 
     assert!(of_both.contains(" (depending on scene, image size and device) between"), "{of_both}");
 }
 
+#[test]
+fn where_times_are_too_noisy_no_percentage_is_said() {
+    let group = |scene: &str, first_launch: u32, factor: f64| {
+        ["naive", "wide"].map(|name| {
+            let slow = |place: u32| if (place < 5) == (name == "naive") { factor } else { 1.0 };
+            let samples = (0..10).map(move |place| (first_launch + place / 5, 10.0 * slow(place)));
+            let key = format!("{name} {scene}");
+            Record { scene: scene.into(), key, ..sampled(name, samples) }
+        })
+    };
+    let said = |groups: &[[Record; 2]]| how_sure(&judged(groups.concat())).remove(0);
+    let [quiet, noisy] = [group("room", 0, 1.0), group("table", 2, 20.0)];
+    let both = said(&[quiet.clone(), noisy.clone()]);
+    let below = "Differences below 2.1% between two points cannot be detected here.";
+    let [start, end] = [below, " In 1 of 2 groups of points, the times are too noisy"];
+    assert!(both.starts_with(&format!("{start}{end}")), "{both}");
+    let all = said(&[noisy]);
+    assert!(all.starts_with("In all groups of points, the times are too noisy to be compared"), "{all}");
+}
+
 /// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing
 /// about another one.
 #[test]
@@ -217,6 +237,28 @@ fn each_device_is_compared_with_its_own_anchor() {
     assert_eq!(mean.middle.round(), 5.0);
     judge(&mut records);
     assert!(records.iter().all(|record| anchored(record).is_none()), "anchors were not requested");
+}
+
+/// In the second launch, four points take 1.5 times as long as in the first, and the anchor takes as long.
+#[test]
+fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_points() {
+    let degrees = |threads: Option<u32>| {
+        let points = ["naive", "wide", "bvh", "tile"];
+        let mut records = points.map(|name| Record { threads, ..launches(name, 10.0, 0.5) });
+        let anchor = |place: u32| AnchorSample {
+            anchor: "a".into(),
+            device: records[0].device.clone(),
+            launch: place / 5,
+            at_ms: f64::from(place) + 0.5,
+            ms: 2.0,
+            ..AnchorSample::default()
+        };
+        let anchors: Vec<AnchorSample> = (0..10).map(anchor).collect();
+        judge_beside_anchors(&mut records, &anchors);
+        anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
+    };
+    // Two launches leave one degree of freedom. The two other points add two.
+    assert_eq!((degrees(Some(2)), degrees(None)), (Some(1.0), Some(3.0)));
 }
 
 #[test]

@@ -118,7 +118,11 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
             }
         }
     }
-    asked.turn_sky(&mut sample, |seen| radiance_of(seen, &hits.centre, &|sight| caster.reaches(sight, bias)));
+    let usual = |sight: &Sight<f64>| caster.reaches(sight, bias);
+    asked.turn_sky(&mut sample, |seen| radiance_of(seen, &hits.centre, &usual));
+    asked.shift_texture(&mut sample, (&ray, &hit), &|sight| {
+        shadows.reaches(sight.light).unwrap_or_else(|| usual(sight))
+    });
     Some(sample)
 }
 

@@ -1,6 +1,6 @@
 //! The points to which claims refer, such as "naive 8x8 on teapot".
 
-use crate::error::nearest;
+use crate::error::meant;
 use crate::record::{HOST, Record, by};
 use crate::report::paper;
 use crate::strategy::PRESETS;
@@ -75,8 +75,7 @@ pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String
     if names.contains(&name) {
         return Ok(());
     }
-    let meant = nearest(name, names.iter().copied());
-    let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+    let meant = meant(name, names.iter().copied()).map_or(String::new(), |meant| format!("; {meant}"));
     Err(format!("'{name}' is not a known {what}{meant}"))
 }
 

@@ -4,7 +4,9 @@
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
-use crate::record::{Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean};
+use crate::record::{
+    Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean, unshared_delay,
+};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
 /// are divided. The reference is the time of the device's anchor. Without an anchor, it is the mean time of the
@@ -39,11 +41,13 @@ pub(super) fn references<'a>(points: &[Both<'a>], all: &[Both<'a>]) -> Option<(V
     (!references.is_empty()).then_some((references, against))
 }
 
-/// Compares the two times of the point, each divided by the anchor's time in the same run. Returns `None` if the runs
-/// do not have the same anchor.
-fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
-    let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
-    (first == second).then(|| after.over(before))
+/// Compares the two times of the point, each divided by the anchor's time in the same run. If other programs may have
+/// delayed the point and the anchor by different factors, the change is less certain. Returns `None` if the runs do not
+/// have the same anchor.
+fn against_anchor(pair: Both<'_>) -> Option<Interval> {
+    let ((first, before), (second, after)) = (anchored(pair.0)?, anchored(pair.1)?);
+    let change = (first == second).then(|| after.over(before))?;
+    Some(change.over_up_to(unshared_delay(pair.0, pair.1)))
 }
 
 /// Returns the half of the points whose changes are closest to the median change; there must be points. If a change of

@@ -13,10 +13,11 @@ use super::merged::{labels, merged};
 use crate::measure::Verdict;
 use crate::record::{
     Folder, HOST, MOVED, Outcome, Record, judge_beside_anchors, latency_ns, median, significant,
+    unshared_delay,
 };
 use pair::{name, percent};
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// A pair of records in the form that `--json` prints.
 #[derive(Debug, Serialize)]
@@ -85,7 +86,7 @@ impl Comparison {
     /// correspond if their contents are equal. If either folder did not record the contents, scenes
     /// correspond if their names are equal.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
-        let (before, after) = (&beside_anchors(before), &beside_anchors(after));
+        let [before, after] = &beside_anchors([before, after]);
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
         let by_content = [before, after].iter().all(|folder| has_content(folder));
         let point = |record: &Record| {
@@ -227,6 +228,44 @@ impl Comparison {
         self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against))
     }
 
+    /// Returns a note if other programs may have delayed a point and its anchor so differently that the point seems to
+    /// be faster or slower.
+    fn delays(&self) -> Option<String> {
+        let is_anchored = |pair: &&Pair| pair.change.is_some_and(|(_, against)| against == Against::Anchor);
+        let of = |pair: &Pair| unshared_delay(&pair.before, &pair.after).abs().exp_m1();
+        let most = self.pairs.iter().filter(is_anchored).map(of).fold(0.0, f64::max);
+        (most > self.threshold).then(|| {
+            format!(
+                "Other programs used the processors, and may have delayed a point and the anchor by factors that \
+                 differ by up to {}%. The intervals of the changes include this difference. To compare exactly, \
+                 run both experiments while no other programs run.",
+                significant(100.0 * most, 2)
+            )
+        })
+    }
+
+    /// Returns a note on the points whose changes are relative to points that changed by similar factors, if there are
+    /// such points. If they are not all points, the note names them.
+    fn without_baseline(&self) -> Option<String> {
+        let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
+        let names: Vec<String> =
+            self.pairs.iter().filter(is_in_common).map(|pair| pair.point(self.several_devices)).collect();
+        let all = self.pairs.iter().filter(|pair| pair.change.is_some()).count();
+        let (which, changes) = match names.len() {
+            0 => return None,
+            count if count == all => ("the points".to_owned(), "Changes"),
+            count if count > 4 => {
+                (format!("{count} of the points ({}, ...)", names[..4].join("; ")), "Their changes")
+            }
+            _ => (format!("these points: {}", names.join("; ")), "Their changes"),
+        };
+        Some(format!(
+            "No baseline was measured in both folders, with the same program and the same settings, in the same rounds \
+             as {which}. {changes} are therefore relative to the points that changed by similar factors, so a change that \
+             all points share cannot be detected."
+        ))
+    }
+
     /// Computes every point's change and verdict, and adds notes on how the changes were computed.
     fn judge(&mut self, bare: bool) {
         let all: Vec<_> = self.pairs.iter().map(Pair::both).collect();
@@ -245,13 +284,8 @@ impl Comparison {
                     .to_owned(),
             );
         }
-        if self.has_change(Against::PointsInCommon) {
-            self.notes.push(
-                "No baseline was measured in both folders in the same rounds as the points. Changes are therefore relative to the \
-                 points that changed by similar factors, so a change that all points share cannot be detected."
-                    .to_owned(),
-            );
-        }
+        self.notes.extend(self.delays());
+        self.notes.extend(self.without_baseline());
         if self.has_change(Against::BareTimes) {
             self.notes.push(
                 "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
@@ -316,12 +350,24 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns a copy of the folder in which each record also has its times relative to the times of the records and
+/// Returns copies of the folders in which each record also has its times relative to the times of the records and
 /// anchors that were measured together with it. The intervals of the times stay those of all other views.
-fn beside_anchors(folder: &Folder) -> Folder {
-    let mut folder = folder.clone();
-    judge_beside_anchors(&mut folder.records, &folder.anchors);
-    folder
+///
+/// Without processor times, the preempted samples of an anchor are unknown, so all of its samples remain. If preempted
+/// samples were left out in one folder only, the anchor would seem to be slower in the other one. If an anchor has
+/// samples without processor times in either folder, all of its samples therefore remain in both.
+fn beside_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
+    let samples = folders.iter().flat_map(|folder| &folder.anchors);
+    let unknown = samples.filter(|sample| sample.processor_ms.is_none());
+    let unknown: HashSet<&str> = unknown.map(|sample| sample.anchor.as_str()).collect();
+    folders.map(|folder| {
+        let mut folder = folder.clone();
+        for sample in folder.anchors.iter_mut().filter(|sample| unknown.contains(sample.anchor.as_str())) {
+            sample.processor_ms = None;
+        }
+        judge_beside_anchors(&mut folder.records, &folder.anchors);
+        folder
+    })
 }
 
 fn devices(folder: &Folder) -> Vec<&str> {

@@ -8,6 +8,7 @@ use super::pair::{Against, Both, Pair, percent, strategy};
 use crate::measure::{Interval, Relative, quantile};
 use crate::record::{
     Record, anchored_mean, are_together, mean_relative_to, mean_relative_to_earlier, ratio_of_means,
+    unshared_delay,
 };
 
 /// The largest probability that a comparison of two runs of the same program reports a regression.
@@ -145,7 +146,13 @@ fn change_of_group<'a>(group: &[&'a Pair], all: &[Both<'a>]) -> Option<Relative>
     match against {
         Against::SameRounds => ratio_of_means(&after, &before).map(Relative::alone),
         Against::BareTimes => mean_relative_to_earlier(&after, &before),
-        Against::Anchor => Some(anchored_mean(&after)?.over(anchored_mean(&before)?)),
+        Against::Anchor => {
+            let change = anchored_mean(&after)?.over(anchored_mean(&before)?);
+            // A point's delay changes the logarithm of the mean by the point's share of it. Delays of both signs widen
+            // the interval, so they are not summed up first.
+            let delay_of = |(before, after): &Both<'_>| unshared_delay(before, after) / points.len() as f64;
+            Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
+        }
         Against::Baselines | Against::PointsInCommon => {
             let (references, _) = references(&points, all)?;
             let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();

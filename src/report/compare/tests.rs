@@ -300,6 +300,7 @@ fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
             round: n % 6,
             at_ms,
             ms,
+            ..AnchorSample::default()
         });
     }
     Folder { label: label.into(), records: judged(records), anchors, ..Folder::default() }
@@ -378,6 +379,53 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
         let comparison = of(before, after);
         assert_eq!([Verdict::Faster, Verdict::Slower].map(|verdict| comparison.count(verdict)), [0, 0]);
         assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
+    }
+}
+
+/// In the busy run, other programs delayed each sample of the anchor, but no sample of a point.
+#[test]
+fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
+    let run = |label: &str, delay: f64| {
+        let mut folder = anchored(label, 1.0, |_| 1.0);
+        folder.records.iter_mut().for_each(|record| record.utilization = Some(2.0));
+        for anchor in &mut folder.anchors {
+            anchor.processor_ms = Some(2.0 * anchor.ms);
+            anchor.ms *= delay;
+            anchor.host_ms = Some(anchor.ms);
+        }
+        folder
+    };
+    let (quiet, busy) = (run("quiet", 1.0), run("busy", 1.6));
+    for comparison in [of(&quiet, &busy), of(&busy, &quiet)] {
+        assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 4 unclear");
+        assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
+        let notes = &comparison.notes;
+        assert!(notes.iter().any(|note| note.contains("factors that differ by up to 60%")), "{notes:?}");
+    }
+    assert_eq!(of(&quiet, &quiet).summary(), "0 faster, 0 slower, 4 same, 0 unclear");
+    assert!(!of(&quiet, &quiet).notes.iter().any(|note| note.contains("factors that differ")));
+}
+
+/// In both runs, other programs delayed two of three samples of the anchor. An earlier version of raycl, which did not
+/// record processor times, measured one of the runs.
+#[test]
+fn preempted_samples_of_an_anchor_are_left_out_in_both_runs_or_in_none() {
+    let run = |label: &str, has_processor_times: bool| {
+        let mut folder = anchored(label, 1.0, |_| 1.0);
+        let delayed = |sample: &AnchorSample, delay: f64| AnchorSample {
+            ms: sample.ms * delay,
+            host_ms: has_processor_times.then_some(sample.ms * delay),
+            processor_ms: has_processor_times.then_some(2.0 * sample.ms),
+            ..sample.clone()
+        };
+        let thrice = |sample: &AnchorSample| [1.0, 1.5, 1.5].map(|delay| delayed(sample, delay));
+        folder.anchors = folder.anchors.iter().flat_map(thrice).collect();
+        folder
+    };
+    let (old, new) = (run("old", false), run("new", true));
+    for comparison in [of(&old, &new), of(&new, &old), of(&new, &new)] {
+        assert!(comparison.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
+        assert_eq!([Verdict::Faster, Verdict::Slower].map(|verdict| comparison.count(verdict)), [0, 0]);
     }
 }
 
@@ -607,6 +655,24 @@ fn notes_tell_what_changes_are_relative_to() {
     assert_eq!(told(&bare), [false, false, true]);
     let anchor = anchored("a", 1.0, |_| 1.0);
     assert_eq!(told(&of(&anchor, &anchor)), [true, false, false]);
+}
+
+/// Another seed, for example, is another setting. The key of the only baseline then differs between the runs.
+#[test]
+fn only_points_without_a_baseline_and_an_anchor_are_told_to_be_relative_to_others() {
+    let run = |key: &str| {
+        let mut folder = anchored("a", 1.0, |_| 1.0);
+        let Record { sample_launches, samples_at_ms, samples_ms, .. } = folder.records[0].clone();
+        let host = timed("host", "serial", 100.0);
+        let host = Record { key: key.into(), sample_launches, samples_at_ms, samples_ms, ..host };
+        folder.records = judged([folder.records, vec![host]].concat());
+        folder
+    };
+    let comparison = of(&run("seed 1"), &run("seed 2"));
+    let notes = comparison.notes;
+    let note = notes.iter().find(|note| note.starts_with("No baseline was measured")).unwrap();
+    let part = "in the same rounds as these points: teapot 800 x 500, serial (host). Their changes are";
+    assert!(note.contains(part), "{note}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fmt::{Display, Write};
 
 /// Escapes text for SVG, XML and HTML, in elements and in quoted attributes.
-pub fn escape(text: &str) -> String {
+fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
         match character {

@@ -75,7 +75,7 @@ impl Reproduction {
             .zip(&names)
             .map(|(place, name)| device(place, name, &runs, &paper, &mut pictures))
             .collect();
-        let reports = folders.iter().filter(|folder| folder.path.join("report.html").is_file());
+        let reports = folders.iter().filter(|folder| folder.path.join(super::PAGE).is_file());
         Ok(Self {
             style: STYLE,
             script: SCRIPT,

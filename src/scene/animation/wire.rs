@@ -1,12 +1,13 @@
 //! The types that an `[animation]` is read into.
 
+use crate::scene::wire::Whole;
 use schemars::JsonSchema;
 use toml::{Spanned, Value};
 
 /// Largest number of frames.
-pub(super) const MAX_FRAMES: u32 = 100_000;
+const MAX_FRAMES: u32 = 100_000;
 /// Largest number of frames per second.
-pub(super) const MAX_RATE: u16 = 1000;
+const MAX_RATE: u32 = 1000;
 
 /// Values of the scene that change from frame to frame. A single picture of the scene shows the animation's first
 /// frame.
@@ -15,10 +16,10 @@ pub(super) const MAX_RATE: u16 = 1000;
 pub(in crate::scene) struct AnimationWire {
     /// The number of frames, which are counted from 1.
     #[schemars(with = "u32", range(min = 1, max = MAX_FRAMES))]
-    pub frames: Spanned<u32>,
+    pub frames: Whole<1, MAX_FRAMES>,
     /// Frames per second of an .apng, or of a y4m stream (uncompressed video) [default: 30].
     #[schemars(with = "Option<u16>", range(min = 1, max = MAX_RATE))]
-    pub frames_per_second: Option<Spanned<u16>>,
+    pub frames_per_second: Option<Whole<1, MAX_RATE>>,
     /// The values that change.
     #[serde(default)]
     #[schemars(with = "Vec<TrackWire>")]

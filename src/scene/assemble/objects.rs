@@ -1,18 +1,19 @@
 //! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then transforms it and sets
 //! its materials.
 
-use crate::error::{Error, Result, nearest, nearest_file};
+use crate::error::{Error, Result, nearest_file, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::Document;
 use crate::scene::files::{self, MeshFile};
+use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
-use crate::scene::wire::{MaterialWire, ObjectWire};
-use crate::scene::{Material, Mesh, PAPER_GLOSSY, PAPER_SHININESS, Triangle, obj};
+use crate::scene::wire::{MaterialWire, ObjectWire, Whole};
+use crate::scene::{Material, Mesh, Triangle, obj};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
@@ -89,12 +90,7 @@ fn read_file(
 ) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
     if !document.bare && !path.is_file() {
-        let message = format!("no mesh file `{}`", path.display());
-        let meant = nearest_file(&path).map(|meant| format!("did you mean `{}`? ", meant.display()));
-        return Err(document.error(file.span(), message, "not found").with_help(format!(
-            "{}the path is relative to the scene file's folder",
-            meant.unwrap_or_default()
-        )));
+        return Err(no_mesh(document, file, &path));
     }
     let opened = document
         .open(&path)
@@ -123,6 +119,22 @@ fn read_file(
         }
     }
     Ok(read)
+}
+
+/// Returns the error for a mesh that is missing or not an ordinary file.
+fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
+    let name = path.display();
+    let (message, label) = match (path.is_dir(), path.exists()) {
+        (true, _) => (format!("`{name}` is a folder; expected a mesh file"), "a folder"),
+        (_, true) => {
+            (format!("`{name}` is a pipe or a device; expected a mesh file"), "not an ordinary file")
+        }
+        (_, false) => (format!("no mesh file `{name}`"), "not found"),
+    };
+    let meant = nearest_file(path).filter(|_| !path.exists());
+    let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
+    let help = format!("{meant}the path is relative to the scene file's folder");
+    document.error(file.span(), message, label).with_help(help)
 }
 
 /// Refuses a file that is not a mesh. The message begins with the place that names this file: the scene file and the
@@ -167,19 +179,25 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
 /// Returns the shape that has this name, with the object's parameters.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
-        let meant = nearest(name.get_ref(), Shape::NAMES);
-        let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
+        let suggestion = or_meant(name.get_ref(), Shape::NAMES);
         let message = format!("unknown shape `{}`{suggestion}", name.get_ref());
         return Err(document
             .error(name.span(), message, "not a shape")
             .with_help(format!("the shapes are {}", Shape::NAMES.join(", "))));
     };
-    let parameters = [("triangles", &wire.triangles), ("fineness", &wire.fineness), ("seed", &wire.seed)];
-    for (key, value) in parameters {
-        let Some(value) = value else { continue };
-        shape.set(key, *value.get_ref()).map_err(|message| document.error(value.span(), message, "here"))?;
+    let [triangles, fineness, seed] = [whole(&wire.triangles), whole(&wire.fineness), whole(&wire.seed)];
+    for (key, value) in [("triangles", triangles), ("fineness", fineness), ("seed", seed)] {
+        let Some((value, span)) = value else { continue };
+        shape.set(key, value).map_err(|message| document.error(span, message, "here"))?;
     }
     Ok(shape)
+}
+
+/// Returns a number with its place in the document.
+fn whole<const LEAST: u32, const MOST: u32>(
+    number: &Option<Spanned<Whole<LEAST, MOST>>>,
+) -> Option<(u32, Range<usize>)> {
+    number.as_ref().map(|number| (number.get_ref().0, number.span()))
 }
 
 /// Refuses shapes that have more than `most` triangles together. Before the shapes are made, only their target numbers

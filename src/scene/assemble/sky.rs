@@ -7,16 +7,19 @@ use crate::scene::kept::Kept;
 use crate::scene::sky::FileTexels;
 use crate::scene::wire::SkyWire;
 use crate::scene::{Sky, SkyPicture};
+use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Returns the sky of a scene file. `is_seen` says whether rays that hit nothing see the sky's picture.
+/// Returns the sky of a scene file. `is_seen` says whether rays that hit nothing see the sky's picture. Adds a note if
+/// the picture has values that are negative or not a number.
 pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,
     (up, is_seen): (DVec3, bool),
     kept: &mut Kept,
+    notes: &mut Vec<String>,
 ) -> Result<Sky> {
     let wire = sky.get_ref();
     let refused = |message: &str, label: &str| Err(document.error(sky.span(), message, label));
@@ -25,7 +28,11 @@ pub(super) fn build(
             return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
         }
         (Some(file), _) => {
-            let (size, texels) = texels(document, wire, file, kept)?;
+            let FileTexels { size, texels, invalid } = texels(document, wire, file, kept)?;
+            notes.extend((invalid > 0).then(|| {
+                let (file, texels) = (file.get_ref(), counted(invalid, "texel"));
+                format!("the sky's picture `{file}` has negative values or NaN in {texels}; they count as 0")
+            }));
             let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
             Some(Arc::new(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen }))
         }

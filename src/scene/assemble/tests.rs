@@ -36,6 +36,61 @@ fn only_added_lights_turn_with_the_camera() {
 }
 
 #[test]
+fn a_scene_that_turns_faces_outwards_unless_the_eye_is_inside() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let turns = Shot { turns: true, ..Shot::SQUARE };
+    for (eye, sign) in [("[0, 0, 3]", 1.0), ("[0, 0, 0.1]", -1.0)] {
+        let camera = format!("two_sided = true\ncamera = {{ position = {eye}, look_at = [0, 0, 0] }}\n");
+        std::fs::write(&path, camera + "[[object]]\nshape = \"sphere\"\ntriangles = 500\n").unwrap();
+        let loaded = load_scene_for(&path, &[], turns).unwrap();
+        let mesh = &loaded.scene.mesh;
+        let outwards = |triangle| {
+            let normals = mesh.corner_normals(triangle);
+            mesh.corners(triangle).iter().zip(normals).all(|(place, normal)| sign * place.dot(normal) > 0.0)
+        };
+        assert!(mesh.triangles.iter().all(outwards), "{eye}");
+        assert!(!loaded.notes.iter().any(|note| note.contains("faces away")), "{:?}", loaded.notes);
+    }
+}
+
+#[test]
+fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    // The triangle hides the sphere and faces it. It is much smaller than the sphere, which faces outwards.
+    let text = "two_sided = true\ncamera = { position = [0, 0, 3], look_at = [0, 0, 0] }\n\
+        [[object]]\nshape = \"sphere\"\ntriangles = 500\n\
+        [[object]]\nvertices = [[-0.3, -0.3, 2.9], [0, 0.6, 2.9], [0.3, -0.3, 2.9]]\nfaces = [[0, 1, 2]]\n";
+    std::fs::write(&path, text).unwrap();
+    let notes = |turns| load_scene_for(&path, &[], Shot { turns, ..Shot::SQUARE }).unwrap().notes;
+    let says = |turns| notes(turns).iter().any(|note| note.ends_with("all of its normals reversed or none"));
+    assert!(says(true) && !says(false), "{:?}", notes(true));
+}
+
+#[test]
+fn an_open_surface_that_turns_is_lit_at_first_whatever_the_order_of_its_corners() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let turns = Shot { turns: true, ..Shot::SQUARE };
+    // The first surface is upright, the second one is level.
+    for (eye, third) in [("[0.3, 0.3, 3]", "[0, 1, 0]"), ("[0.3, 3, 0.4]", "[0, 0, 1]")] {
+        for face in ["[0, 1, 2]", "[0, 2, 1]"] {
+            let camera =
+                format!("two_sided = true\ncamera = {{ position = {eye}, look_at = [0.3, 0.2, 0.2] }}\n");
+            let object =
+                format!("[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], {third}]\nfaces = [{face}]\n");
+            std::fs::write(&path, camera + &object).unwrap();
+            let loaded = load_scene_for(&path, &[], turns).unwrap();
+            let mesh = &loaded.scene.mesh;
+            let normal = mesh.corner_normals(&mesh.triangles[0])[0];
+            assert!(normal.dot(loaded.scene.camera.position) > 0.0, "{eye}, {face}: {normal}");
+            assert!(!loaded.notes.iter().any(|note| note.contains("faces away")), "{:?}", loaded.notes);
+        }
+    }
+}
+
+#[test]
 fn a_sky_replaces_the_lights_of_a_bare_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
@@ -62,7 +117,7 @@ fn the_camera_of_a_file_counts_unless_an_upward_direction_is_given() {
 fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let [path, scene] = ["a.gltf", "a.toml"].map(|name| folder.path().join(name));
-    let two = SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#);
+    let two = SEEN.replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"camera": 0}"#);
     std::fs::write(&path, two.replace("[0, 1]", "[0, 1, 2]")).unwrap();
     let text = "[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\nmesh = \"a.gltf\"\n";
     std::fs::write(&scene, text).unwrap();
@@ -475,7 +530,17 @@ fn a_scenes_mesh_that_is_missing_or_none_is_told_with_its_line() {
     assert_eq!(error("teapot.obj").to_string(), foreign);
     let missing = error("taepot.obj");
     assert_eq!(missing.to_string(), format!("no mesh file `{}`", folder.path().join("taepot.obj").display()));
-    assert!(missing.remedy().starts_with(&format!("did you mean `{}`? the path is", mesh.display())));
+    let meant = format!("did you mean `{}`? the path is", mesh.display());
+    assert!(missing.remedy().starts_with(&meant));
+    assert!(error("TEAPOT.OBJ").remedy().starts_with(&meant), "the case differs");
+    std::fs::create_dir(folder.path().join("m")).unwrap();
+    for (mesh, told) in [("m", "m` is a folder; expected a mesh file"), ("-", "no mesh file `")] {
+        let error = error(mesh);
+        assert!(error.to_string().contains(told), "{error}");
+        assert!(error.remedy().starts_with("the path is relative"), "{}", error.remedy());
+    }
+    #[cfg(unix)]
+    assert!(error("/dev/zero").to_string().starts_with("`/dev/zero` is a pipe or a device; expected a mesh"));
 }
 
 #[test]
@@ -494,8 +559,9 @@ fn a_scene_that_is_seen_from_behind_is_noted() {
 fn a_note_without_text_of_the_file_is_shown_for_a_mesh_of_another_folder() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.gltf");
-    let two =
-        SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#).replace("[0, 1]", "[0, 1, 2]");
+    let two = SEEN
+        .replace(r#"{"camera": 0, "#, r#"{"camera": 0, "translation": [0, 0, 9]}, {"camera": 0, "#)
+        .replace("[0, 1]", "[0, 1, 2]");
     std::fs::write(&path, two).unwrap();
     let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[], None).unwrap().notes;
     assert_eq!(notes(folder.path()).len(), 1);

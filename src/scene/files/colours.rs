@@ -2,6 +2,7 @@
 
 use crate::scene::Mesh;
 use crate::scene::material::Material;
+use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::HashMap;
 
@@ -50,12 +51,21 @@ fn painted(mesh: &Mesh, colours: &[Vec3]) -> (Vec<Material>, Vec<u32>) {
     (materials, numbers)
 }
 
+/// Returns whether a linear colour has a channel outside 0 to 1, by more than rounding to a step changes it.
+pub(super) fn is_outside(colour: &Vec3) -> bool {
+    let most = 0.5 / STEPS;
+    !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
+}
+
+/// Returns a note on vertices whose colours have channels outside 0 to 1; `None` if there are none.
+pub(super) fn note_outside(count: usize) -> Option<String> {
+    let vertices = || counted_are(count, "vertex with a colour outside 0 to 1");
+    (count > 0).then(|| format!("{} shown with channels limited to this range", vertices()))
+}
+
 /// Returns a note about vertex colours for the user.
 pub(in crate::scene) fn note(count: usize) -> String {
-    format!(
-        "colours of {}: each triangle has one colour, the mean of its corners",
-        crate::words::counted(count, "vertex")
-    )
+    format!("colours of {}: each triangle has one colour, the mean of its corners", counted(count, "vertex"))
 }
 
 #[cfg(test)]
@@ -98,6 +108,25 @@ mod tests {
             let found = found.map(|channel| (displayed(channel) * 255.0).round() as u32);
             assert_eq!(found, channels(number), "{number}");
         }
+    }
+
+    #[test]
+    fn a_colour_is_outside_if_a_channel_differs_by_more_than_half_a_step() {
+        for (channel, expected) in [
+            (0.0, false),
+            (1.0, false),
+            (1.001, false),
+            (-0.001, false),
+            (1.003, true),
+            (-0.003, true),
+            (255.0, true),
+            (f32::INFINITY, true),
+            (f32::NAN, true),
+        ] {
+            assert_eq!(is_outside(&Vec3::new(0.5, channel, 0.5)), expected, "{channel}");
+        }
+        let note = "2 vertices with a colour outside 0 to 1 are shown with channels limited to this range";
+        assert_eq!([note_outside(0), note_outside(2)], [None, Some(note.to_owned())]);
     }
 
     #[test]

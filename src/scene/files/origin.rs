@@ -3,8 +3,9 @@
 //! single precision.
 
 use super::flaw::Flaw;
+use crate::scene::Camera;
 use crate::scene::mesh::Triangle;
-use crate::scene::{Camera, MAX_COORDINATE};
+use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
 /// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. The distance

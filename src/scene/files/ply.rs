@@ -3,6 +3,7 @@
 
 mod ascii;
 mod header;
+mod needed;
 
 use super::MeshFile;
 use super::colours;
@@ -38,21 +39,29 @@ const MAX_COLOURS: u64 = 1 << 24;
 const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
+/// The elements that are left out: a file should have one type of elements of each name.
+const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristrips`";
+
 /// Reads a file.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
-    let Tidied { header: text, payload, strange } = header::tidied(bytes);
-    let header = Parser::<Skipped>::new()
+    let Tidied { header: text, payload, strange, elements: names } = header::tidied(bytes);
+    let mut header = Parser::<Skipped>::new()
         .read_header(&mut Reader::new(text.as_bytes()))
         .map_err(|error| named.error(misread(&error, error.line())))?;
-    check_sizes(&header, payload.len()).map_err(|flaw| named.error(flaw))?;
+    // Messages show the name that an element has in the file.
+    for (name, element) in &mut header.elements {
+        names.get(name).into_iter().for_each(|original| element.name.clone_from(original));
+    }
+    let checked = check_sizes(&header, payload.len()).and_then(|()| needed::check(&header));
+    checked.map_err(|flaw| named.error(flaw))?;
     hold(named.name, &header)?;
     let mut elements = match header.encoding {
         Encoding::Ascii => Elements::Ascii(ascii::Lines::of(payload, 1 + text.lines().count())),
         _ => Elements::Binary(Reader::new(payload)),
     };
     let mut parts = Parts::default();
-    for element in header.elements.values() {
-        parts.read(element, &header, &mut elements).map_err(|flaw| named.error(flaw))?;
+    for (name, element) in &header.elements {
+        parts.read(name, element, &header, &mut elements).map_err(|flaw| named.error(flaw))?;
     }
     let mut file = parts.mesh(named.quotes, &header).map_err(|flaw| named.error(flaw))?;
     if strange > 0 {
@@ -61,6 +70,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             counted(strange, "line")
         ));
     }
+    file.notes.extend(elements.note_rest());
     Ok(file)
 }
 
@@ -115,10 +125,10 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     }
 }
 
-/// Returns whether vertices have all properties of these names.
+/// Returns whether vertices have numbers of all these names.
 fn has(header: &Header, names: [&str; 3]) -> bool {
     let vertex = header.elements.get("vertex");
-    names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
+    names.iter().all(|name| vertex.is_some_and(|vertex| needed::has_number(vertex, name)))
 }
 
 /// Returns whether vertices have colours.
@@ -161,6 +171,18 @@ impl Elements<'_> {
                 .map_err(|error| misread(&error, None)),
         }
     }
+
+    /// Returns a note on what follows the last element. Blanks and line ends alone need no note.
+    fn note_rest(self) -> Option<String> {
+        let (count, what) = match self {
+            Self::Ascii(lines) => (lines.rest(), "line after the last element"),
+            Self::Binary(reader) => {
+                let rest = reader.into_inner();
+                (if rest.trim_ascii().is_empty() { 0 } else { rest.len() }, "byte after the last element")
+            }
+        };
+        (count > 0).then(|| format!("{} ignored", counted_are(count, what)))
+    }
 }
 
 /// The vertices, faces and strips of a file, and the names and counts of its other elements.
@@ -174,18 +196,21 @@ struct Parts {
 }
 
 impl Parts {
+    /// Reads all elements of the next type. `name` is unique in the header; of several types that have the same name in
+    /// the file, only the first keeps it.
     fn read(
         &mut self,
+        name: &str,
         element: &ElementDef,
         header: &Header,
         elements: &mut Elements<'_>,
     ) -> std::result::Result<(), Flaw> {
-        match element.name.as_str() {
+        match name {
             "vertex" => self.vertices = elements.next(element, header)?,
             "face" => self.faces = elements.next(element, header)?,
             "tristrips" => self.strips = elements.next(element, header)?,
-            other => {
-                self.others.push((other.to_owned(), element.count));
+            _ => {
+                self.others.push((element.name.clone(), element.count));
                 elements.next::<Skipped>(element, header)?;
             }
         }
@@ -233,6 +258,8 @@ impl Parts {
             let linear: Vec<Vec3> = self.vertices.iter().map(Vertex::linear).collect();
             colours::paint(&mut mesh, &linear);
             notes.push(colours::note(linear.len()));
+            let outside = linear.iter().filter(|colour| colours::is_outside(colour)).count();
+            notes.extend(colours::note_outside(outside));
         }
         let clear = self.vertices.iter().filter(|vertex| vertex.alpha < 1.0).count();
         if clear > 0 {
@@ -244,7 +271,7 @@ impl Parts {
 
     /// Returns notes on ignored parts of the file, with text of the file only if `quotes` is true.
     fn notes(&self, quotes: bool, header: &Header, short: usize) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes = needed::notes(header);
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
             let comments = counted_are(textures, "TextureFile comment");
@@ -261,11 +288,11 @@ impl Parts {
             .others
             .iter()
             .filter(|(_, count)| *count > 0)
-            .map(|(name, count)| format!("{name} {count}"))
+            .map(|(name, count)| format!("{} {count}", quoted(name.as_bytes())))
             .collect();
         if !others.is_empty() {
             let names = if quotes { format!(" ({})", others.join(", ")) } else { String::new() };
-            notes.push(format!("elements other than vertices and faces are left out{names}"));
+            notes.push(format!("{OTHERS} are left out{names}"));
         }
         notes
     }
@@ -392,13 +419,18 @@ fn corner(number: i64, count: usize) -> std::result::Result<u32, String> {
     }
 }
 
+/// Returns whether a face's property of this name has the face's corners.
+fn is_corners(name: &str) -> bool {
+    matches!(name, "vertex_indices" | "vertex_index")
+}
+
 impl PropertyAccess for Face {
     fn new() -> Self {
         Self(None)
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if matches!(name, "vertex_indices" | "vertex_index") {
+        if is_corners(name) {
             self.0 = Some(property);
             return PropertyAccessResult::Set;
         }

@@ -10,7 +10,7 @@ use crate::memory::Available;
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::{decimal, quoted, split_lines};
+use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -44,7 +44,10 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
         }
         // In a text file, a triangle usually takes 100 bytes or more. The memory that is reserved for a mesh of any
         // format grows with the file's size, and is then enough.
-        false => (ascii(bytes).map_err(failed)?, Vec::new()),
+        false => {
+            let (corners, unknown) = ascii(bytes).map_err(failed)?;
+            (corners, unknown.notes("statement", named.quotes).collect())
+        }
     };
     let (positions, triangles) = joined(&corners);
     let (positions, placement) = settle(&positions, &triangles).map_err(failed)?;
@@ -123,17 +126,20 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
-/// The words that begin or end a part of a text file.
-const WORDS: [&[u8]; 7] = [b"solid", b"endsolid", b"facet", b"endfacet", b"outer", b"endloop", b"vertex"];
+/// The words that STL defines for a text file.
+const WORDS: [&str; 9] =
+    ["solid", "endsolid", "facet", "normal", "endfacet", "outer", "loop", "endloop", "vertex"];
 
 /// A word of a text file, after the number of its line.
 type Word<'a> = (usize, &'a [u8]);
 
-/// Returns three corners per triangle of a text file. Only `vertex x y z` is used, three times before each
-/// `endfacet`. A line end only ends the name of a solid, since some programs write several statements into a line.
-fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, Flaw> {
-    let mut corners = Vec::new();
-    let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of);
+/// Returns three corners per triangle of a text file, and the words that STL does not define, such as `color`. Only
+/// `vertex x y z` is used, three times before each `endfacet`. A line end only ends the name of a solid, since some
+/// programs write several statements into a line.
+fn ascii(bytes: &[u8]) -> std::result::Result<(Vec<DVec3>, Asked), Flaw> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let (mut corners, mut unknown) = (Vec::new(), Asked::default());
+    let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of).peekable();
     while let Some((line, word)) = words.next() {
         if is(word, "vertex") {
             corners.push(vertex(line, &mut words)?);
@@ -141,10 +147,17 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, Flaw> {
             return Err(Flaw::from("a facet without exactly three vertices").at(line));
         } else if is(word, "solid") || is(word, "endsolid") {
             skip_name(line, &mut words);
+        } else if is(word, "normal") {
+            // Programs write words such as `-nan(ind)` for numbers of a normal.
+            for _ in 0..3 {
+                words.next_if(|(_, word)| !is_known(word));
+            }
+        } else if !is_known(word) && decimal(word).is_none() {
+            unknown.add(Wish::Unknown, word);
         }
     }
     if corners.len().is_multiple_of(3) {
-        return Ok(corners);
+        return Ok((corners, unknown));
     }
     let last = split_lines(bytes).count();
     Err(Flaw::from("the last facet ends before its third vertex").at(last))
@@ -157,6 +170,10 @@ fn words_of((number, line): (usize, &[u8])) -> impl Iterator<Item = Word<'_>> + 
 
 fn is(word: &[u8], expected: &str) -> bool {
     word.eq_ignore_ascii_case(expected.as_bytes())
+}
+
+fn is_known(word: &[u8]) -> bool {
+    WORDS.iter().any(|known| is(word, known))
 }
 
 /// Skips the name of a solid, which may be any text. The name ends before the first facet in its line, or else with the
@@ -174,8 +191,7 @@ fn skip_name<'a>(line: usize, words: &mut (impl Iterator<Item = Word<'a>> + Clon
 
 fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::result::Result<DVec3, Flaw> {
     let mut number = || {
-        let next =
-            words.next().filter(|(_, word)| !WORDS.iter().any(|known| word.eq_ignore_ascii_case(known)));
+        let next = words.next().filter(|(_, word)| !is_known(word));
         let short = || Flaw::from("a vertex with fewer than three numbers").at(line);
         let (line, word) = next.ok_or_else(short)?;
         decimal(word).ok_or_else(|| {
@@ -342,6 +358,30 @@ mod tests {
             let text = TWO.replace("solid a", &format!("solid {name}"));
             assert_eq!(parse("a.stl", text.as_bytes()).unwrap().mesh, mesh, "{name}");
         }
+    }
+
+    #[test]
+    fn words_that_stl_does_not_define_are_noted() {
+        let notes =
+            |from: &str, to: &str| parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).unwrap().notes;
+        for (from, to) in [
+            ("solid a", "solid color 1 0 0"),
+            ("endsolid a", "endsolid color"),
+            ("normal 0 0 1", "normal -nan(ind) 1.#QNAN x"),
+            ("normal 0 0 1", "normal 0 0"),
+            ("normal 0 0 1", ""),
+            ("solid a", "\u{feff}solid a"),
+        ] {
+            assert_eq!(notes(from, to), [""; 0], "{to}");
+        }
+        let colour = "unknown keywords of 1 statement are ignored (`color`)";
+        assert_eq!(notes("solid a\n", "solid a\ncolor 1 0 0\n"), [colour]);
+        assert_eq!(notes("vertex 0 0 0\n", "vertex 0 0 0 color 1 0 0\n"), [colour]);
+        let withheld = super::parse(
+            Named { name: "a.stl", quotes: false },
+            TWO.replacen("solid a\n", "solid a\nsecret\n", 1).as_bytes(),
+        );
+        assert_eq!(withheld.unwrap().notes, ["unknown keywords of 1 statement are ignored"]);
     }
 
     #[test]

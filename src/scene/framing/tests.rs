@@ -204,12 +204,117 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
 
+/// Returns a box of this size, one of whose corners is at `corner`. Its sides are, in this order: left, right, bottom,
+/// top, back, front. A side faces outwards for 1 and inwards for -1; it is missing for 0.
+fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
+    // The bits of a corner's number are its place along x, y and z.
+    let places = (0..8_u32).map(|corner| Vec3::from_array([0, 1, 2].map(|axis| (corner >> axis & 1) as f32)));
+    let outwards = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6_u32]];
+    let positions = places.map(|place| corner + place * size).collect();
+    let mut mesh = Mesh { positions, ..Mesh::default() };
+    for ([a, b, c, d], side) in outwards.into_iter().zip(sides).filter(|(_, side)| *side != 0) {
+        for [first, second] in [[b, c], [c, d]] {
+            let positions = if side > 0 { [a, first, second] } else { [a, second, first] };
+            mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
+        }
+    }
+    mesh
+}
+
+fn opening_of_box(size: Vec3, sides: [i32; 6]) -> Option<DVec3> {
+    Ball::around(&sides_of_box(Vec3::ZERO, size, sides), DVec3::Y).opening
+}
+
+#[test]
+fn a_room_is_seen_through_its_open_side_whatever_the_order_of_its_corners() {
+    let size = Vec3::new(3.0, 2.0, 4.0);
+    for sides in [[-1, -1, -1, -1, -1, 0], [1, -1, 1, 1, 1, 0], [1, -1, -1, -1, -1, 0]] {
+        assert_eq!(opening_of_box(size, sides), Some(DVec3::Z), "{sides:?}");
+    }
+    assert_eq!(opening_of_box(size, [0, 1, 1, 1, -1, -1]), Some(DVec3::NEG_X));
+    assert_eq!(opening_of_box(size, [-1, 0, 1, 0, 1, 1]), Some(DVec3::X), "without a ceiling");
+    // No side is open, or both ends are.
+    assert_eq!(opening_of_box(size, [1, -1, 1, 1, 1, 1]), None);
+    assert_eq!(opening_of_box(size, [1, -1, 1, 1, 0, 0]), None);
+    // A wall is no room, not even with a ground: its front is seen.
+    assert_eq!(opening_of_box(size, [0, 0, 0, 0, 1, 0]), Some(DVec3::NEG_Z));
+    assert_eq!(opening_of_box(size, [0, 0, 1, 0, 1, 0]), Some(DVec3::NEG_Z));
+}
+
+/// By their walls alone, a shell and a room whose faces list their corners the other way cannot be told apart.
+#[test]
+fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
+    let opening = |inside: &[(Vec3, Vec3, [i32; 6])]| {
+        let mut mesh = sides_of_box(Vec3::ZERO, Vec3::new(3.0, 2.0, 4.0), [1, 1, 1, 1, 1, 0]);
+        inside.iter().for_each(|(corner, size, sides)| mesh.append(sides_of_box(*corner, *size, *sides)));
+        Ball::around(&mesh, DVec3::Y).opening
+    };
+    assert_eq!(opening(&[]), Some(DVec3::NEG_Z));
+    let on_floor = Vec3::new(1.0, 0.0, 1.5);
+    let cube = Vec3::splat(0.8);
+    for sides in [[1; 6], [-1; 6], [1, 1, 0, 1, 1, 1]] {
+        assert_eq!(opening(&[(on_floor, cube, sides)]), Some(DVec3::Z), "{sides:?}");
+    }
+    // A small body, and a recessed part of the shell, leave it a shell.
+    assert_eq!(opening(&[(on_floor, cube * 0.5, [1; 6])]), Some(DVec3::NEG_Z));
+    let recess = (Vec3::new(0.5, 0.5, 1.0), Vec3::new(2.0, 1.2, 0.5), [0, 0, 0, 0, 1, 0]);
+    assert_eq!(opening(&[recess]), Some(DVec3::NEG_Z));
+}
+
+/// At each side of a rough surface's bounding box, the surface is as large as a wall.
+#[test]
+fn a_rough_surface_is_no_room() {
+    let count = 48_u32;
+    let mut state = 1_u32;
+    let mut height = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        3.0 * (state >> 16) as f32 / 65_536.0
+    };
+    let places = (0..=count).flat_map(|y| (0..=count).map(move |x| (x as f32, y as f32)));
+    let positions = places.map(|(x, y)| Vec3::new(x, y, height())).collect();
+    let squares = (0..count).flat_map(|y| (0..count).map(move |x| y * (count + 1) + x));
+    let faces = squares.flat_map(|a| {
+        let above = a + count + 1;
+        [[a, above, above + 1], [a, above + 1, a + 1]]
+    });
+    let triangles = faces.map(|positions| Triangle { positions, normals: [0; 3], material: 0 }).collect();
+    let mesh = Mesh { positions, triangles, ..Mesh::default() };
+    let opening = Ball::around(&mesh, DVec3::Y).opening.unwrap_or(DVec3::NAN);
+    assert!(opening.z < -0.99, "{opening}");
+}
+
+/// The scan of a face has no back, like a room without its front wall, but its outside is to be seen.
+#[test]
+fn a_vaulted_surface_is_seen_from_its_front() {
+    let half = |is_reversed: bool| {
+        let mut mesh = generate(&Shape::Sphere { triangles: 1600 });
+        let ahead = |triangle: &Triangle| mesh.corners(triangle).iter().all(|corner| corner.z > -1e-6);
+        let mut triangles: Vec<_> = mesh.triangles.iter().copied().filter(ahead).collect();
+        if is_reversed {
+            triangles.iter_mut().for_each(|triangle| triangle.positions.reverse());
+        }
+        mesh.triangles = triangles;
+        Ball::around(&mesh, DVec3::Y).opening.unwrap_or(DVec3::NAN)
+    };
+    assert!(half(false).z > 0.9, "{}", half(false));
+    assert!(half(true).z < -0.9, "{}", half(true));
+}
+
 #[test]
 fn a_ball_is_around_the_bounding_box() {
     let ball = Ball::around(&block(Vec3::new(2.0, 4.0, 4.0), Vec3::new(1.0, 2.0, 3.0)), DVec3::Y);
     // The radius is half of the diagonal of a box of 2 x 4 x 4; the diagonal is 6.
     assert_eq!(ball.place(), (DVec3::new(1.0, 2.0, 3.0), 3.0));
     assert!(!ball.is_open());
+}
+
+#[test]
+fn a_ball_is_closed_and_a_level_sheet_is_neither_closed_nor_a_room() {
+    let sphere = generate(&Shape::Sphere { triangles: 400 });
+    assert!(Ball::around(&sphere, DVec3::Y).is_closed());
+    let sheet = sides_of_box(Vec3::ZERO, Vec3::ONE, [0, 0, 0, 1, 0, 0]);
+    let ball = Ball::around(&sheet, DVec3::Y);
+    assert!(!ball.is_open() && !ball.is_closed());
 }
 
 #[test]

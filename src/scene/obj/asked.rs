@@ -18,6 +18,8 @@ pub(in crate::scene) enum Wish {
     TextureOption,
     Transparency,
     Blending,
+    UnknownAlpha,
+    Colour,
     Emission,
     Reflection,
     Refraction,
@@ -47,6 +49,10 @@ impl Wish {
             Self::Blending => {
                 ("blended transparency", "points that are at least half opaque are drawn, others are holes")
             }
+            Self::UnknownAlpha => {
+                ("an unknown kind of transparency", "the surface is opaque; expected OPAQUE, MASK or BLEND")
+            }
+            Self::Colour => ("a colour outside 0 to 1", "channels are limited to this range"),
             Self::Emission => ("emitted light", "only the scene's lights and its sky illuminate"),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),
@@ -71,10 +77,10 @@ impl Wish {
 }
 
 /// The number of uses of each kind of feature, with the keywords.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::scene) struct Asked(BTreeMap<Wish, Count>);
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Count {
     total: usize,
     names: BTreeMap<String, usize>,
@@ -99,21 +105,35 @@ impl Count {
     }
 }
 
+/// Returns a keyword as messages show it.
+fn told_name(wish: Wish, keyword: &[u8]) -> String {
+    match wish {
+        Wish::Unknown => quoted(keyword),
+        _ => words(keyword),
+    }
+}
+
 impl Asked {
     /// Counts one use of an unsupported feature.
     pub fn add(&mut self, wish: Wish, keyword: &[u8]) {
-        let name = match wish {
-            Wish::Unknown => quoted(keyword),
-            _ => words(keyword),
-        };
         let count = self.0.entry(wish).or_default();
         count.total += 1;
-        count.add(&name, 1);
+        count.add(&told_name(wish, keyword), 1);
     }
 
     /// Returns whether nothing was counted.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// Returns whether a keyword was counted; if there are many keywords of its kind, perhaps only the first are known.
+    pub fn has(&self, wish: Wish, keyword: &[u8]) -> bool {
+        self.0.get(&wish).is_some_and(|count| count.names.contains_key(&told_name(wish, keyword)))
+    }
+
+    /// Returns the keywords of one kind of feature for a message; `None` if there are none.
+    pub fn keywords(&self, wish: Wish) -> Option<String> {
+        self.0.get(&wish).map(Count::told)
     }
 
     /// Adds the counts of another piece of the file.

@@ -82,7 +82,8 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
             (b"vn", _) => seen.normals += 1,
             (b"vt", _) => seen.coordinates += 1,
             (b"usemtl", rest) => material = faces.material(context, &words(rest)),
-            (b"f", rest) => {
+            // Older versions of OBJ write `fo` for `f`.
+            (b"f" | b"fo", rest) => {
                 let read = read_corners(context, &seen, rest, &mut corners);
                 faces.look_at(offset, &mut corners);
                 read.and_then(|()| faces.push(context, &corners, material))
@@ -317,7 +318,8 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
     let materials = counted_are(names.len(), "material named by `usemtl`");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{materials} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
+        "{materials} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used, unless the \
+         scene sets another `k_l`"
     ));
 }
 

@@ -2,9 +2,9 @@
 //!
 //! Geometry is read here and not by the crate `tobj`, because `tobj` 4.0.5 has several limits: it lets NaN, infinities
 //! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a triangle, and
-//! divides concave polygons into fans. It refuses a byte order mark, `\` continuations and Latin-1 text. It reports no
-//! line numbers, and uses one core. raycl uses the MTL reader of `tobj` ([`mtl`]), and tests compare raycl's meshes
-//! with those of the OBJ reader of `tobj`.
+//! divides concave polygons into fans. It ignores the first line of a file with a byte order mark, and refuses `\`
+//! continuations and Latin-1 text. It reports no line numbers, and uses one core. raycl uses the MTL reader of `tobj`
+//! ([`mtl`]), and tests compare raycl's meshes with those of the OBJ reader of `tobj`.
 //!
 //! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
 //! vertices and normals. The second pass reads faces, and can check every index. If a material has a
@@ -105,7 +105,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let faces: Vec<FaceChunk> = in_order(source, faces.collect())?;
     mesh.triangles = concatenate(&faces);
     if mesh.triangles.is_empty() {
-        return Err(source.error(without_triangles(text, total.positions)));
+        return Err(source.error(without_triangles(text, total.positions, &points)));
     }
     if reach.permitted.scaled && !reading.is_large && odd::use_large(&odd_vertices, &mesh, source) {
         return Ok(ControlFlow::Continue(Reading::LARGE));
@@ -141,13 +141,26 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
 }
 
 /// Returns the mistake of a file without triangles, with this number of vertices.
-fn without_triangles(text: &[u8], vertices: usize) -> Mistake {
-    let vertices = counted(vertices, "vertex");
+fn without_triangles(text: &[u8], vertices: usize, points: &[PointChunk]) -> Mistake {
+    let (vertices, unknown) = (counted(vertices, "vertex"), unknown_keywords(points));
     let what = match text.trim_ascii() {
         [] => "no triangles: the file is empty".to_owned(),
-        _ => format!("no triangles: {vertices} and no face (`f`) with at least three corners"),
+        _ => format!("no triangles: {vertices} and no face (`f`) with at least three corners{unknown}"),
     };
     Mistake::new(text.len(), what)
+}
+
+/// Returns the end of a message that names the file's unknown keywords. Keywords in upper case are unknown.
+fn unknown_keywords(points: &[PointChunk]) -> String {
+    let mut asked = Asked::default();
+    points.iter().for_each(|chunk| asked.extend(&chunk.asked));
+    let Some(names) = asked.keywords(Wish::Unknown) else { return String::new() };
+    let is_upper = |word: &&str| asked.has(Wish::Unknown, word.to_ascii_uppercase().as_bytes());
+    let meant: Vec<_> = ["v", "f"].into_iter().filter(is_upper).map(|word| format!("`{word}`")).collect();
+    match meant[..] {
+        [] => format!("; unknown keywords: {names}"),
+        _ => format!("; unknown keywords: {names}; did you mean {}?", meant.join(", ")),
+    }
 }
 
 /// Colours triangles by their vertices, if any vertex has a colour.

@@ -2,7 +2,7 @@
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Source, keyword, possible_names, possible_paths, quoted, tokens, words};
+use super::text::{Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, tokens, words};
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
@@ -30,7 +30,7 @@ pub(super) struct Materials {
 /// able to read arbitrary files.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Reach<'a> {
-    /// The mesh's folder; names are relative to it.
+    /// The mesh's folder; the names of files are relative to it.
     pub folder: &'a Path,
     /// Permissions to read other files, and to quote them.
     pub permitted: Permitted,
@@ -202,6 +202,7 @@ impl Materials {
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
         notes.extend(checked.ignored.notes(&source));
+        notes.extend(values::note_more(checked.more, &source));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
         for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
@@ -236,6 +237,8 @@ struct Checked {
     extras: Vec<Extras>,
     /// Lines with values that raycl cannot use.
     ignored: Ignored,
+    /// Lines with more values than raycl reads.
+    more: Seen,
 }
 
 /// The properties of a material that are not read by `tobj`.
@@ -251,17 +254,18 @@ struct Extras {
 }
 
 impl Extras {
-    fn read(&mut self, offset: usize, keyword: &[u8], rest: &[u8]) {
+    fn read(&mut self, offset: usize, keyword: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
         match keyword {
             b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
             _ if keyword.eq_ignore_ascii_case(b"map_Kd") => {
-                self.colour = Map::of_line("map_Kd", rest, &mut self.asked).map(|map| (offset, map));
+                self.colour = Some((offset, Map::of_line("map_Kd", rest)?));
             }
             _ if keyword.eq_ignore_ascii_case(b"map_d") => {
-                self.mask = Map::of_line("map_d", rest, &mut self.asked).map(|map| (offset, map));
+                self.mask = Some((offset, Map::of_line("map_d", rest)?));
             }
             _ => wishes::of_material(&mut self.asked, keyword, rest),
         }
+        Ok(())
     }
 }
 
@@ -280,7 +284,9 @@ impl Checked {
             }
             b"Ns" => self.plain += &format!("Ns {}\n", values::shininess(rest)?),
             _ => {
-                self.extras.iter_mut().last().into_iter().for_each(|last| last.read(offset, name, rest));
+                if let Some(last) = self.extras.last_mut() {
+                    last.read(offset, name, rest)?;
+                }
                 values::unused(name, rest)?;
             }
         }
@@ -295,8 +301,10 @@ fn check(text: &[u8]) -> Checked {
     for chunk in super::text::chunks(text) {
         for (offset, line) in chunk.lines() {
             let (name, rest) = keyword(line);
-            if let Err(unfit) = checked.read(offset, name, rest) {
-                checked.ignored.add(offset, unfit);
+            match checked.read(offset, name, rest) {
+                Err(unfit) => checked.ignored.add(offset, unfit),
+                Ok(()) if values::has_more(name, rest) => checked.more.at(offset),
+                Ok(()) => {}
             }
         }
     }

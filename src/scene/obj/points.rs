@@ -5,8 +5,8 @@ use super::asked::Asked;
 use super::odd::Odd;
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
-use crate::scene::MAX_COORDINATE;
 use crate::scene::files::{Placement, linear};
+use crate::scene::validate::MAX_COORDINATE;
 use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
@@ -175,7 +175,7 @@ pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
         match keyword(line) {
             (b"v", rest) => points.vertex(rest, offset, reading),
             (b"vn", rest) => points.normal(rest, offset),
-            (b"f" | b"vt" | b"", _) => {}
+            (b"f" | b"fo" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
             (b"usemtl", rest) => points.last_material = Some(words(rest)),
             (b"s", rest) => {

@@ -64,6 +64,17 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
             "test.obj:1: vertex index `9` in `9` does not exist; expected 1 to 3",
         ),
         (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1 (elements of this kind before this line: 3)"),
+        (
+            format!("{CORNERS}fo 1 2 4\n"),
+            "test.obj:4: vertex index `4` in `4` does not exist; expected 1 to 3",
+        ),
+        (format!("{CORNERS}foo 1 2 3\n"), "with at least three corners; unknown keywords: `foo`"),
+        (
+            "V 0 0 0\nV 1 0 0\nV 0 1 0\nF 1 2 3\n".to_owned(),
+            "no triangles: 0 vertices and no face (`f`) with at least three corners; unknown keywords: `F` 1, `V` 3; did \
+             you mean `v`, `f`?",
+        ),
+        (format!("{CORNERS}F 1 2 3\n"), "unknown keywords: `F`; did you mean `f`?"),
     ];
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text:?}: {}", message(&text));
@@ -90,6 +101,14 @@ fn odd_but_clear_files_are_read() {
         assert_eq!(file.mesh.triangles[0].positions, [0, 1, 2]);
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
     }
+}
+
+#[test]
+fn a_face_may_have_the_keyword_of_older_versions() {
+    let [older, usual] =
+        ["fo", "f"].map(|face| read(&format!("{CORNERS}v 1 1 0\n{face} 1 2 4 3\n")).unwrap());
+    assert_eq!((older.mesh.triangles.len(), older.notes.len()), (2, 0), "{:?}", older.notes);
+    assert_eq!(older.mesh, usual.mesh);
 }
 
 #[test]
@@ -216,7 +235,7 @@ fn what_a_material_asks_for_is_told_by_name_and_count() {
 
 #[test]
 fn what_a_material_has_and_needs_not_be_done_is_not_told() {
-    let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
+    let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
     // The features of an unused material add no note either.
@@ -246,7 +265,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         (
             "usemtl None",
-            "1 material named by `usemtl` is in no material file (material `None`): the default, k_L 0.8",
+            "is in no material file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
         ),
         (
             "usemtl b\nusemtl a\nusemtl",

@@ -105,7 +105,7 @@ fn expected(text: &[u8]) -> &'static str {
         b"v" => "`v x y z`: three finite numbers within +-1e12",
         b"vn" => "`vn x y z`: three finite numbers",
         b"vt" => "`vt u v`: two finite numbers",
-        b"f" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
+        b"f" | b"fo" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
         b"newmtl" => "`newmtl NAME`",
         _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
     }

@@ -3,6 +3,7 @@
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
 use super::text::{name_tokens, number, possible_names, possible_paths, quoted, words};
+use super::values::{Unfit, unfit_map};
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
@@ -26,9 +27,10 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures. The mask, too, is placed with the settings of the colour texture;
-    /// different settings of the mask are counted as unsupported.
+    /// Makes a material's textures, and counts their unsupported options. The mask, too, is placed with the settings of
+    /// the colour texture; different settings of the mask are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
+        [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
         if let [Some(colour), Some(mask)] = places
             && colour != mask
@@ -86,17 +88,19 @@ pub(super) struct Map {
     at: String,
     /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
-    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white, since black
-    /// would hide the texture.
+    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white: black would
+    /// hide the texture, and the grey that stands for a missing colour would darken it.
     alone: bool,
     scale: [f32; 2],
     offset: [f32; 2],
     wrap: Wrap,
+    /// The unsupported options of the line.
+    asked: Asked,
 }
 
 impl Map {
-    /// Parses a line without its keyword; `None` if it names no file. Unsupported options are counted.
-    pub fn of_line(keyword: &str, rest: &[u8], asked: &mut Asked) -> Option<Self> {
+    /// Parses a line without its keyword. Fails if it names no file.
+    pub fn of_line(keyword: &str, rest: &[u8]) -> Result<Self, Unfit> {
         let mut map = Self {
             named: String::new(),
             at: String::new(),
@@ -105,33 +109,69 @@ impl Map {
             scale: [1.0; 2],
             offset: [0.0; 2],
             wrap: Wrap::Repeat,
+            asked: Asked::default(),
         };
         let all: Vec<&[u8]> = name_tokens(rest).collect();
         let mut at = 0;
         while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
             at += 1;
-            let numbers: Vec<f32> = all[at..].iter().take(3).map_while(|token| number(token)).collect();
-            match *option {
-                b"-s" => map.scale = pair(&numbers, 1.0),
-                b"-o" => map.offset = pair(&numbers, 0.0),
-                b"-clamp" if all.get(at) == Some(&&b"on"[..]) => map.wrap = Wrap::Clamp,
-                b"-clamp" => {}
-                other => asked.add(Wish::TextureOption, &[keyword.as_bytes(), b" ", other].concat()),
-            }
-            at += match *option {
-                b"-s" | b"-o" | b"-t" => numbers.len(),
-                b"-mm" => 2,
-                b"-clamp" => 1,
-                other => usize::from(OF_ONE_WORD.contains(&other)),
-            };
+            at += map.option(keyword, option, &all[at..])?;
         }
+        let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
         // A file name may contain spaces.
-        let from = all.get(at)?.as_ptr() as usize - rest.as_ptr() as usize;
+        let from = all.get(at).ok_or_else(without)?.as_ptr() as usize - rest.as_ptr() as usize;
         map.named = words(&rest[from..]);
-        Some(map)
+        Ok(map)
     }
 
-    /// Sets the line's location, the folder of its file, and whether the line's material has no colour.
+    /// Reads an option, or counts it if raycl does not support it. Returns how many of the words after the option
+    /// belong to it.
+    fn option(&mut self, keyword: &str, option: &[u8], after: &[&[u8]]) -> Result<usize, Unfit> {
+        let count = after.iter().take(3).take_while(|word| is_number(word)).count();
+        let numbers = || -> Result<Vec<f32>, Unfit> {
+            // At least one number must follow.
+            let finite = |word: &&[u8]| {
+                let found = || format!("{} after {keyword} {}", quoted(word), words(option));
+                number(word).ok_or_else(|| unfit_map(keyword, found(), "one to three finite numbers"))
+            };
+            after.iter().take(count.max(1)).map(finite).collect()
+        };
+        let is = |expected: &[u8]| after.first().is_some_and(|word| word.eq_ignore_ascii_case(expected));
+        let mut unsupported = |value: &[u8]| {
+            let name = [keyword.as_bytes(), option, value].join(&b' ');
+            self.asked.add(Wish::TextureOption, name.trim_ascii_end());
+        };
+        Ok(match option {
+            b"-s" => {
+                self.scale = pair(&numbers()?, 1.0);
+                count
+            }
+            b"-o" => {
+                self.offset = pair(&numbers()?, 0.0);
+                count
+            }
+            b"-clamp" if is(b"on") || is(b"off") => {
+                self.wrap = if is(b"on") { Wrap::Clamp } else { Wrap::Repeat };
+                1
+            }
+            // The last word of a line is the name of the file.
+            b"-clamp" => {
+                unsupported(after.first().copied().unwrap_or_default());
+                usize::from(after.len() > 1)
+            }
+            other => {
+                unsupported(b"");
+                match other {
+                    b"-t" => count,
+                    b"-mm" => 2,
+                    _ => usize::from(OF_ONE_WORD.contains(&other)),
+                }
+            }
+        })
+    }
+
+    /// Sets the line's location, the folder of its file, and whether the `Kd` colour of the line's material is missing
+    /// or black.
     pub fn told(self, at: String, folder: &str, alone: bool) -> Self {
         Self { at, folder: folder.to_owned(), alone, ..self }
     }
@@ -171,6 +211,11 @@ impl Map {
     fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
+}
+
+/// Returns whether a word is a number, finite or not.
+fn is_number(word: &[u8]) -> bool {
+    words(word).parse::<f32>().is_ok()
 }
 
 /// Returns the first two numbers; `usual` replaces missing numbers.
@@ -242,7 +287,7 @@ mod tests {
     use super::*;
 
     fn map(rest: &str) -> Option<(String, [f32; 2], [f32; 2], Wrap)> {
-        let map = Map::of_line("map_Kd", rest.as_bytes(), &mut Asked::default())?;
+        let map = Map::of_line("map_Kd", rest.as_bytes()).ok()?;
         Some((map.name().to_owned(), map.scale, map.offset, map.wrap))
     }
 
@@ -258,16 +303,30 @@ mod tests {
         );
         assert_eq!(map(" # none"), None);
         assert_eq!(map(" -s 1 1 1"), None);
-        let mut asked = Asked::default();
-        Map::of_line("map_Kd", b" -bm 2 -clamp off a.png", &mut asked).unwrap();
-        let notes: Vec<_> = asked.notes("material", true).collect();
-        assert!(notes[0].contains("options of textures (map_Kd -bm)"), "{notes:?}");
+        assert_eq!(map(" -s nan a.png"), None);
+        assert_eq!(map(" -o 1 inf a.png"), None);
+        let clamped = Some(("a.png".to_owned(), [1.0; 2], [0.0; 2], Wrap::Clamp));
+        assert_eq!([map(" -clamp ON a.png"), map(" -clamp Off a.png")], [clamped, usual("a.png")]);
+        for (rest, options) in [
+            (" -bm 2 -clamp off a.png", &[" (map_Kd -bm)"][..]),
+            (" -clamp off a.png", &[]),
+            (" -clamp yes a.png", &[" (map_Kd -clamp yes)"]),
+            (" -clamp a.png", &[" (map_Kd -clamp a.png)"]),
+        ] {
+            let map = Map::of_line("map_Kd", rest.as_bytes()).unwrap();
+            let notes: Vec<_> = map.asked.notes("material", true).collect();
+            assert_eq!(notes.len(), options.len(), "{rest}: {notes:?}");
+            let told =
+                |(note, option): (&String, &&str)| note.contains(&format!("options of textures{option}"));
+            assert!(notes.iter().zip(options).all(told), "{rest}: {notes:?}");
+            assert_eq!(map.name(), "a.png", "{rest}");
+        }
     }
 
     #[test]
     fn a_picture_is_searched_beside_the_mesh_and_its_material_file_with_and_without_its_folders() {
         let paths = |rest: &str| {
-            let map = Map::of_line("map_Kd", rest.as_bytes(), &mut Asked::default()).unwrap();
+            let map = Map::of_line("map_Kd", rest.as_bytes()).unwrap();
             let mut paths: Vec<String> = map.told(String::new(), "mats/", false).paths().collect();
             paths.dedup();
             paths
@@ -292,7 +351,7 @@ mod tests {
 
     #[test]
     fn rows_are_counted_from_the_top() {
-        let map = Map::of_line("map_Kd", b" -s 2 2 -o 0 0.25 a.png", &mut Asked::default()).unwrap();
+        let map = Map::of_line("map_Kd", b" -s 2 2 -o 0 0.25 a.png").unwrap();
         assert_eq!(map.place([0.5, 0.125]), [1.0, 0.5]);
     }
 }

@@ -6,6 +6,7 @@ use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS,
 use crate::words::{counted, counted_are};
 
 /// The reason to ignore a line.
+#[derive(Debug)]
 pub(super) struct Unfit {
     /// The keyword, such as `Kd`. If raycl does not support the form of a colour, the form follows (`Kd spectral`).
     /// Ignored lines of the same kind share one note.
@@ -68,6 +69,26 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     }
 }
 
+/// Returns whether a line has more values than raycl reads of `Kd`, `Ks` or `Ns`.
+pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
+    let most = match key {
+        b"Kd" | b"Ks" => 3,
+        b"Ns" => 1,
+        _ => return false,
+    };
+    tokens(rest).nth(most).is_some()
+}
+
+/// Returns a note on lines that have more values than raycl reads.
+pub(super) fn note_more(lines: Seen, source: &Source) -> Option<String> {
+    let note = || {
+        let (line, lines) = (source.line(lines.first), counted(lines.count, "line"));
+        let what = "values after the third of Kd or Ks, or after the first of Ns, are not read";
+        format!("{}:{line}: {what} ({lines})", source.name)
+    };
+    (lines.count > 0).then(note)
+}
+
 /// Parses the value of `Ns`.
 pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     let token = tokens(rest).next();
@@ -78,6 +99,20 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
         expected: format!("a number from 0 to {MAX_SHININESS:e}"),
         instead: format!("without Ns, s is {PAPER_SHININESS}"),
     })
+}
+
+/// Returns the reason to ignore a line with `map_Kd` or `map_d`.
+pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
+    let instead = match key {
+        "map_d" => "the surface has no holes",
+        _ => "the material's own colour is used",
+    };
+    Unfit {
+        kind: key.to_owned(),
+        found,
+        expected: expected.to_owned(),
+        instead: format!("without {key}, {instead}"),
+    }
 }
 
 /// Checks the numbers of a feature that raycl does not support: raycl uses none of these numbers, so each finite number

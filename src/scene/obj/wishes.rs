@@ -7,7 +7,7 @@ use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
 /// Counts a line of an OBJ file if it asks for something that raycl does not support. Callers handle `v`, `vn`, `f`,
-/// `s`, `usemtl` and `mtllib` themselves.
+/// `fo`, `s`, `usemtl` and `mtllib` themselves.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {

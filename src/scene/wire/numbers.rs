@@ -2,7 +2,7 @@
 
 use crate::scene::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;
-use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Unexpected, Visitor};
 use serde_json::{Value, json};
 use std::fmt;
 use std::marker::PhantomData;
@@ -75,6 +75,10 @@ pub(in crate::scene) struct Triple<R>(pub [f32; 3], PhantomData<R>);
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Vector(pub [f32; 3]);
 
+/// A whole number from `LEAST` to `MOST`.
+#[derive(Clone, Copy)]
+pub(in crate::scene) struct Whole<const LEAST: u32, const MOST: u32>(pub u32);
+
 impl<'de, R: Range> Deserialize<'de> for Number<R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(NumberVisitor::<R>(PhantomData)).map(|value| Self(value, PhantomData))
@@ -92,6 +96,27 @@ impl<'de> Deserialize<'de> for Vector {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let visitor = TripleVisitor::<Finite> { single: false, range: PhantomData };
         deserializer.deserialize_any(visitor).map(Self)
+    }
+}
+
+impl<'de, const LEAST: u32, const MOST: u32> Deserialize<'de> for Whole<LEAST, MOST> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(WholeVisitor::<LEAST, MOST>).map(Self)
+    }
+}
+
+struct WholeVisitor<const LEAST: u32, const MOST: u32>;
+
+impl<const LEAST: u32, const MOST: u32> Visitor<'_> for WholeVisitor<LEAST, MOST> {
+    type Value = u32;
+
+    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        write!(out, "a whole number from {LEAST} to {MOST}")
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<u32, E> {
+        let whole = u32::try_from(value).ok().filter(|whole| (LEAST..=MOST).contains(whole));
+        whole.ok_or_else(|| E::invalid_value(Unexpected::Signed(value), &self))
     }
 }
 
@@ -188,6 +213,26 @@ mod tests {
             refusal::<Positive>(1e-50),
             "1e-50 rounds to 0 in single precision; expected a finite number of more than 0"
         );
+    }
+
+    #[test]
+    fn whole_numbers_are_told_with_their_own_range() {
+        #[derive(serde::Deserialize)]
+        struct File {
+            frames: Whole<1, 1000>,
+        }
+        let read =
+            |value: &str| toml::from_str::<File>(&format!("frames = {value}")).map(|file| file.frames.0);
+        assert_eq!([read("1"), read("1000")].map(Result::ok), [Some(1), Some(1000)]);
+        for (value, found) in [
+            ("0", "invalid value: integer `0`"),
+            ("1001", "invalid value: integer `1001`"),
+            ("-4_294_967_295", "invalid value: integer `-4294967295`"),
+            ("29.97", "invalid type: floating point `29.97`"),
+        ] {
+            let error = read(value).expect_err(value);
+            assert_eq!(error.message(), format!("{found}, expected a whole number from 1 to 1000"));
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::{Measured, lines};
 use crate::error::Result;
 use crate::record::journals::RECORDS;
-use crate::record::{Outcome, Record};
+use crate::record::{Outcome, Record, new_names};
 use crate::shard::Attempt;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
@@ -112,6 +112,7 @@ impl Chosen {
     /// Returns notes on points that several attempts measured.
     pub fn notes(&self, attempts: &[Attempt]) -> Vec<String> {
         let mut notes = Vec::new();
+        let names = new_names(self.best.values().map(|(_, record)| record));
         for (key, found) in self.several.iter().filter(|(_, found)| is_wrong_and_right(found)) {
             let Some((_, record)) = self.best.get(key) else { continue };
             let told: Vec<String> = found
@@ -119,9 +120,8 @@ impl Chosen {
                 .map(|(attempt, outcome)| format!("{} in {}", outcome.name(), attempts[*attempt].name))
                 .collect();
             notes.push(format!(
-                "Attempts disagree on {} of {}: {}; the record with the wrong image is used, so that the error is not hidden.",
-                record.name,
-                record.scene,
+                "Attempts disagree on {}: {}; the record with the wrong image is used, so that the error is not hidden.",
+                point(record, &names),
                 told.join(", ")
             ));
         }
@@ -146,6 +146,15 @@ impl Chosen {
         }
         notes
     }
+}
+
+/// Returns the name of a record's point, such as "naive 16x16 of teapot 800x500". `names` contains the names of scenes
+/// whose own names are equal, by the hashes of their contents.
+fn point(record: &Record, names: &HashMap<String, String>) -> String {
+    let by = |[across, down]: [u32; 2]| format!("{across}x{down}");
+    let local_size = record.local_size.map_or(String::new(), |size| format!(" {}", by(size)));
+    let scene = record.scene_hash.as_ref().and_then(|hash| names.get(hash)).unwrap_or(&record.scene);
+    format!("{}{local_size} of {scene} {}", record.name, by(record.image_size))
 }
 
 fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
@@ -248,6 +257,35 @@ mod tests {
         let notes = offered.chosen().notes(&[attempt("one"), attempt("two")]);
         assert!(notes[0].contains("measured in one, wrong-image in two"), "{notes:?}");
         assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_point_on_which_attempts_disagree_has_its_sizes_and_the_name_of_its_scene_alone() {
+        let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
+        let of = |folder: &str, outcome, local_size| Record {
+            key: folder.into(),
+            name: "naive".into(),
+            scene: "tri".into(),
+            scene_file: Some(format!("{folder}/tri.toml")),
+            scene_hash: Some(folder.into()),
+            image_size: [40, 24],
+            local_size,
+            ..record(outcome, 5)
+        };
+        let mut offered = Offered::default();
+        for (attempt, outcome) in [(0, Outcome::Measured), (1, Outcome::WrongImage)] {
+            offered.add(attempt, of("a", outcome, Some([4, 2])));
+            offered.add(attempt, of("b", outcome, None));
+        }
+        let notes = offered.chosen().notes(&["one", "two"].map(attempt));
+        assert!(
+            notes[0].starts_with("Attempts disagree on naive 4x2 of a/tri 40x24: measured in one"),
+            "{notes:?}"
+        );
+        assert!(
+            notes[1].starts_with("Attempts disagree on naive of b/tri 40x24: measured in one"),
+            "{notes:?}"
+        );
     }
 
     #[test]

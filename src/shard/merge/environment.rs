@@ -1,6 +1,7 @@
 //! The environment of a merged folder: the first attempt's environment, and a list of all machines that took part.
 
 use crate::error::{Error, Result};
+use crate::record::journals::ENVIRONMENT;
 use crate::record::write_whole;
 use crate::shard::Attempt;
 use serde_json::{Value, json};
@@ -9,7 +10,7 @@ use std::path::Path;
 /// Writes `environment.json`, if at least one attempt has written such a file.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let read = |attempt: &Attempt| -> Option<(String, Value)> {
-        let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;
+        let text = std::fs::read(attempt.folder.join(ENVIRONMENT)).ok()?;
         let host = attempt.about().map_or_else(|| attempt.name.clone(), |about| about.host);
         Some((host, serde_json::from_slice(&text).ok()?))
     };
@@ -31,7 +32,7 @@ pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let Some(mut environment) = first else { return Ok(()) };
     environment["hosts"] = Value::Array(hosts);
     let text = serde_json::to_vec_pretty(&environment).map_err(|error| Error::run(error.to_string()))?;
-    write_whole(&out.join("environment.json"), &text)
+    write_whole(&out.join(ENVIRONMENT), &text)
 }
 
 #[cfg(test)]

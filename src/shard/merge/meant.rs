@@ -2,6 +2,7 @@
 
 use crate::device::DeviceKind;
 use crate::record::HOST;
+use crate::record::journals::ENVIRONMENT;
 use crate::shard::{Attempt, Kind};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -13,7 +14,7 @@ pub type Types = HashMap<String, String>;
 /// that were killed before they wrote an environment have no records either.
 pub fn types_of_devices(attempts: &[Attempt]) -> Types {
     let of = |attempt: &Attempt| {
-        let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;
+        let text = std::fs::read(attempt.folder.join(ENVIRONMENT)).ok()?;
         let mut environment: Value = serde_json::from_slice(&text).ok()?;
         let devices: Vec<Value> = serde_json::from_value(environment["devices"].take()).ok()?;
         let types = devices.into_iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned());

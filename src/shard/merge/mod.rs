@@ -14,7 +14,7 @@ use super::{Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, CurrentPlan, Lines, MERGE, Record, RoundLoad, Sample, read_lines};
+use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
 use crate::record::{write_whole, write_whole_by};
 use crate::words::counted;
 use choice::choose;
@@ -55,7 +55,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let chosen = choose(&attempts)?;
     let planned = Planned::of(&plan, &kinds);
     let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
-    let missing = missing::missing(&plan, wanted, &attempts, &|key| chosen.has(key));
+    let missing = missing::missing(out, &plan, wanted, &attempts, &|key| chosen.has(key));
     let mut notes = chosen.notes(&attempts);
     notes.extend(again::attempted_again(&attempts));
     notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
@@ -141,7 +141,7 @@ fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
 }
 
 fn damage_to<T: DeserializeOwned>(attempt: &Attempt, journal: &str) -> Result<Option<String>> {
-    let read = read::<T>(&attempt.folder.join(journal))?;
+    let read = read_lines_if_any::<T>(&attempt.folder.join(journal))?;
     Ok(read.damage(&format!("parts/{}/{journal}", attempt.name)))
 }
 
@@ -248,17 +248,13 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
 
 /// Returns the lines of a journal that can be read.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    Ok(read(path)?.lines)
-}
-
-/// Reads a journal. A missing journal counts as empty, since an attempt that was killed early has none.
-fn read<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
+    Ok(read_lines_if_any(path)?.lines)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::read_lines;
 
     #[test]
     fn one_attempt_was_and_several_were() {
@@ -420,8 +416,9 @@ mod tests {
     /// Two shards measured devices of the same name with different drivers.
     #[test]
     fn anchors_and_peaks_have_the_names_of_the_merged_folders_devices() {
+        use crate::experiment::Block;
         use crate::record::{Folder, JsonLines};
-        use crate::shard::{Block, Header};
+        use crate::shard::Header;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
         let header = Header { shards: 1, ..Header::default() };
@@ -471,8 +468,9 @@ mod tests {
 
     #[test]
     fn merged_records_name_their_attempts_and_hosts_and_have_their_pictures() {
+        use crate::experiment::Block;
         use crate::record::HOST;
-        use crate::shard::{Block, Header};
+        use crate::shard::Header;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
         let block = Block { number: 1, shard: 1, points: vec![0, 1], control: None };

@@ -11,7 +11,8 @@ fn read(axis: &'static str, text: &str) -> Result<Header> {
             listed.map(|(name, _)| (*name).to_owned()).collect()
         }
     };
-    let reader = Reader { axis, path: "kernels/cast/intersect/my_test.cl", names_of: &names_of };
+    let (file, path) = ("cast/intersect/my_test.cl", "kernels/cast/intersect/my_test.cl");
+    let reader = Reader { axis, file, path, names_of: &names_of, included_at: &|| None };
     reader.read("my-test".to_owned(), vec!["cast/intersect/"], text)
 }
 
@@ -59,9 +60,31 @@ fn what_is_missing_is_told_with_what_to_write() {
     mistake(
         "// A test of mine: see below.\n",
         "int x;\n",
-        "line 1: the file's header has no 'meaning'",
+        "line 1: the file does not begin with a `//` comment, its header; 'meaning' is only in line 2",
         "docs/own-kernels.md",
     );
+}
+
+#[test]
+fn a_header_that_is_not_at_the_files_start_is_told_with_its_line() {
+    let not_a_comment = "line 1: the file does not begin with a `//` comment, its header";
+    for (start, said) in [
+        ("\n\n", format!("{not_a_comment}; 'meaning' is only in line 4")),
+        ("#pragma once\n", format!("{not_a_comment}; 'meaning' is only in line 3")),
+        ("//\n", "has no 'meaning' (the value's meaning, in a line); 'meaning' is only in line 3".to_owned()),
+    ] {
+        mistake("// A test of", &format!("{start}// A test of"), &said, "`// meaning: ...`");
+    }
+    for (text, said) in [
+        ("", not_a_comment.to_owned()),
+        (
+            "/* meaning: mine\n   record_floats: 9 */\n",
+            format!("{not_a_comment}; 'meaning' is only in line 1"),
+        ),
+    ] {
+        let message = read("intersector", text).map(|_| ()).unwrap_err().to_string();
+        assert!(message.ends_with(&said), "{message}");
+    }
 }
 
 #[test]

@@ -65,6 +65,18 @@ fn what_a_heap_takes_is_held_to_global_memory() {
 }
 
 #[test]
+fn a_limit_that_an_experiment_sets_is_told_from_the_devices_own() {
+    let w = workload(1000, 8);
+    for (name, memory) in [("local-vectors", "__local"), ("constant-triangles", "__constant")] {
+        let own = DeviceLimits { local_bytes: 1000, constant_bytes: 1000, ..PAPER_DEVICE };
+        let emulated = DeviceLimits { local_is_emulated: true, constant_is_emulated: true, ..own };
+        let reason = refusal(&of(name), &w, &own);
+        assert!(reason.starts_with(memory) && reason.ends_with(" B > 1000 B"), "{reason}");
+        assert_eq!(refusal(&of(name), &w, &emulated), format!("{reason}, the limit in [emulate]"));
+    }
+}
+
+#[test]
 fn what_a_shared_tile_hands_on_is_counted() {
     let bytes = |side: u32| {
         let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };

@@ -9,6 +9,8 @@ use proptest::strategy::Strategy as _;
 pub(super) const PAPER_DEVICE: DeviceLimits = DeviceLimits {
     local_bytes: 48 << 10,
     constant_bytes: 64 << 10,
+    local_is_emulated: false,
+    constant_is_emulated: false,
     global_bytes: 1 << 30,
     allocation_bytes: 1 << 28,
     work_group_size: 1024,

@@ -1,5 +1,6 @@
 //! Ranges of frames, and the numbered picture files.
 
+use super::super::spare_scene;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, frame_key, save_frame};
 use crate::output::{Choice, Target};
@@ -64,12 +65,14 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// Returns the numbered files whose names follow from the path of `target`. The folder of this path must exist.
+    /// Returns the numbered files whose names follow from the path of `target`. The folder of this path must exist, and
+    /// none of the files that are written may be a file of the scene.
     pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
         let digits = count.to_string().len().max(4);
         let choice = Choice::new(force, "-o FILE");
         let numbered = Self { path: target.path().to_owned(), digits, choice, wanted };
         numbered.target(wanted.first).check_folder()?;
+        wanted.numbers().try_for_each(|number| spare_scene(&numbered.target(number)))?;
         Ok(numbered)
     }
 

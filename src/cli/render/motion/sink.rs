@@ -1,6 +1,6 @@
 //! Where frames go: numbered pictures, one animated picture, or a stream for an encoder.
 
-use super::super::{Args, target};
+use super::super::{Args, spare_scene, target};
 use super::frames::{Frames, Numbered};
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
@@ -51,13 +51,14 @@ impl Sink {
     }
 
     /// Makes the output whose kind follows from the file's name. The output receives the frames `wanted`, out of
-    /// `count` frames.
+    /// `count` frames. Fails if one of its files is a file of the scene, which has been loaded.
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {
             return Ok(Self::Movie(Movie::y4m(target, size, rate)));
         }
         if target.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("apng")) {
+            spare_scene(&target)?;
             return Ok(Self::Movie(Movie::apng(target, size, rate, wanted.len())));
         }
         Ok(Self::Numbered(Numbered::new(&target, args.force, wanted, count)?))

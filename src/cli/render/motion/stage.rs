@@ -64,7 +64,7 @@ impl Stage<'_> {
     /// Uploads a scene with its tree. A program is compiled only if the last program does not suit the scene.
     fn prepare(&mut self, scene: &Arc<Scene>) -> Result<Ready, Refused> {
         let session = Session::new(self.queue.clone(), &self.device.info, self.sources, Arc::clone(scene));
-        let session = session.sampling(self.sampling).with_program(self.program.take());
+        let session = session.with_sampling(self.sampling).with_program(self.program.take());
         let of_mesh = self.tree.take().filter(|(mesh, _)| Arc::ptr_eq(mesh, &scene.mesh));
         let mut session = session.with_tree(of_mesh.map(|(_, tree)| tree)).rounding_stacks();
         let prepared = self.args.subject.prepare(&mut session, &self.strategy, self.local_size)?;

@@ -28,7 +28,7 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Returns the components of an element; `None` if the element ends beyond the end of the buffer. The padding
+    /// Returns the components of an element; `None` if the element ends beyond the end of its buffer view. The padding
     /// after the last element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
@@ -116,7 +116,7 @@ impl<'a> Numbers<'a> {
         };
         if values.len() < accessor.count.0 as usize {
             return Err(format!(
-                "it has {} elements, but its buffer holds {}",
+                "it has {} elements, but its buffer view holds {}",
                 accessor.count.0,
                 values.len()
             ));

@@ -2,14 +2,22 @@
 
 use super::Parsed;
 use super::primitives::Part;
-use crate::words::counted_are;
+use crate::words::{counted, counted_are};
 use gltf::json::Root;
 
 /// The number of parts of each kind that the picture leaves out or shows differently.
 #[derive(Default)]
 pub(super) struct LeftOut {
     pub orthographic: usize,
+    /// The number of cameras without a known type, or without the values of their type.
+    pub odd_cameras: usize,
+    /// The number of cameras whose field of view is not valid.
+    pub odd_views: usize,
+    /// The number of cameras whose transform leaves no viewing direction.
+    pub flat_cameras: usize,
     pub spots: usize,
+    /// The number of lights without a known type.
+    pub odd_lights: usize,
     pub ranges: usize,
     /// The number of lights that illuminate nothing.
     pub dark: usize,
@@ -19,6 +27,8 @@ pub(super) struct LeftOut {
     pub lines_and_points: usize,
     pub empty: usize,
     pub dangling: usize,
+    /// The number of corners after the last whole triangle of a primitive.
+    pub spare: usize,
     pub odd_coordinates: usize,
     /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
@@ -27,12 +37,13 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Counts a primitive's empty accessors, its triangles that name a position that does not exist, and its texture
-    /// coordinates that are not finite.
+    /// Counts a primitive's empty accessors, its triangles that name a position that does not exist, its corners after
+    /// the last whole triangle, and its texture coordinates that are not finite.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.empty += part.empty;
         self.dangling += part.dangling;
+        self.spare += part.spare;
     }
 
     /// Refuses a file if all of its triangles were left out because they name positions that do not exist.
@@ -48,6 +59,22 @@ impl LeftOut {
         let notes = [
             (self.unplaced, "mesh that no node places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
+            (self.odd_cameras, "camera without a known type and its values", "not used"),
+            (
+                self.odd_views,
+                "camera with a yfov that is not between 0 and pi",
+                "used with a field of view of 45 degrees",
+            ),
+            (
+                self.flat_cameras,
+                "camera without a viewing direction",
+                "left out: expected a scale other than 0",
+            ),
+            (
+                self.odd_lights,
+                "light of an unknown type",
+                "shown as a point light; expected directional, point or spot",
+            ),
             (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
             (self.dark, "light of intensity 0", "left out"),
@@ -57,6 +84,7 @@ impl LeftOut {
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.empty, "accessor without data", "read as zeros"),
             (self.dangling, "triangle with a position that does not exist", "left out"),
+            (self.spare, "corner after the last whole triangle", "left out"),
             (self.odd_coordinates, "texture coordinate with a number that is not finite", "ignored"),
         ];
         notes
@@ -66,9 +94,15 @@ impl LeftOut {
     }
 }
 
-/// Returns a note that states which of several scenes is shown.
+/// Returns a note that states which of several scenes is shown, or that the default scene does not exist.
 pub(super) fn other_scenes(root: &Root) -> Option<String> {
     let shown = match root.scene {
+        Some(scene) if scene.value() >= root.scenes.len() => {
+            let scenes = counted(root.scenes.len(), "scene");
+            let instead = if root.scenes.is_empty() { "all nodes are" } else { "the first is" };
+            let default = format!("the file's default is scene {}, counted from 0", scene.value());
+            return Some(format!("{default}, but the file has {scenes}: {instead} shown"));
+        }
         Some(scene) => format!("the file's default is shown: scene {}, counted from 0", scene.value()),
         None => "the first is shown".to_owned(),
     };

@@ -1,6 +1,7 @@
 //! glTF materials: the base colour of each, and their unsupported features.
 
 use super::textures::{colour_texture, has_hard_texels};
+use crate::scene::files::colours::is_outside;
 use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
 use glam::Vec3;
@@ -82,16 +83,20 @@ fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
 
-/// Returns the base colour in linear light. A material with the older extension KHR_materials_pbrSpecularGlossiness
-/// stores this colour as `diffuseFactor`.
+/// Returns the base colour in linear light, with channels from 0 to 1.
 fn base_colour(wire: &Wire) -> Vec3 {
-    let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
-        let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
-        [channel(0), channel(1), channel(2)]
-    });
+    stated_colour(wire).1.clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Returns the key and the value of the base colour. A material with the older extension
+/// KHR_materials_pbrSpecularGlossiness stores this colour as `diffuseFactor`.
+fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
+    if let Some(older) = extension(wire, "KHR_materials_pbrSpecularGlossiness") {
+        let channel = |at: usize| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
+        return ("diffuseFactor", Vec3::new(channel(0), channel(1), channel(2)));
+    }
     let [red, green, blue, _] = wire.pbr_metallic_roughness.base_color_factor.0;
-    let colour = Vec3::from_array(older.unwrap_or([red, green, blue]));
-    if colour.is_finite() { colour.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::ONE }
+    ("baseColorFactor", Vec3::new(red, green, blue))
 }
 
 fn others(wire: &Wire) -> impl Iterator<Item = (&String, &serde_json::Value)> {
@@ -122,7 +127,12 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
             asked.add(Wish::Blending, b"alphaMode BLEND");
         }
         (Checked::Valid(AlphaMode::Blend), _) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
+        (Checked::Invalid, _) => asked.add(Wish::UnknownAlpha, b"alphaMode"),
         _ => {}
+    }
+    let (key, colour) = stated_colour(wire);
+    if is_outside(&colour) {
+        asked.add(Wish::Colour, key.as_bytes());
     }
     if has_hard_texels(root, wire) {
         asked.add(Wish::TextureOption, b"magFilter NEAREST");
@@ -174,6 +184,34 @@ mod tests {
         assert_eq!(of("BLEND", 0.25, 0.125), (0.5, true, true), "the texture keeps its shape");
         assert_eq!(of("BLEND", 0.0, 0.125), (0.0, true, true), "no point is visible");
         assert_eq!((of("OPAQUE", 0.5, 0.25).0, of("OPAQUE", 0.5, 0.25).2), (0.0, false));
+    }
+
+    #[test]
+    fn values_that_are_replaced_are_noted() {
+        let of = |json: &str| {
+            let root: Root = serde_json::from_str(r#"{"asset": {"version": "2.0"}}"#).unwrap();
+            let wire: Wire = serde_json::from_str(json).unwrap();
+            let asked = asked(&root, &wire);
+            let notes = asked.notes("material", true).filter(|note| !note.contains("(metallicFactor)"));
+            (base_colour(&wire), notes.collect::<Vec<_>>())
+        };
+        let object = |key: &str, value: &str| format!("{{\"{key}\": {value}}}");
+        let coloured = |colour: &str| object("pbrMetallicRoughness", &object("baseColorFactor", colour));
+        for rounded in ["[1, 0, 0.5, 1]", "[1.0000001, -1e-9, 0.5, 1]"] {
+            assert_eq!(of(&coloured(rounded)), (Vec3::new(1.0, 0.0, 0.5), Vec::new()), "{rounded}");
+        }
+        let expected = "1 material asks for a colour outside 0 to 1 (baseColorFactor), which raycl does not support: \
+                        channels are limited to this range";
+        let found = of(&coloured("[2, -1, 0.5, 1]"));
+        assert_eq!(found, (Vec3::new(1.0, 0.0, 0.5), vec![expected.to_owned()]));
+        let older = object("diffuseFactor", "[1e39, 0, 0.5, 1]");
+        let (colour, notes) =
+            of(&object("extensions", &object("KHR_materials_pbrSpecularGlossiness", &older)));
+        assert_eq!(colour, Vec3::new(1.0, 0.0, 0.5));
+        assert!(notes.iter().any(|note| note.contains(" (diffuseFactor), ")), "{notes:?}");
+        let expected = "1 material asks for an unknown kind of transparency (alphaMode), which raycl does not support: \
+                        the surface is opaque; expected OPAQUE, MASK or BLEND";
+        assert_eq!(of(&object("alphaMode", "\"mask\"")).1, [expected]);
     }
 
     #[test]

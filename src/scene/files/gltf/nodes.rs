@@ -34,6 +34,8 @@ pub(super) struct Walk<'a> {
     colours: Vec<Vec3>,
     /// Number of vertices that have a colour.
     coloured: usize,
+    /// Number of vertices whose colour has channels outside 0 to 1.
+    outside: usize,
     triangles: Vec<Triangle>,
     /// The texture of each material, in the file's order.
     maps: &'a [Option<ColourMap>],
@@ -57,6 +59,7 @@ impl<'a> Walk<'a> {
             normals: Vec::new(),
             colours: Vec::new(),
             coloured: 0,
+            outside: 0,
             triangles: Vec::new(),
             maps,
             mapped: Vec::new(),
@@ -128,7 +131,8 @@ impl<'a> Walk<'a> {
         let linear = DMat3::from_mat4(place);
         let across = normal_matrix(linear);
         self.normals.extend(part.normals.iter().map(|n| (across * *n).normalize_or_zero().as_vec3()));
-        self.coloured += part.colours.len();
+        self.coloured += part.coloured;
+        self.outside += part.outside;
         self.colours.extend_from_slice(&part.colours);
         self.colours.resize(self.positions.len(), Vec3::ONE);
         let mirrored = linear.determinant() < 0.0;
@@ -169,7 +173,10 @@ impl<'a> Walk<'a> {
         let camera =
             self.numbers.root.get(index).ok_or_else(|| format!("camera {} does not exist", index.value()))?;
         let (Checked::Valid(Type::Perspective), Some(lens)) = (camera.type_, &camera.perspective) else {
-            self.left_out.orthographic += 1;
+            match camera.type_ {
+                Checked::Valid(Type::Orthographic) => self.left_out.orthographic += 1,
+                _ => self.left_out.odd_cameras += 1,
+            }
             return Ok(());
         };
         let position = place.transform_point3(DVec3::ZERO);
@@ -177,8 +184,10 @@ impl<'a> Walk<'a> {
             [DVec3::NEG_Z, DVec3::Y].map(|axis| place.transform_vector3(axis).normalize_or_zero());
         let degrees = lens.yfov.to_degrees();
         let valid = degrees > 1e-3 && degrees < 179.99;
+        self.left_out.odd_views += usize::from(!valid);
         let degrees = if valid { degrees } else { 45.0 };
         let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
+        self.left_out.flat_cameras += usize::from(looking.is_none());
         let z_near = if lens.znear.is_finite() { lens.znear.max(0.0) } else { 0.0 };
         self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens.zfar)));
         Ok(())
@@ -216,6 +225,7 @@ impl<'a> Walk<'a> {
             }
             other => {
                 self.left_out.spots += usize::from(other == Checked::Valid(punctual::Type::Spot));
+                self.left_out.odd_lights += usize::from(other == Checked::Invalid);
                 FileLight::point(position, strength)
             }
         });
@@ -236,11 +246,13 @@ impl<'a> Walk<'a> {
         let mut notes = Vec::new();
         let cameras = self.cameras.len();
         notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
-        if let Some((eye, camera, Some(far))) = self.cameras.first() {
+        if let Some((eye, camera, far)) = self.cameras.first() {
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
-            let is_deeper = self.positions.iter().any(|position| depth(position) > f64::from(*far));
-            let note = || format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
-            notes.extend(is_deeper.then(note));
+            let is_beyond = |end: f32| self.positions.iter().any(|position| depth(position) > f64::from(end));
+            let unseen = "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own instead";
+            notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));
+            let note = |far| format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
+            notes.extend(far.filter(|far| is_beyond(*far)).map(note));
         }
         notes
     }
@@ -262,6 +274,7 @@ impl<'a> Walk<'a> {
         if self.coloured > 0 {
             colours::paint(&mut mesh, &self.colours);
             notes.push(colours::note(self.coloured));
+            notes.extend(colours::note_outside(self.outside));
         }
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());

@@ -3,6 +3,7 @@
 use super::Parsed;
 use super::accessors::Numbers;
 use super::materials::white;
+use crate::scene::files::colours::is_outside;
 use glam::{DVec3, Vec3};
 use gltf::json::Index;
 use gltf::json::accessor::Accessor;
@@ -16,6 +17,10 @@ pub(super) struct Part {
     pub normals: Vec<DVec3>,
     /// The colours in linear light: one per position, or none at all.
     pub colours: Vec<Vec3>,
+    /// The number of the file's vertices that have a colour and belong to a triangle.
+    pub coloured: usize,
+    /// The number of these vertices whose colour has channels outside 0 to 1.
+    pub outside: usize,
     /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
     /// Coordinates in the material's texture: one pair per position, or none at all.
@@ -28,6 +33,8 @@ pub(super) struct Part {
     pub empty: usize,
     /// Number of triangles that were left out, since they name a position that does not exist.
     pub dangling: usize,
+    /// Number of corners after the last whole triangle.
+    pub spare: usize,
     /// Number of texture coordinates that are not finite.
     pub odd_coordinates: usize,
 }
@@ -124,14 +131,20 @@ impl Part {
             positions,
             normals,
             colours,
+            coloured: 0,
+            outside: 0,
             is_clear,
             coordinates,
             material,
             empty,
             dangling,
+            spare: spare(mode, indices.len()),
             odd_coordinates,
         };
-        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part.compact() }))
+        let mut part = part.compact();
+        part.coloured = part.colours.len();
+        part.outside = part.colours.iter().filter(|colour| is_outside(colour)).count();
+        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
     /// Returns upper limits of the sizes of a primitive that is not read yet.
@@ -239,6 +252,15 @@ fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
     (existing, dangling)
 }
 
+/// Returns how many of a number of corners come after the last whole triangle.
+fn spare(mode: Mode, corners: usize) -> usize {
+    match mode {
+        Mode::Triangles => corners % 3,
+        _ if corners < 3 => corners,
+        _ => 0,
+    }
+}
+
 fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     let strip = |(place, window): (usize, &[u32])| {
         let [a, b, c] = [window[0], window[1], window[2]];
@@ -267,6 +289,8 @@ mod tests {
             [[0, 1, 2]],
             "two corners are too few for another one"
         );
+        let spare = |mode| [2, 3, 5].map(|corners| spare(mode, corners));
+        assert_eq!([spare(Mode::Triangles), spare(Mode::TriangleFan)], [[2, 0, 2], [2, 0, 0]]);
     }
 
     #[test]

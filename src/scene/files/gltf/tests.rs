@@ -186,24 +186,34 @@ fn materials_cameras_and_lights() {
     }
 }
 
+/// Returns the notes on a camera with this range, which looks from the origin along -z at a triangle.
+fn camera_notes(range: &str, z_of_triangle: i32) -> Vec<String> {
+    let lens = format!(r#"{{"yfov": 1, {range}}}"#);
+    let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
+    let text = triangle()
+        .replace(r#""scenes": ["#, &camera)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+        .replace("[0, 0, 5]}", &format!("[0, 0, {z_of_triangle}]}}, {{\"camera\": 0}}"));
+    let file = read(&text).unwrap();
+    assert!(file.camera.is_some() && file.notes.is_empty(), "{:?}", file.notes);
+    file.camera_notes
+}
+
 #[test]
 fn the_end_of_a_cameras_sight_is_noted_if_the_mesh_reaches_beyond_it() {
-    let notes = |far: &str| {
-        let lens = format!(r#"{{"yfov": 1, "znear": 0.1{far}}}"#);
-        let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
-        let text = triangle()
-            .replace(r#""scenes": ["#, &camera)
-            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
-            .replace("[0, 0, 5]}", "[0, 0, -5]}, {\"camera\": 0}");
-        let file = read(&text).unwrap();
-        assert!(file.camera.is_some() && file.notes.is_empty(), "{:?}", file.notes);
-        file.camera_notes
-    };
     let expected = "the camera's zfar of 1 is not used: surfaces beyond it are drawn";
-    assert_eq!(notes(r#", "zfar": 1"#), [expected]);
-    for far in ["", r#", "zfar": 6"#] {
-        assert_eq!(notes(far), [""; 0], "{far}");
+    assert_eq!(camera_notes(r#""znear": 0.1, "zfar": 1"#, -5), [expected]);
+    for range in [r#""znear": 0.1"#, r#""znear": 0.1, "zfar": 6"#] {
+        assert_eq!(camera_notes(range, -5), [""; 0], "{range}");
     }
+}
+
+#[test]
+fn a_camera_that_sees_no_part_of_the_mesh_is_noted() {
+    let expected = "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own instead";
+    assert_eq!(camera_notes(r#""znear": 0.1"#, 5), [expected], "the mesh is behind the camera");
+    assert_eq!(camera_notes(r#""znear": 5.5"#, -5), [expected], "the mesh is too near");
+    assert_eq!(camera_notes(r#""znear": 4.5"#, -5), [""; 0]);
 }
 
 #[test]
@@ -452,7 +462,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         (
             "\"count\": 3, \"type\": \"VEC3\"",
             "\"count\": 4000000000, \"type\": \"VEC3\"",
-            "its buffer holds 3",
+            "its buffer view holds 3",
         ),
         (
             "\"count\": 3, \"type\": \"VEC3\"",
@@ -461,7 +471,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ),
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
-        ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer holds 0"),
+        ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer view holds 0"),
         ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 occurs twice in the scene; expected once"),
         ("base64,", "base64,?", "base64 is damaged"),
         ("data:application/octet-stream;base64,", "http://x/", "nothing is downloaded"),
@@ -530,4 +540,104 @@ fn parts_that_are_left_out_are_noted() {
     for name in ["normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture"] {
         assert!(notes.contains(name), "{name}: {notes}");
     }
+}
+
+/// Reads the file of [`triangle`] with further keys at its top, and with a second node.
+fn with_node(top: &str, node: &str) -> MeshFile {
+    let text = triangle()
+        .replacen('{', &format!("{{{top}, "), 1)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+        .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {{{node}}}"));
+    read(&text).unwrap()
+}
+
+#[test]
+fn a_camera_whose_values_are_not_valid_is_noted() {
+    let with = |kind: &str, yfov: &str, scale: &str| {
+        let lens = format!(r#""perspective": {{"yfov": {yfov}, "znear": 0.1}}"#);
+        let camera = format!(r#""cameras": [{{"type": "{kind}", {lens}}}]"#);
+        let file = with_node(&camera, &format!(r#""camera": 0, "scale": {scale}"#));
+        (file.camera.is_some(), file.notes)
+    };
+    assert_eq!(with("perspective", "1", "[1, 1, 1]"), (true, Vec::new()));
+    for yfov in ["3.5", "0", "-1"] {
+        let (is_used, notes) = with("perspective", yfov, "[1, 1, 1]");
+        let note =
+            "1 camera with a yfov that is not between 0 and pi is used with a field of view of 45 degrees";
+        assert!(is_used && notes == [note], "{yfov}: {notes:?}");
+    }
+    for scale in ["[0, 0, 0]", "[1, 1, 0]", "[1, 0, 1]"] {
+        let (is_used, notes) = with("perspective", "1", scale);
+        let note = "1 camera without a viewing direction is left out: expected a scale other than 0";
+        assert!(!is_used && notes == [note], "{scale}: {notes:?}");
+    }
+    for (kind, note) in [
+        ("fisheye", "1 camera without a known type and its values is not used"),
+        ("orthographic", "1 orthographic camera is not used: all views are in perspective"),
+    ] {
+        assert_eq!(with(kind, "1", "[1, 1, 1]"), (false, vec![note.to_owned()]), "{kind}");
+    }
+}
+
+#[test]
+fn a_light_of_an_unknown_type_is_noted() {
+    let lights = r#""extensions": {"KHR_lights_punctual": {"lights": [{"type": "area", "intensity": 3}]}}"#;
+    let file = with_node(lights, r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#);
+    let note = "1 light of an unknown type is shown as a point light; expected directional, point or spot";
+    assert_eq!((file.lights.len(), file.notes), (1, vec![note.to_owned()]));
+}
+
+#[test]
+fn a_default_scene_that_does_not_exist_is_noted() {
+    let scenes = r#""scenes": [{"nodes": [0]}]"#;
+    for (to, note) in [
+        (
+            r#""scene": 5, "scenes": [{"nodes": [0]}]"#,
+            "scene 5, counted from 0, but the file has 1 scene: the first is",
+        ),
+        (r#""scene": 0"#, "scene 0, counted from 0, but the file has 0 scenes: all nodes are"),
+    ] {
+        let file = read(&triangle().replacen(scenes, to, 1)).unwrap();
+        assert_eq!(file.notes, [format!("the file's default is {note} shown")]);
+        assert_eq!(file.mesh.triangles.len(), 1);
+    }
+    assert_eq!(
+        read(&triangle().replacen(scenes, &format!("\"scene\": 0, {scenes}"), 1)).unwrap().notes,
+        [""; 0]
+    );
+}
+
+/// Returns the file of [`triangle`] with a fourth index, 1.
+fn four_indices() -> String {
+    triangle()
+        .replace(r#""count": 3, "type": "SCALAR""#, r#""count": 4, "type": "SCALAR""#)
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode([&bytes()[..], &[1, 0]].concat()))
+        .replace(r#""byteLength": 6"#, r#""byteLength": 8"#)
+}
+
+#[test]
+fn corners_after_the_last_whole_triangle_are_noted() {
+    let file = read(&four_indices()).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 1);
+    assert_eq!(file.notes, ["1 corner after the last whole triangle is left out"]);
+}
+
+#[test]
+fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
+    let with = |component: &str| {
+        let accessor = format!(r#"{{"bufferView": 0, {component}, "count": 3, "type": "VEC3"}}"#);
+        let text = four_indices()
+            .replace(r#""indices": 1"#, r#""indices": 1, "mode": 5"#)
+            .replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR_0": 2}"#)
+            .replace(r#""type": "SCALAR"}"#, &format!(r#""type": "SCALAR"}}, {accessor}"#));
+        read(&text).unwrap()
+    };
+    let file = with(r#""componentType": 5126"#);
+    assert_eq!(file.mesh.triangles.len(), 2);
+    let colours = "colours of 3 vertices: each triangle has one colour, the mean of its corners";
+    assert_eq!(file.notes, [colours]);
+    // Of these bytes, only those of the number 1 are not zero; the third colour has them as whole numbers.
+    let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
+    let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
+    assert_eq!(notes, [colours, outside]);
 }

@@ -29,6 +29,11 @@ impl<'a> Lines<'a> {
         };
         (0..of.count).map(element).collect()
     }
+
+    /// Returns the number of lines that are not read yet.
+    pub fn rest(self) -> usize {
+        self.0.count()
+    }
 }
 
 /// Reads an element. Further numbers in the line are ignored.

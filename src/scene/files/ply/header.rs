@@ -2,7 +2,7 @@
 //! are brought into this form first.
 
 use std::borrow::Cow;
-use std::collections::HashSet;
+use std::collections::HashMap;
 
 /// The first words of the lines that PLY defines for a header.
 const WORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
@@ -18,13 +18,15 @@ pub(super) struct Tidied<'a> {
     /// The number of lines that PLY does not define: some exporters write their name without `comment`. These lines
     /// have become comments.
     pub strange: usize,
+    /// The name that each element has in the file, by its name in `header`.
+    pub elements: HashMap<String, String>,
 }
 
 /// Brings a file's header into the form that PLY defines: in UTF-8, without a byte order mark, with line feeds as its
 /// only line ends, without blanks before a line, and with a different name for each property.
 pub(super) fn tidied(bytes: &[u8]) -> Tidied<'_> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0 };
+    let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
     let mut names = Names::default();
     let (head, mut rest) = (&bytes[..bytes.len().min(MAX_BYTES)], bytes);
     let end = line_end(head);
@@ -44,6 +46,7 @@ pub(super) fn tidied(bytes: &[u8]) -> Tidied<'_> {
             break;
         }
     }
+    tidied.elements = names.elements;
     tidied
 }
 
@@ -56,12 +59,12 @@ fn line_end(head: &[u8]) -> u8 {
     }
 }
 
-/// The names that the header has used so far.
+/// The names that the header has used so far, with the names in the file that they stand for.
 #[derive(Default)]
 struct Names {
-    elements: HashSet<String>,
+    elements: HashMap<String, String>,
     /// The properties of the last element.
-    properties: HashSet<String>,
+    properties: HashMap<String, String>,
     line: usize,
 }
 
@@ -80,9 +83,10 @@ impl Names {
         };
         if let Some(name) = words.get_mut(at.max(1)) {
             let mut valid = valid(name);
-            while !used.insert(valid.clone()) {
+            while used.contains_key(&valid) {
                 valid = format!("{valid}_{}", self.line);
             }
+            used.insert(valid.clone(), name.to_string());
             *name = Cow::Owned(valid);
         }
         words
@@ -105,7 +109,7 @@ mod tests {
     use super::*;
 
     fn of(bytes: &[u8]) -> (String, &[u8], usize) {
-        let Tidied { header, payload, strange } = tidied(bytes);
+        let Tidied { header, payload, strange, .. } = tidied(bytes);
         (header, payload, strange)
     }
 
@@ -150,5 +154,6 @@ mod tests {
             ["1", "x", "scalar_R__0_1_", "scalar_R__0_1__4", "_8", "x_6", "1", "x", "2", "property"];
         assert_eq!(names, expected);
         assert_eq!(lines(text)[8], "element vertex_9 2");
+        assert_eq!(tidied(text.as_bytes()).elements["vertex_9"], "vertex");
     }
 }

@@ -18,7 +18,7 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
     assert_eq!(file.mesh.materials[0].lambertian, Vec3::X);
     assert_eq!(file.placement.origin, DVec3::new(500000.5, 5400000.5, 0.0));
     assert_eq!(file.mesh.positions[0], Vec3::new(-0.5, -0.5, 0.0));
-    assert!(file.notes.iter().any(|note| note.contains("(edge 1)")), "{:?}", file.notes);
+    assert!(file.notes.iter().any(|note| note.contains("(`edge` 1)")), "{:?}", file.notes);
     assert!(file.notes.iter().any(|note| note.contains("4 vertices")), "{:?}", file.notes);
 }
 
@@ -345,4 +345,90 @@ fn a_tiny_concave_face_is_divided_like_a_large_one() {
     };
     assert_eq!(corners(1e-200), corners(1.0));
     assert_ne!(corners(1.0)[0], [0, 1, 2]);
+}
+
+#[test]
+fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
+    let indices = "list uchar int vertex_indices";
+    for (from, to, message) in [
+        ("double x", "double X", "`vertex` has no number `x`; it has `X`, `y`, `z`, `red`, `green`, `blue`"),
+        ("double x", "list uchar int x", "`vertex` has no number `x`; it has `x` (a list), `y`, `z`, "),
+        ("double y", "double secret", "`vertex` has no number `y`; it has `x`, `secret`, `z`, "),
+        (
+            indices,
+            "list uchar int vertex_indexes",
+            "`face` has no list `vertex_indices` (or `vertex_index`) of whole numbers; it has `vertex_indexes` (a list)",
+        ),
+        (
+            indices,
+            "list uchar float vertex_indices",
+            "`face` has no list `vertex_indices` (or `vertex_index`) of whole numbers; it has `vertex_indices` (a list \
+             of decimal numbers)",
+        ),
+        (indices, "int vertex_indices", "`face` has no list `vertex_indices` "),
+        ("element face", "element faces", "the header has no element `face`; did you mean `faces`?"),
+        ("element vertex", "element Vertex", "the header has no element `vertex`; did you mean `Vertex`?"),
+    ] {
+        let text = SQUARE.replacen(from, to, 1);
+        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, withheld] = [true, false].map(|quotes| told(quotes).to_string());
+        assert!(shown.starts_with(&format!("a.ply: {message}")), "{shown}");
+        assert_eq!(withheld, shown.split_once(';').map_or(&*shown, |(what, _)| what), "{shown}");
+    }
+    // Strips need a list, too. Elements of which there are none need nothing.
+    let strips = SQUARE.replacen("element face", "element tristrips", 1).replacen("indices", "list", 1);
+    let error = parse("a.ply", strips.as_bytes()).err().unwrap().to_string();
+    assert!(error.starts_with("a.ply: `tristrips` has no list "), "{error}");
+    let none = SQUARE.replacen("element edge 1", "element tristrips 0\nproperty int a\nelement edge 1", 1);
+    assert!(parse("a.ply", none.as_bytes()).is_ok());
+}
+
+#[test]
+fn properties_of_vertices_of_which_some_are_missing_are_noted() {
+    let notes = |from: &str, to: &str| parse("a.ply", SQUARE.replace(from, to).as_bytes()).unwrap().notes;
+    let edges = "elements other than the first `vertex`, `face` and `tristrips` are left out (`edge` 1)";
+    assert_eq!(notes("float z", "float w")[1..], ["4 vertices without z: z is 0", edges]);
+    let incomplete = "vertices have only 2 of the properties red, green, blue: these are not read";
+    assert_eq!(notes("uchar blue", "uchar bleu"), [incomplete, edges]);
+    let one = "vertices have only 1 of the properties nx, ny, nz: these are not read";
+    assert_eq!(notes("uchar blue", "uchar nx"), [one, incomplete, edges]);
+    // Such a property is often a radius.
+    assert_eq!(notes("uchar blue", "uchar r").len(), 2);
+}
+
+#[test]
+fn what_follows_the_last_element_is_noted() {
+    let rest = |text: &[u8]| {
+        let notes = parse("a.ply", text).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("after the last element")).collect::<Vec<_>>()
+    };
+    for (more, expected) in [
+        ("", &[][..]),
+        (" \n\r\n", &[]),
+        ("3 0 1 2", &["1 line after the last element is ignored"]),
+        ("3 0 1 2\n\n3 0 1 2\n", &["2 lines after the last element are ignored"]),
+    ] {
+        assert_eq!(rest([SQUARE, more].concat().as_bytes()), expected, "{more:?}");
+    }
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty uchar x\nproperty uchar y\n\
+        property uchar z\nelement face 1\nproperty list uchar uchar vertex_indices\nend_header\n";
+    let data = [0, 0, 0, 1, 0, 0, 0, 1, 0, 3, 0, 1, 2];
+    for (more, expected) in [
+        (&b""[..], &[][..]),
+        (b"\r\n", &[]),
+        (b"x\n", &["2 bytes after the last element are ignored"]),
+        (b"\0", &["1 byte after the last element is ignored"]),
+    ] {
+        assert_eq!(rest(&[header.as_bytes(), &data, more].concat()), expected, "{more:?}");
+    }
+}
+
+#[test]
+fn a_second_type_of_elements_with_the_same_name_is_called_by_this_name() {
+    let second = SQUARE.replacen("element edge 1", "element face 1", 1);
+    let notes = parse("a.ply", second.as_bytes()).unwrap().notes;
+    let left_out = "elements other than the first `vertex`, `face` and `tristrips` are left out (`face` 1)";
+    assert_eq!(notes[1..], [left_out]);
+    let error = parse("a.ply", second.replacen("3\n0 1\n", "3\n", 1).as_bytes()).err().unwrap().to_string();
+    assert!(error.contains("elements `face`"), "{error}");
 }

@@ -401,3 +401,43 @@ fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_
     let two = "2 triangles have a texture but no texture coordinates: their materials' own colour is used";
     assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3\nf 1/1 2/1 3/1\n").1, [two]);
 }
+
+#[test]
+fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_line() {
+    let [file, numbers] = ["the name of a picture", "one to three finite numbers"]
+        .map(|expected| format!("; expected {expected}: 1 such line is ignored; without "));
+    let [colour, mask] = ["map_Kd, the material's own colour is used", "map_d, the surface has no holes"];
+    for (line, found, expected, instead) in [
+        ("map_Kd", "map_Kd without a file", &file, colour),
+        ("map_Kd -s 1 1 1 # none", "map_Kd without a file", &file, colour),
+        ("map_d -mm 0 1", "map_d without a file", &file, mask),
+        ("map_Kd -s nan a.png", "`nan` after map_Kd -s", &numbers, colour),
+        ("map_Kd -o 1 inf a.png", "`inf` after map_Kd -o", &numbers, colour),
+        ("map_d -s x a.png", "`x` after map_d -s", &numbers, mask),
+    ] {
+        let notes = notes_of("usemtl a", &format!("newmtl a\n{line}\n"));
+        let expected = format!("m.mtl:2: {found}{expected}{instead}");
+        assert!(notes.len() == 1 && notes[0].ends_with(&expected), "{line}: {notes:?}");
+    }
+}
+
+#[test]
+fn only_the_last_line_of_a_texture_counts_with_its_options() {
+    let mtl = "newmtl a\nmap_Kd -mm 0 1 a.png\nmap_Kd a.png\nmap_d -mm 0 1 b.png\n";
+    let notes = notes_of("usemtl a", mtl);
+    let options: Vec<_> = notes.iter().filter(|note| note.contains("options of textures")).collect();
+    assert!(options.len() == 1 && options[0].contains(" (map_d -mm), "), "{notes:?}");
+}
+
+#[test]
+fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
+    let file = with_materials("usemtl a", "newmtl a\nKd 0.25 0.5 0.75 1\nKs 1 1 1 extra\nNs 10 20\n");
+    let material = file.mesh.material(&file.mesh.triangles[0]);
+    assert_eq!((material.lambertian, material.glossy), (Vec3::new(0.25, 0.5, 0.75), Vec3::ONE));
+    assert_eq!(material.shininess, 10.0);
+    let expected =
+        "m.mtl:2: values after the third of Kd or Ks, or after the first of Ns, are not read (3 lines)";
+    assert!(file.notes.len() == 1 && file.notes[0].ends_with(expected), "{:?}", file.notes);
+    let usual = notes_of("usemtl a", "newmtl a\nKd 0.5 # 1 2 3\nKs 1 1 1 # white\nNs 10\n");
+    assert_eq!(usual, Vec::<String>::new());
+}

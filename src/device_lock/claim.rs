@@ -1,0 +1,29 @@
+//! The locks that threads of this process hold or wait for. A lock on a file does not tell a process that another one
+//! of its own threads holds the lock.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The files of the locks that threads of this process hold or wait for.
+static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// The right of one thread of this process to take a lock; given up when dropped.
+pub struct Claim(PathBuf);
+
+impl Claim {
+    /// Claims the lock with this file; `None` if another thread of this process has the claim.
+    pub fn of(file: &Path) -> Option<Self> {
+        claimed().insert(file.to_owned()).then(|| Self(file.to_owned()))
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        claimed().remove(&self.0);
+    }
+}
+
+fn claimed() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    CLAIMED.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,106 @@
+//! The header of Radiance HDR pictures.
+
+use image::codecs::hdr::HdrDecoder;
+use std::io::Cursor;
+
+/// The first bytes of a Radiance HDR picture.
+const SIGNATURE: &[u8] = b"#?RADIANCE";
+/// The first bytes that some programs write instead. The decoder does not know them.
+const OTHER_SIGNATURE: &[u8] = b"#?RGBE";
+
+/// Returns a file's bytes. If they are a Radiance HDR picture with the other signature, `#?RGBE`, the usual signature
+/// replaces it.
+pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
+    if bytes.starts_with(OTHER_SIGNATURE) {
+        drop(bytes.splice(..OTHER_SIGNATURE.len(), SIGNATURE.iter().copied()));
+    }
+    bytes
+}
+
+/// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel, the product
+/// of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For all other pictures, they are 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HdrExposure([f64; 3]);
+
+impl HdrExposure {
+    /// Reads the numbers from a picture's file.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the header cannot be read, or if a number is not positive. The text is meant to follow the file's name
+    /// in a message.
+    pub fn of(bytes: &[u8]) -> Result<Self, String> {
+        if !bytes.starts_with(SIGNATURE) {
+            return Ok(Self([1.0; 3]));
+        }
+        let decoder = HdrDecoder::new(Cursor::new(bytes));
+        let header = decoder.map_err(|error| format!("cannot be decoded ({error})"))?.metadata();
+        let exposure = positive("EXPOSURE", header.exposure.unwrap_or(1.0))?;
+        let (red, green, blue) = header.color_correction.unwrap_or((1.0, 1.0, 1.0));
+        let correction = |value: f32| positive("COLORCORR", value);
+        Ok(Self([correction(red)?, correction(green)?, correction(blue)?].map(|value| exposure * value)))
+    }
+
+    /// Returns the radiance of a pixel with these values.
+    pub fn radiance(self, pixel: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|channel| (f64::from(pixel[channel]) / self.0[channel]) as f32)
+    }
+}
+
+fn positive(key: &str, value: f32) -> Result<f64, String> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(f64::from(value));
+    }
+    Err(format!("has the {key} {value} in its header; expected a positive number"))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    fn picture(signature: &str, lines: &str) -> Vec<u8> {
+        let header = format!("{signature}\nFORMAT=32-bit_rle_rgbe\n{lines}\n-Y 1 +X 1\n");
+        [header.as_bytes(), &[128, 64, 32, 129]].concat()
+    }
+
+    #[test]
+    fn the_radiance_is_divided_by_all_exposures_and_corrections() {
+        for (lines, expected) in [
+            ("", [8.0, 8.0, 8.0]),
+            ("EXPOSURE=2\n", [4.0, 4.0, 4.0]),
+            ("EXPOSURE=2\nEXPOSURE= 0.5\nEXPOSURE=4\n", [2.0, 2.0, 2.0]),
+            ("COLORCORR=1 2 4\n", [8.0, 4.0, 2.0]),
+            ("EXPOSURE=2\nCOLORCORR=1 2 4\nCOLORCORR=2 2 1\n", [2.0, 1.0, 1.0]),
+            ("EXPOSURE=3e38\nCOLORCORR=1 1 3e38\n", [8.0 / 3e38, 8.0 / 3e38, 0.0]),
+        ] {
+            let exposure = HdrExposure::of(&picture("#?RADIANCE", lines)).unwrap();
+            assert_eq!(exposure.radiance([8.0; 3]), expected, "{lines}");
+        }
+        let other = HdrExposure::of(b"\x89PNG EXPOSURE=2\n").unwrap();
+        assert_eq!(other.radiance([0.1, f32::MAX, f32::MIN_POSITIVE]), [0.1, f32::MAX, f32::MIN_POSITIVE]);
+    }
+
+    #[test]
+    fn an_exposure_that_is_not_positive_is_refused() {
+        for (lines, told) in [
+            ("EXPOSURE=0\n", "has the EXPOSURE 0 in its header; expected a positive number"),
+            ("EXPOSURE=-1\n", "EXPOSURE -1 "),
+            ("EXPOSURE=nan\n", "EXPOSURE NaN "),
+            ("EXPOSURE=inf\n", "EXPOSURE inf "),
+            ("COLORCORR=1 0 1\n", "COLORCORR 0 "),
+        ] {
+            let refused = HdrExposure::of(&picture("#?RADIANCE", lines)).unwrap_err();
+            assert!(refused.contains(told), "{lines}: {refused}");
+        }
+    }
+
+    #[test]
+    fn the_other_signature_is_replaced_and_nothing_else_changes() {
+        let [usual, other] = ["#?RADIANCE", "#?RGBE"].map(|signature| picture(signature, "EXPOSURE=2\n"));
+        assert_eq!(with_usual_signature(other), usual);
+        for bytes in [usual, b"v 0 0 0".to_vec(), Vec::new()] {
+            assert_eq!(with_usual_signature(bytes.clone()), bytes);
+        }
+    }
+}

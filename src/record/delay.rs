@@ -1,0 +1,81 @@
+//! By how much other programs may have delayed a point and its anchor differently.
+//!
+//! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But other
+//! programs need not delay both by the same factor: a frame of half a millisecond often ends before it is preempted,
+//! whereas an anchor of five milliseconds may be preempted in all samples. Preempted samples are left out, but each
+//! launch keeps at least five samples, and a run whose samples are all preempted keeps them all. The utilization of the
+//! samples that remain shows by how much they may have been delayed.
+
+use super::types::Record;
+
+/// Returns the largest possible error of a point's change from one run to another that is computed relative to the
+/// anchor: the logarithm of the factor by which the change may be too large because of other programs. It is negative
+/// if the change may be too small, and 0 if nothing shows an error.
+pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
+    known(before, after).unwrap_or(0.0)
+}
+
+fn known(before: &Record, after: &Record) -> Option<f64> {
+    let anchor = |record: &Record| record.place.as_ref()?.anchor.as_ref()?.utilization;
+    let (first, second) = (anchor(before)?, anchor(after)?);
+    let of_anchor = delay(first.remaining, second.remaining)?;
+    // A point's utilization also changes if its kernel changed, for example if the work-groups of the new kernel take
+    // unequal times. Other programs delayed a point at most by as much as all samples of the anchor together.
+    let most = delay(first.overall, second.overall)?;
+    let of_point = delay(before.utilization?, after.utilization?)?.clamp(most.min(0.0), most.max(0.0));
+    Some(of_point - of_anchor)
+}
+
+/// Returns the logarithm of the factor by which times grew if other programs lowered the utilization from `before` to
+/// `after`. Returns `None` if a utilization is 0, as on systems that report no processor times.
+fn delay(before: f64, after: f64) -> Option<f64> {
+    let delay = (before / after).ln();
+    delay.is_finite().then_some(delay)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::anchors::AnchorUtilization;
+    use super::super::place::PlacedAnchor;
+    use super::super::summary::tests::{judged, measured};
+    use super::*;
+
+    /// Returns a record with this utilization, beside an anchor with these: of the remaining samples and of all.
+    fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
+        let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
+        record.utilization = Some(utilization);
+        if let Some(place) = &mut record.place {
+            let (name, standing) = ("a".to_owned(), place.standing.clone());
+            let utilization = Some(AnchorUtilization { remaining, overall });
+            place.anchor = Some(PlacedAnchor { name, standing, utilization });
+        }
+        record
+    }
+
+    /// Returns the factor by which a change from a quiet run to `after` may be too large.
+    fn factor(after: &Record) -> f64 {
+        let quiet = record(2.0, [2.0; 2]);
+        let delay = unshared_delay(&quiet, after);
+        assert!((delay + unshared_delay(after, &quiet)).abs() < 1e-12, "the runs can be exchanged");
+        (100.0 * delay.exp()).round() / 100.0
+    }
+
+    #[test]
+    fn only_what_delayed_the_point_and_its_anchor_differently_counts() {
+        assert_eq!(factor(&record(2.0, [2.0; 2])), 1.0);
+        assert_eq!(factor(&record(2.0, [1.0, 1.0])), 0.5, "only the anchor was delayed");
+        assert_eq!(factor(&record(1.0, [1.0, 1.0])), 1.0, "both were delayed");
+        assert_eq!(factor(&record(1.0, [2.0, 1.0])), 2.0, "all samples of the point were delayed");
+        assert_eq!(factor(&record(1.0, [2.0, 1.6])), 1.25, "others used a fifth of the processors");
+        assert_eq!(factor(&record(1.0, [2.0, 2.0])), 1.0, "on a quiet machine, the kernel changed");
+    }
+
+    #[test]
+    fn without_processor_times_no_error_is_known() {
+        let quiet = record(2.0, [2.0; 2]);
+        let without = Record { utilization: None, ..record(1.0, [1.0; 2]) };
+        assert_eq!((unshared_delay(&quiet, &without), unshared_delay(&without, &quiet)), (0.0, 0.0));
+        assert_eq!(unshared_delay(&quiet, &record(0.0, [0.0; 2])), 0.0);
+        assert_eq!(unshared_delay(&quiet, &measured("cpu", "naive", 8, 1.0)), 0.0);
+    }
+}
