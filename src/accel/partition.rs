@@ -15,8 +15,8 @@ pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &S
     }
 }
 
-/// Exchanges each primitive with the first one that belongs to the right side. This is done on both sides of the cut,
-/// since it needs no branch; a branch would often be mispredicted.
+/// Exchanges each primitive with the first one of the right side. If the primitive belongs to the right side itself,
+/// the exchange has no effect on the sides. It is done nevertheless, because a branch would often be mispredicted.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -40,9 +40,9 @@ fn partition_on<const N: usize, const AXIS: usize>(
 /// that still lie on the wrong side of the whole node exchange their places.
 ///
 /// ```text
-///   chunk 0      chunk 1    |  chunk 2
-///   L L L R R    L L R R R  |  L L L L R      (L, R: belongs to the left or right side; |: the cut)
-///         \___________\________/ / / /
+///   chunk 0    chunk 1     chunk 2
+///   L L L R R  L L R R R | L L L L L    L, R: belongs to the left or the right side; |: the cut
+///         ^ ^      ^ ^ ^   ^ ^ ^ ^ ^    the two R and the three R exchange their places with the five L
 /// ```
 pub(super) fn partition_chunks<const N: usize>(
     primitives: &mut [Primitive],
