@@ -51,14 +51,29 @@ const GENERAL: &str = "`raycl help COMMAND` explains the command's arguments; do
 const AGAIN: &str = "run the command again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
-/// The remedy for a file that cannot be written.
-const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder with --out DIR";
+/// The remedy for a file of results that cannot be written, for example because the disk is full.
+const ELSEWHERE: &str = "free up space on the file's disk, or choose another folder with --out DIR";
+/// The remedy for a file of results that this process may not write, however much space is free.
+const ELSEWHERE_ONLY: &str = "`--out DIR` writes elsewhere";
 /// The remedy for standard output that cannot be written to.
 const FULL: &str = "if standard output is redirected to a file, free up space on the file's disk";
 /// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
+
+/// Returns whether this process may not write in a place, so that free space would not help.
+pub fn is_forbidden(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
+}
+
+/// Returns the text of an error without the path of the temporary file, which the user does not know. The crate
+/// `tempfile` adds this path at the end.
+pub fn cause(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    text.split(" at path ").next().unwrap_or_default().to_owned()
+}
 
 /// A mistake in the user's input: a file, a line of a file, or an argument.
 #[derive(Debug, Error, Diagnostic)]
@@ -145,9 +160,10 @@ impl Error {
         Self::Interrupted { message: plain(&message.into()).into_owned(), help: ON.to_owned() }
     }
 
-    /// Returns an error for a file or folder of results that cannot be written.
-    pub fn unwritable(what: impl std::fmt::Display, error: &dyn std::fmt::Display) -> Self {
-        Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
+    /// Returns an error for a file of results that cannot be written.
+    pub fn unwritable(path: &Path, error: &std::io::Error) -> Self {
+        let remedy = if is_forbidden(error) { ELSEWHERE_ONLY } else { ELSEWHERE };
+        Self::run(format!("cannot write {}: {}", path.display(), cause(error))).with_help(remedy)
     }
 
     /// Returns an error for standard output that cannot be written to, such as a file on a full disk.
@@ -354,7 +370,7 @@ mod tests {
             Error::run("a\u{1b}"),
             Error::fault("a\u{1b}"),
             Error::interrupted("a\u{1b}"),
-            Error::unwritable("a\u{1b}", &"b\u{1b}"),
+            Error::unwritable(Path::new("a\u{1b}"), &std::io::Error::other("b\u{1b}")),
             Error::unwritable_output(&std::io::Error::other("a\u{1b}")),
             Error::withheld("a\u{1b}", 1, "b"),
             place("a\u{1b}".into()),
@@ -369,12 +385,20 @@ mod tests {
 
     #[test]
     fn each_kind_of_error_has_its_exit_code_words_and_remedy() {
+        let unwritable = |error: &std::io::Error| Error::unwritable(Path::new("a.csv"), error);
+        let forbidden = std::io::ErrorKind::PermissionDenied;
         for (error, code, words, remedy) in [
             (Error::input("a"), 2, "a", "`raycl help COMMAND`"),
             (Error::run("a"), 1, "a", "run the command again; `raycl devices`"),
             (Error::fault("a"), 1, "a", "this is a bug in raycl"),
             (Error::interrupted("a"), 130, "interrupted: a", "run the same command again to continue"),
-            (Error::unwritable("a.csv", &"b"), 1, "cannot write a.csv: b", "free up space on its disk"),
+            (
+                unwritable(&std::io::Error::other("b")),
+                1,
+                "cannot write a.csv: b",
+                "free up space on the file's",
+            ),
+            (unwritable(&forbidden.into()), 1, "cannot write a.csv: permission denied", "`--out DIR` writes"),
             (Error::withheld("a.mtl", 7, "b"), 2, "a.mtl:7: expected b", "the file's text is not shown"),
         ] {
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, words));

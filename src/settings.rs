@@ -22,6 +22,8 @@ use crate::xdg;
 pub const DEVICE: &str = "RAYCL_DEVICE";
 /// The environment variable that names the folder in which runs create their folders of results.
 const RESULTS: &str = "RAYCL_RESULTS";
+/// The remedy for a folder of results that cannot be found.
+const FOLDER: &str = "name an absolute folder, such as /home/me/results, or one in the current folder";
 /// The remedy for a mistake in the settings file.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 
@@ -60,6 +62,9 @@ pub fn load() -> Result<()> {
     for name in [DEVICE, RESULTS] {
         refuse_other_than_utf8(name, std::env::var_os(name))?;
     }
+    if let Some(Err(message)) = variable(RESULTS).map(|path| xdg::expanded(Path::new(&path))) {
+        return Err(Error::input(format!("{RESULTS}: {message}")).with_help(FOLDER));
+    }
     cache::check_limit()
 }
 
@@ -92,6 +97,10 @@ fn read(path: &Path) -> Result<Settings> {
                 .error(value, "the setting is empty".to_owned())
                 .with_help("set a value, or remove the line"));
         }
+    }
+    if let Some(results) = &settings.wire.results {
+        xdg::expanded(Path::new(results.get_ref()))
+            .map_err(|message| settings.error(results, message).with_help(FOLDER))?;
     }
     Ok(settings)
 }
@@ -134,7 +143,9 @@ pub fn colour() -> Option<Colour> {
 /// Returns the folder in which runs create their folders: `results` by default.
 pub fn results() -> PathBuf {
     let set = || user().wire.results.as_ref().map(|path| path.get_ref().clone());
-    xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))
+    let path = PathBuf::from(variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned()));
+    // `load` has refused a path that cannot be expanded.
+    xdg::expanded(&path).unwrap_or(path)
 }
 
 /// Returns the name of the default device, from the environment or the settings file. The default device applies if the
@@ -208,6 +219,8 @@ mod tests {
             ("# mine\ndevise = \"cpu\"\n", ["config.toml:2", "devise", "did you mean `device`", "results"]),
             ("color = \"nevr\"\n", ["config.toml:1", "nevr", "did you mean `never`", "always"]),
             ("device = 3\n", ["config.toml:1", "wrong type: integer", "expected a string", "the keys are"]),
+            ("results = \"~me/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
+            ("results = \"$HOME/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
             ("\nresults = \"\"\n", ["config.toml:2", "the setting is empty", "results", "remove the line"]),
         ] {
             let error = read_text(text).expect_err(text);

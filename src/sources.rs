@@ -4,7 +4,7 @@
 mod lines;
 mod places;
 
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, line_of, nearest};
 use crate::reader::{self, Kind};
 use crate::words::counted;
 use include_dir::{Dir, include_dir};
@@ -252,6 +252,10 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT)
         })
     })?;
+    if let Some(at) = text.find('\0') {
+        let message = format!("{}:{}: a NUL byte; expected text", path.display(), line_of(&text, at));
+        return Err(Error::input(message).with_help("remove the byte, and save the file as UTF-8"));
+    }
     // Some editors begin a file with a byte order mark, which no compiler expects in OpenCL C.
     Ok(match text.strip_prefix('\u{feff}') {
         Some(rest) => rest.to_owned(),
@@ -336,6 +340,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.cl"), "\u{feff}// a\n").unwrap();
         assert_eq!(Sources::Folder(folder.path().to_owned()).read("a.cl").unwrap(), "// a\n");
+    }
+
+    #[test]
+    fn a_nul_byte_is_refused_with_its_file_and_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.cl");
+        std::fs::write(&path, "// a\n// b\0\n").unwrap();
+        let error = Sources::Folder(folder.path().to_owned()).read("a.cl").unwrap_err();
+        let expected = format!("{}:2: a NUL byte; expected text", path.display());
+        assert_eq!((error.to_string(), error.exit_code()), (expected, 2));
     }
 
     #[test]

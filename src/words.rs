@@ -1,5 +1,9 @@
 //! Formats numbers in sentences, and arguments of commands.
 
+use crate::printer::steers;
+use std::fmt::{Display, Write as _};
+use std::path::Path;
+
 /// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that", "with",
 /// "without", "named" or "after" becomes plural ("3 primitives of lines"). If there is no such word, the last word
 /// becomes plural ("2 compute units").
@@ -50,7 +54,48 @@ pub fn quote(argument: &str) -> String {
     if !argument.is_empty() && argument.chars().all(harmless) {
         return argument.to_owned();
     }
+    if argument.contains(is_hidden) {
+        return format!("$'{}'", escaped(argument));
+    }
     format!("'{}'", argument.replace('\'', r"'\''"))
+}
+
+/// Returns whether messages show another text in place of a character, or may break their lines at it.
+fn is_hidden(c: char) -> bool {
+    c == '\n' || c == '\t' || steers(c)
+}
+
+/// Escapes an argument for the quotes `$'...'` of a shell. Bytes of hidden characters become octal numbers.
+fn escaped(argument: &str) -> String {
+    let mut text = String::new();
+    for c in argument.chars() {
+        match c {
+            '\n' => text.push_str(r"\n"),
+            '\'' | '\\' => text.extend(['\\', c]),
+            _ if is_hidden(c) => c.encode_utf8(&mut [0; 4]).bytes().for_each(|byte| {
+                // Writing to a String cannot fail.
+                let _ = write!(text, "\\{byte:03o}");
+            }),
+            _ => text.push(c),
+        }
+    }
+    text
+}
+
+/// Returns an option and its value as words of a command. A value that begins with `-` is joined to the option by `=`;
+/// as a word of its own, it would be read as another option.
+pub fn option(name: &str, value: impl Display) -> Vec<String> {
+    let value = value.to_string();
+    match value.starts_with('-') {
+        true => vec![format!("{name}={value}")],
+        false => vec![name.to_owned(), value],
+    }
+}
+
+/// Returns a path as a word of a command. A path that begins with `-` would be read as an option.
+pub fn path_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.starts_with('-') { format!("./{text}") } else { text }
 }
 
 fn plural(what: &str) -> String {
@@ -73,7 +118,22 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{counted, counted_are, counted_of_were};
+    use super::{counted, counted_are, counted_of_were, quote};
+
+    #[test]
+    fn a_quoted_argument_has_no_hidden_character_and_a_shell_reads_it_unchanged() {
+        for (argument, quoted) in [
+            ("results/a", "results/a"),
+            ("it's mine", r"'it'\''s mine'"),
+            ("i\nn's", r"$'i\nn\'s'"),
+            ("a\\\u{1b}1\u{200b}\t", r"$'a\\\0331\342\200\213\011'"),
+        ] {
+            assert_eq!(quote(argument), quoted);
+            let command = format!("printf %s {quoted}");
+            let printed = std::process::Command::new("bash").args(["-c", &command]).output();
+            assert_eq!(printed.expect("bash starts").stdout, argument.as_bytes());
+        }
+    }
 
     #[test]
     fn the_verb_follows_the_number() {

@@ -12,9 +12,20 @@ pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
 }
 
 /// Replaces a leading `~` by the home folder.
-pub fn expanded(path: &Path) -> PathBuf {
-    let Ok(rest) = path.strip_prefix("~") else { return path.to_owned() };
-    home().map_or_else(|| path.to_owned(), |home| home.join(rest))
+///
+/// # Errors
+///
+/// Returns a message if the home folder is unknown, or if only a shell could expand the path: nobody wants a folder
+/// whose name begins with `~` or `$`.
+pub fn expanded(path: &Path) -> Result<PathBuf, String> {
+    if let Ok(rest) = path.strip_prefix("~") {
+        let home = home().ok_or("`~` needs HOME, which is not set to an absolute path")?;
+        return Ok(home.join(rest));
+    }
+    match path.as_os_str().as_encoded_bytes().first() {
+        Some(b'~' | b'$') => Err("only `~` alone, or `~/` at the start, is replaced by a folder".to_owned()),
+        _ => Ok(path.to_owned()),
+    }
 }
 
 fn home() -> Option<PathBuf> {

@@ -139,6 +139,10 @@ fn streams_have_the_scenes_rate_or_the_options() {
         has(&String::from_utf8_lossy(&out[..header]), &["YUV4MPEG2 W48 H30", rate]);
         assert_eq!(out.len() - header, 4 * (6 + 48 * 30 * 3 / 2));
     }
+    // A turntable shows nothing of the animation, so it does not have the animation's rate.
+    let turning = ["render", "scene.toml", "--turntable", "1", "-o", "-", "-q", "--device", &device];
+    let out = place.raycl(&[&turning[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
+    assert!(out.starts_with(b"YUV4MPEG2 W48 H30 F30:1 "));
     // Each frame of an animated picture has its own exposure.
     animate(&place, &["-o", "scene.apng"]);
     animate(&place, &[]);
@@ -260,8 +264,17 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
         ),
         (track("path = \"camera..x\"\nvalues = [1]"), "a name of the path is empty", "scene.toml:18"),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
+        (track("path = \"light.00.power\"\nvalues = [1]"), "expected an index from 0 to 1", "scene.toml:18"),
+        (
+            track("path = \"camera.azimuth_degrees\"\nvalues = [0, 90]"),
+            "a track of `camera.azimuth_degrees` beside `camera.position`",
+            "scene.toml:18",
+        ),
     ]);
 }
+
+/// The end of a message about a number that is no frame of an animation of nine frames.
+const FRAME: &str = "is not a frame; expected a whole number from 1 to 9";
 
 #[test]
 fn wrong_values_have_their_place_and_what_was_expected() {
@@ -272,8 +285,9 @@ fn wrong_values_have_their_place_and_what_was_expected() {
             "`at` has 1 element, `values` has 2",
             "scene.toml:20",
         ),
-        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [0, 9]"), "expected 1 to 9", "scene.toml:20"),
-        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [5, 10]"), "expected 1 to 9", "scene.toml:20"),
+        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [0, 9]"), FRAME, "scene.toml:20"),
+        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [5, 10]"), FRAME, "scene.toml:20"),
+        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [1.5, 3]"), FRAME, "scene.toml:20"),
         (
             track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [5, 5]"),
             "expected ascending",

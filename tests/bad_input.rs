@@ -1,6 +1,6 @@
 //! Messages about mistakes of the user: the exit code, the file and line, and the remedy.
 
-use crate::binary::{Place, TRIANGLE, has};
+use crate::binary::{Place, TRIANGLE, has, program, run};
 
 /// Renders a `scene.toml` with this text, checks that rendering fails, and returns the message.
 fn scene_mistake(text: &str) -> String {
@@ -187,6 +187,8 @@ fn unknown_names_are_answered_with_the_nearest() {
     let message = argument_mistake(&["--strategy", "naive,vectors=lokal"]);
     has(&message, &["'lokal' is not a value of the axis 'vectors'", "did you mean 'local'"]);
     has(&argument_mistake(&["--set", "wdith=4"]), &["'wdith' is neither", "did you mean 'width'"]);
+    let message = argument_mistake(&["--set", "local_size=8"]);
+    has(&message, &["'local_size' is neither", "local_size is an option: --local-size 8"]);
     has(&argument_mistake(&["--set", "camera.positoin=1"]), &["`positoin`", "did you mean `position`"]);
     let message = argument_mistake(&["--set", "light.0.power=-3"]);
     has(&message, &["--set light.0.power=-3: -3 is not a number from 0 to 1e28", "help:"]);
@@ -216,6 +218,21 @@ fn an_output_that_cannot_be_written_is_refused_before_any_work() {
     // The output is checked before the scene is read: the message does not mention the missing scene.
     let message = Place::new().mistake(&["render", "no-scene.toml", "-o", "nowhere/a.png"], 2);
     has(&message, &["no folder 'nowhere'"]);
+}
+
+#[test]
+fn a_picture_in_a_deleted_folder_is_refused_before_any_work() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let raycl = program();
+    let mut bash = std::process::Command::new("bash");
+    bash.args(["-c", "mkdir gone && cd gone && rmdir ../gone && exec \"$@\"", "bash"]);
+    bash.arg(raycl.get_program()).arg("render").arg(place.path("scene.toml")).args(["-o", "t.png"]);
+    bash.envs(raycl.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    // Without drivers, a command that begins to work fails with another message.
+    let output = run(bash.current_dir(place.path("")).env("OCL_ICD_VENDORS", "/nonexistent"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    has(&said, &["cannot write 't.png': the current folder no longer exists", "change to a folder"]);
 }
 
 #[test]

@@ -92,6 +92,19 @@ fn a_reader_that_goes_away_is_no_error() {
     assert!(output.stderr.is_empty(), "{output:?}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_command_that_cannot_print_fails() {
+    for words in [&["-V"][..], &["--help"], &["man"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full").expect("a device");
+        let child = raycl(words).stdout(full).stderr(Stdio::piped()).spawn().expect("it runs");
+        let output = finish(child);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{words:?}: {told}");
+        assert!(told.contains("cannot write to standard output"), "{words:?}: {told}");
+    }
+}
+
 #[test]
 fn the_version_names_the_revision_and_says_where_the_tree_was_changed() {
     let printed = output(&["-V"]);

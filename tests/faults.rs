@@ -447,7 +447,7 @@ fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_conti
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
+fn a_folder_that_cannot_be_written_is_the_users_mistake() {
     let mut ground = Ground::new(3);
     // Not even root can create folders in /sys.
     let mut places = vec![PathBuf::from("/sys/raycl")];
@@ -461,7 +461,7 @@ fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     for place in places {
         ground.out = place;
         let output = ground.run(&[]);
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(
             said(&output).contains("cannot make") && said(&output).contains("--out"),
             "{}",

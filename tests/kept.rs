@@ -208,6 +208,17 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
 }
 
 #[test]
+fn a_variable_that_leaves_pocl_without_devices_is_named() {
+    let place = place(CONFIG);
+    let listed = place.raycl(&["devices"]).env("POCL_DEVICES", "nonsense").assert().success();
+    let said = String::from_utf8_lossy(&listed.get_output().stdout).into_owned();
+    has(
+        &said,
+        &["Note: PoCL lists only the devices", "'nonsense'", "unset POCL_DEVICES, or set it to pthread."],
+    );
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn without_a_cache_folder_that_can_be_written_pictures_are_cast_all_the_same() {
     let place = place(CONFIG);

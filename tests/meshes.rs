@@ -207,7 +207,7 @@ fn up_azimuth_elevation_and_background() {
     let lying = picture(&place, "z.obj", &[]).0;
     assert!(differing(&lying, &upright) > 500);
     assert!(differing(&picture(&place, "z.obj", &["--up", "z"]).0, &upright) < 20);
-    let usual = ["--azimuth", "30.9638", "--elevation", "21.0971"];
+    let usual = ["--azimuth", "30.9638", "--elevation", "21.1002"];
     assert!(differing(&picture(&place, "y.obj", &usual).0, &upright) < 20);
     assert!(differing(&picture(&place, "y.obj", &["--azimuth", "-90"]).0, &upright) > 300);
     for (colour, shown) in

@@ -48,7 +48,7 @@ fn a_file_is_a_value_at_once() {
         let size = ["--width", "75", "--height", "47", "--local-size", "4x4", "--verify", "--force"];
         place.output(&[&text[..], &size, &["--strategy", strategy, "-o", "a.png"]].concat())
     };
-    for strategy in ["naive,epsilons=relative", "tiled-wide,intersector=moller-trumbore", "bvh-packet"] {
+    for strategy in ["naive,epsilons=relative", "tiled-wide", "bvh-packet"] {
         render(&format!("{strategy},intersector=baldwin-weber"));
         if !strategy.starts_with("naive") {
             let said = render(&format!("{strategy},intersector=baldwin-weber,records=once"));
@@ -171,6 +171,42 @@ fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
             &place.mistake(&arguments, 2),
             &[&file, "docs/own-kernels.md lists the functions", "--cl-dir DIR"],
         );
+    }
+}
+
+/// From the header of a file, the host computes memory and macros. The file's code must agree with it.
+#[test]
+fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() {
+    let device = device();
+    for (file, from, to, strategy, told) in [
+        (
+            "cast/vectors/local.cl",
+            "memory: local",
+            "memory: private",
+            "local-vectors",
+            "B of __local memory, but 0 B follow from the header of kernels/cast/vectors/local.cl",
+        ),
+        (
+            "cast/triangles/local.cl",
+            "copied: scene",
+            "copied: nothing",
+            "local-triangles",
+            "STAGE_VERTICES is not 0, as `copied` in the header of this file requires",
+        ),
+    ] {
+        let points =
+            format!("image_sizes = [[16, 9]]\nlocal_sizes = [8]\nstrategies = [\"{strategy}\", \"naive\"]\n");
+        let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(&points, 0, 1))]);
+        let cl = place.kernels(file, from, to);
+        let render = ["render", "scene.toml", "--device", &device, "--strategy", strategy];
+        let render = [&render[..], &["--local-size", "8", "--cl-dir", &cl]].concat();
+        has(&place.mistake(&render, 2), &[file, told, "docs/own-kernels.md"]);
+        let run = ["run", "test.toml", "--device", &device, "--out", "out", "--quiet", "--cl-dir", &cl];
+        place.raycl(&run).output().expect("raycl starts");
+        let records = place.json_lines("out/records.jsonl");
+        let of = |name: &str| records.iter().find(|record| record["name"] == name).expect("a record");
+        has(of(strategy)["reason"].as_str().unwrap_or_default(), &[file, told]);
+        assert_eq!(of("naive")["outcome"], "measured");
     }
 }
 

@@ -56,10 +56,22 @@ fn a_texture_that_does_not_exist_keeps_no_picture_from_its_place() {
     assert!(image::open(place.path("a.png")).is_ok());
 }
 
+/// Checks that `render` refuses to replace a file of the scene. The words are arguments without spaces; `option`
+/// selects the device.
+#[track_caller]
+fn stays(place: &Place, file: &str, words: &str, option: &str) {
+    let (device, before) = (device(), std::fs::read(place.path(file)).expect("a file"));
+    let words: Vec<&str> = words.split(' ').collect();
+    let message = place.mistake(&[&["render"], &words[..], &[option, &device]].concat(), 2);
+    let told = format!("'{file}' is a file of the scene, and is not replaced");
+    has(&message, &[told.as_str(), " writes elsewhere"]);
+    assert!(std::fs::read(place.path(file)).expect("a file") == before, "{file} was touched");
+}
+
 /// A picture that raycl has made may become a file of a scene.
 #[test]
 fn a_file_of_the_scene_stays_even_with_force() {
-    let (place, device) = (one_point(), device());
+    let place = one_point();
     for name in ["mesh.png", "turn-0002.png", "film.png", "sky.exr"] {
         render(&place, &["scene.toml", "-o", name]);
     }
@@ -71,15 +83,7 @@ fn a_file_of_the_scene_stays_even_with_force() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
     place.write("mesh.mtl", &materials);
     place.write("mesh.obj", &format!("mtllib mesh.mtl\n{corners}{faces}"));
-    let stays = |file: &str, words: &str, option: &str| {
-        let before = std::fs::read(place.path(file)).expect("a file");
-        let words: Vec<&str> = words.split(' ').collect();
-        let message = place.mistake(&[&["render"], &words[..], &[option, &device]].concat(), 2);
-        let told = format!("'{file}' is a file of the scene, and is not replaced");
-        has(&message, &[told.as_str(), " writes elsewhere"]);
-        assert!(std::fs::read(place.path(file)).expect("a file") == before, "{file} was touched");
-    };
-    stays("mesh.png", "mesh.obj", "--device");
+    stays(&place, "mesh.png", "mesh.obj", "--device");
     for (file, words) in [
         ("mesh.png", "mesh.obj"),
         ("named.png", "named.png"),
@@ -88,9 +92,40 @@ fn a_file_of_the_scene_stays_even_with_force() {
         ("sky.exr", "scene.toml --set sky.picture=sky.exr -o sky.exr"),
         ("sky.exr", "scene.toml --set sky.picture=sky.exr --layers sky.exr"),
     ] {
-        stays(file, &format!("{words} --force"), "--device");
+        stays(&place, file, &format!("{words} --force"), "--device");
     }
-    stays("mesh.png", "mesh.obj --force", "--devices");
+    stays(&place, "mesh.png", "mesh.obj --force", "--devices");
+}
+
+/// Returns a scene that is animated for three frames. A value, which is a file's name, changes at frame 3.
+fn changing(scene: &str, path: &str, [first, last]: [&str; 2]) -> String {
+    let track =
+        format!("[[animation.track]]\npath = \"{path}\"\nvalues = [\"{first}\", \"{first}\", \"{last}\"]");
+    format!("{scene}\n[animation]\nframes = 3\n{track}\n")
+}
+
+#[test]
+fn a_file_that_only_a_later_frame_uses_stays_even_with_force() {
+    let place = one_point();
+    render(&place, &["scene.toml", "-o", "f-0002.png"]);
+    let corners = "v 0 0 -2\nv 1 0 -2\nv 0 1 -2\nvt 0 0\nvt 1 0\nvt 0 1\n";
+    place.write("plain.obj", &format!("{corners}f 1 2 3\n"));
+    place.write("late.mtl", "newmtl late\nmap_Kd f-0002.png\n");
+    place.write("late.obj", &format!("mtllib late.mtl\n{corners}usemtl late\nf 1/1 2/2 3/3\n"));
+    let scene = "[[light]]\nposition = [0, 0, 0]\npower = 9\n[[object]]\nmesh = \"plain.obj\"\n";
+    place.write("mesh.toml", &changing(scene, "object.0.mesh", ["plain.obj", "late.obj"]));
+    stays(&place, "f-0002.png", "mesh.toml --animate -o f.png --force", "--device");
+    stays(&place, "f-0002.png", "mesh.toml --turntable 3 -o f.png --force", "--device");
+    stays(&place, "f-0002.png", "mesh.toml -o f-0002.png", "--device");
+    assert!(!place.path("f-0001.png").exists());
+
+    for name in ["early.exr", "film.exr"] {
+        render(&place, &["scene.toml", "-o", name]);
+    }
+    std::fs::rename(place.path("film.exr"), place.path("film.apng")).expect("a new name");
+    let sky = format!("[sky]\npicture = \"early.exr\"\n{scene}");
+    place.write("sky.toml", &changing(&sky, "sky.picture", ["early.exr", "film.apng"]));
+    stays(&place, "film.apng", "sky.toml --animate -o film.apng --force", "--device");
 }
 
 #[test]

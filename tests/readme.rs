@@ -1,5 +1,5 @@
-//! All examples in README.md, docs/scenes.md, docs/experiments.md and docs/kernels.md work: their TOML loads, their
-//! command lines parse, and their code lines are in the kernels.
+//! All examples in README.md and in the pages of docs/ that this file names work: their TOML loads, their command lines
+//! parse, and their code lines are in the kernels.
 
 use clap::Parser as _;
 use raycl::cli::Cli;
@@ -92,7 +92,8 @@ fn words(line: &str) -> Vec<String> {
 #[test]
 fn every_command_line_parses_and_names_files_that_are_there() {
     let mut seen = 0;
-    for block in ["README.md", EXPERIMENTS].into_iter().flat_map(|page| blocks(page, &["sh"])) {
+    let pages = ["README.md", "docs/render.md", "docs/tools.md", EXPERIMENTS];
+    for block in pages.into_iter().flat_map(|page| blocks(page, &["sh"])) {
         for line in block.lines().filter(|line| line.starts_with("raycl ")) {
             let words = words(line);
             Cli::try_parse_from(&words).unwrap_or_else(|error| panic!("{line}: {error}"));
@@ -144,8 +145,23 @@ fn the_lines_that_the_kernels_page_quotes_stand_in_their_files() {
         let body = rest.split("\n```").next().unwrap_or_default();
         let source = fs::read_to_string(repository().join("cl").join(file)).expect("a kernel file");
         let mut lines = source.lines().map(str::trim);
-        for quoted in body.lines().map(str::trim).filter(|line| *line != "...") {
-            assert!(lines.any(|line| line == quoted), "cl/{file} has no line, or not there: {quoted}");
+        let mut may_omit_code = true;
+        for quoted in body.lines().map(str::trim) {
+            if quoted == "..." {
+                may_omit_code = true;
+                continue;
+            }
+            let mut omitted = Vec::new();
+            let is_there = lines.any(|line| {
+                omitted.push(line);
+                line == quoted
+            });
+            assert!(is_there, "cl/{file} has no line, or not there: {quoted}");
+            omitted.pop();
+            let is_code = |line: &&str| !line.is_empty() && !line.starts_with("//");
+            let code = omitted.into_iter().find(is_code).filter(|_| !may_omit_code);
+            assert_eq!(code, None, "cl/{file}: a line before {quoted:?} is omitted without a mark");
+            may_omit_code = false;
         }
     }
 }

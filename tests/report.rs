@@ -388,12 +388,14 @@ fn the_reproduction_page_is_made_of_records_alone() {
     write(&figure, &records);
     outcome(&["reproduce", "--page-only", "--out", path(&out)], 0);
     let page = std::fs::read_to_string(out.path().join("reproduction.html")).expect("a page");
+    let command = format!("raycl reproduce --out {} --resume", path(&out));
     for part in [
         "✓ held",
         "naive at 8 x 8 on still-life (17.40 ms) takes 1.54 times (1.52 to 1.56, n = 10) as long as local-vectors at 8 x 8",
         "1133 ms with optimisation 1 against 1738 ms naive",
         "no record of naive at 4 x 4 on teapot",
-        "the missing record: `raycl run configs/figure-6.toml`",
+        &format!("the missing record: `{command}`"),
+        &format!("The command <code>{command}</code> measures this data."),
         "on still-life, local-vectors (vectors local, triangles global): 11.30 ms.",
     ] {
         assert!(page.contains(part), "{part:?} is not in the page");

@@ -67,6 +67,17 @@ fn results_lie_where_the_settings_say() {
 }
 
 #[test]
+fn a_folder_in_the_home_folder_needs_a_home_folder() {
+    let place = place("results = \"~/kept\"\n");
+    let told = mistake(raycl(&place, &["run", "config.toml", "--quiet"]).env_remove("HOME"));
+    has(&told, &["home/raycl/config.toml:1", "needs HOME", "name an absolute folder"]);
+    let variable = ("RAYCL_RESULTS", "~nobody/kept");
+    let told = mistake(raycl(&place, &["run", "config.toml", "--quiet"]).env(variable.0, variable.1));
+    has(&told, &["RAYCL_RESULTS: only `~` alone", "name an absolute folder"]);
+    assert!(!place.path("~").exists() && !place.path("~nobody").exists());
+}
+
+#[test]
 fn colours_are_the_options_then_the_environments_then_the_files() {
     let place = place("color = \"always\"\n");
     let coloured = |words: &[&str], no_color: &str| {

@@ -126,6 +126,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     // by which they can be compared.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
+    let of_controls = format!(", {} more samples of control points; 0 samples not used", 10 * controls.len());
+    has(&said, &[&of_controls]);
     let records = ground.records("out/records.jsonl");
     assert!(records.iter().all(|record| record.host.is_some() && record.attempt.is_some()));
     let host = records[0].host.clone().expect("a machine");

@@ -116,6 +116,41 @@ fn keys_orbit_switch_and_go_back() {
     quit(child, &server);
 }
 
+#[test]
+fn the_picture_gets_the_size_of_the_window() {
+    let place = place();
+    let server = Server::start([160, 100]);
+    let child = start(&place, &server, &["--samples", "1", "--json"]);
+    // The window opens in the middle of the screen, and its upper left corner stays where it is.
+    let corner = [(160 - SIZE[0]) / 2, (100 - SIZE[1]) / 2];
+    let shows = |size: [u32; 2]| {
+        let expected = rendered_in(&place, size, &[]);
+        server.until_shown("it shows the whole picture", |shown| {
+            let window = image::imageops::crop_imm(shown, corner[0], corner[1], size[0], size[1]).to_image();
+            differences(&window, &expected) == 0
+        });
+    };
+    shows(SIZE);
+    // With these proportions, the field of view across the width stays, as in the pictures that `render` writes.
+    for size in [[120, 80], [60, 40]] {
+        server.user().resize(size);
+        shows(size);
+    }
+    let report = quit(child, &server);
+    assert_eq!(report["image_size"], serde_json::json!([60, 40]));
+}
+
+#[test]
+fn if_a_window_cannot_open_on_a_display_with_few_colours_the_terminal_is_advised() {
+    let place = place();
+    let server = Server::with_depth([160, 100], 16);
+    let output = finish(start(&place, &server, &["--frames", "1"]));
+    assert!(!output.status.success(), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let terminal = said.find("--terminal").unwrap_or_else(|| panic!("{said}"));
+    assert!(said.find("--strategy").is_none_or(|strategy| terminal < strategy), "{said}");
+}
+
 /// Returns the first column and the last column in which a picture differs from its first pixel.
 fn columns(picture: &RgbImage) -> Option<[u32; 2]> {
     let differs = |x: &u32| (0..picture.height()).any(|y| picture[(*x, y)] != picture[(0, 0)]);
@@ -374,7 +409,7 @@ fn a_line_of_wide_characters_does_not_scroll_the_picture() {
 }
 
 #[test]
-fn a_terminal_that_becomes_smaller_shows_the_upper_left_part_of_the_picture() {
+fn the_picture_gets_the_size_of_a_terminal_that_becomes_smaller_or_larger() {
     let place = place();
     let (device, scene) = (device(), place.path("scene.toml").display().to_string());
     let whole = rendered_in(&place, [80, 46], &[]);
@@ -385,12 +420,16 @@ fn a_terminal_that_becomes_smaller_shows_the_upper_left_part_of_the_picture() {
         tmux.picture_of(size).is_some_and(|shown| differences(&shown, expected) == 0)
     };
     until("the terminal shows the picture", || shows([80, 46], &whole));
-    tmux.run(&["resize-window", "-x", "60", "-y", "20"]);
-    let part = image::imageops::crop_imm(&whole, 0, 0, 60, 38).to_image();
-    until("the part is shown", || shows([60, 38], &part));
-    until("the new last line is text", || {
-        tmux.text().lines().nth(19).is_some_and(|line| line.contains("little | ") && !line.contains('▀'))
-    });
+    for [across, down] in [[60, 20], [100, 30]] {
+        tmux.run(&["resize-window", "-x", &across.to_string(), "-y", &down.to_string()]);
+        let size = [across, 2 * (down - 1)];
+        let resized = rendered_in(&place, size, &[]);
+        until("the whole picture is shown", || shows(size, &resized));
+        until("the new last line is text", || {
+            let last = tmux.text().lines().nth(down as usize - 1).map(str::to_owned);
+            last.is_some_and(|line| line.contains("little | ") && !line.contains('▀'))
+        });
+    }
     tmux.run(&["send-keys", "q"]);
     until("it has ended", || tmux.text().is_empty());
 }

@@ -17,10 +17,16 @@ pub struct Server {
 
 impl Server {
     /// Starts a server with one screen of this size.
-    pub fn start([width, height]: [u32; 2]) -> Self {
+    pub fn start(size: [u32; 2]) -> Self {
+        Self::with_depth(size, 24)
+    }
+
+    /// Starts a server with one screen of this size, whose pixels have this many bits.
+    pub fn with_depth([width, height]: [u32; 2], bits: u32) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
+        let screen = format!("{width}x{height}x{bits}");
         let mut process = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")])
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &screen])
             .arg("-fbdir")
             .arg(folder.path())
             .stdout(Stdio::piped())
@@ -139,6 +145,16 @@ impl User {
         request.extend([0; 8]);
         request.extend([x, y].map(u16::to_le_bytes).as_flattened());
         self.send(&request);
+    }
+
+    /// Gives the window another size.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        let mut request = vec![12, 0, 5, 0];
+        request.extend(self.window.to_le_bytes());
+        request.extend([0b1100, 0, 0, 0]);
+        request.extend(size.map(u32::to_le_bytes).as_flattened());
+        self.send(&request);
+        self.until_done();
     }
 
     /// Returns the window's title.

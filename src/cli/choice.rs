@@ -1,11 +1,15 @@
 //! Arguments that several subcommands share: a device, a strategy, a local size, a time, `--set`.
 
+use super::Cli;
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, DeviceLimits, LaneTest, default_place, pick_one, places};
 use crate::error::{Error, Result, meant};
+use crate::scene;
 use crate::settings;
 use crate::sources::Sources;
-use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, Traversal, fastest, preset};
+use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, fastest, preset};
+use crate::words::quote;
+use clap::CommandFactory as _;
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
 use std::ops::RangeInclusive;
@@ -77,31 +81,42 @@ impl TypedValueParser for StrategyText {
 }
 
 /// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`. Without a preset, the axes
-/// change the preset `deferred`.
+/// change the preset `deferred`. Each axis may have only one value.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
-    let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
-    let name = match parts.peek() {
-        Some(first) if !first.contains('=') => parts.next().unwrap_or_default(),
-        Some(_) => "deferred",
+    let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
+    let (named, axes) = match parts.split_first() {
+        Some((first, rest)) if !first.contains('=') => (Some(*first), rest),
+        Some(_) => (None, &parts[..]),
         None => return Err(no_strategy(text)),
     };
-    let mut strategy = preset(name)?.strategy;
-    for part in parts {
-        let (axis, value) = part.split_once('=').ok_or_else(|| no_axis(part, name))?;
+    let mut strategy = preset(named.unwrap_or("deferred"))?.strategy;
+    for (index, part) in axes.iter().enumerate() {
+        let (axis, value) = part.split_once('=').ok_or_else(|| no_axis(part, named, axes))?;
         strategy.set(axis.trim(), value.trim())?;
+        let is_same =
+            |other: &&&str| other.split_once('=').is_some_and(|(name, _)| name.trim() == axis.trim());
+        if let Some(before) = axes[..index].iter().find(is_same) {
+            let message = format!("--strategy sets the axis '{}' twice: {before} and {part}", axis.trim());
+            return Err(Error::input(message).with_help("give each axis one value"));
+        }
     }
     Ok(strategy)
 }
 
-/// Returns the error for a part of a strategy's text without `=`, after the part that names the preset `first`. The
-/// part may be the preset of another strategy.
-fn no_axis(part: &str, first: &str) -> Error {
+/// Returns the error for a part of a strategy's text without `=` that is not the first part. The first part may name
+/// the preset `named`, and `axes` are the parts after that preset. The part may be a preset that the user wrote after
+/// its axes, or the preset of another strategy.
+fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
-    error.with_help(match preset(part) {
-        Ok(_) => format!(
+    error.with_help(match (preset(part), named) {
+        (Ok(_), Some(first)) => format!(
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
-        Err(_) => "name a preset first, then axes with their values: --strategy deferred,width=4".to_owned(),
+        (Ok(_), None) => {
+            let others: Vec<&str> = axes.iter().copied().filter(|other| *other != part).collect();
+            format!("name the preset first: --strategy {part},{}", others.join(","))
+        }
+        (Err(_), _) => "name a preset first, then axes with their values: --strategy deferred,width=4".to_owned(),
     })
 }
 
@@ -115,7 +130,8 @@ fn no_strategy(text: &str) -> Error {
 
 /// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
 /// fastest one that raycl knows or, if `set` requests the watertight test, the fastest one with this test. Finally,
-/// each axis that `set` names gets its value in `set`.
+/// each axis that `set` names gets its value in `set`. If the fastest strategy does not allow these values, the remedy
+/// is to name another strategy.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -127,14 +143,29 @@ pub fn chosen_strategy(
     let task = Task { watertight: task.watertight || set.iter().any(asked), ..task };
     let (best, best_local) = fastest(limits, &task)?;
     let strategy = requested_strategy(text, set, best)?;
-    strategy.check()?;
+    strategy.check().map_err(|error| match text {
+        None if best.check().is_ok() => error.with_help(another_strategy(&best)),
+        _ => error,
+    })?;
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // With the traversal `tile`, one work-item may cast a whole tile of rays, so a work-group of one work-item has
-    // enough work. If 32 work-items share a tile instead, `local_size` returns another local size.
-    let tiles = strategy.traversal == Traversal::Tile;
-    Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
+    Ok((strategy, strategy.usual_local_size(limits)))
+}
+
+/// Returns the remedy if values of `--set` cannot be combined with the strategy that raycl chose. The strategy may
+/// differ from every preset, for example in its width, so the text names the most similar preset.
+fn another_strategy(chosen: &Strategy) -> String {
+    let own = chosen.axes();
+    let differences =
+        |strategy: &Strategy| strategy.axes().into_iter().filter(|axis| !own.contains(axis)).count();
+    let name = PRESETS
+        .iter()
+        .min_by_key(|preset| differences(&preset.strategy))
+        .map_or("a strategy", |preset| preset.name);
+    format!(
+        "raycl chose {name} for this device; name another strategy with --strategy, such as `--strategy deferred`"
+    )
 }
 
 /// Returns the strategy that `text` names, or `otherwise` if there is no text. Each axis that `set` names gets its
@@ -156,15 +187,34 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
+/// Returns an error if a key of `--set` is not a key of a scene, but names an option that `render` and `view` have,
+/// such as `local_size`. The remedy is this option with the value.
+pub fn refuse_option(key: &str, value: &str) -> Result<()> {
+    let (all, name) = (Cli::command(), key.replace('_', "-"));
+    let of = |command: &str| {
+        let mut options = all.find_subcommand(command)?.get_arguments();
+        options.find(|option| option.get_long() == Some(&*name))
+    };
+    let (Some(option), Some(_)) = (of("render"), of("view")) else { return Ok(()) };
+    // `background`, for example, is both an option and a key of a scene.
+    if scene::schema()["properties"].get(key).is_some() {
+        return Ok(());
+    }
+    let value = if option.get_action().takes_values() { format!(" {}", quote(value)) } else { String::new() };
+    Err(no_key(key).with_help(format!("{key} is an option: --{name}{value}")))
+}
+
+/// Returns the error for a key of `--set` that is neither an axis nor a key of a scene.
+fn no_key(key: &str) -> Error {
+    Error::input(format!("--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"))
+}
+
 /// Returns an error if a key of `--set` is probably a misspelt axis, and suggests that axis. No valid key of a scene is
 /// refused, since none resembles the name of an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match meant(key, names.iter().copied()) {
-        Some(meant) => Err(Error::input(format!(
-            "--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"
-        ))
-        .with_help(format!("{meant} the axes are {}", names.join(", ")))),
+        Some(meant) => Err(no_key(key).with_help(format!("{meant} the axes are {}", names.join(", ")))),
         None => Ok(()),
     }
 }
@@ -256,6 +306,24 @@ mod tests {
     }
 
     #[test]
+    fn a_key_that_is_an_option_is_answered_with_the_option() {
+        for (key, value, option) in [
+            ("local_size", "8", "--local-size 8"),
+            ("strategy", "wide", "--strategy wide"),
+            ("samples", "4", "--samples 4"),
+            ("device", "Tesla T4", "--device 'Tesla T4'"),
+            ("plain", "true", "--plain"),
+        ] {
+            let error = refuse_option(key, value).expect_err(key);
+            assert_eq!((error.exit_code(), error.remedy()), (2, &*format!("{key} is an option: {option}")));
+        }
+        // The first three keys are options too.
+        for key in ["background", "two_sided", "crease", "name", "camera.up", "object.0.seed", "wdith"] {
+            assert!(refuse_option(key, "1").is_ok(), "{key}");
+        }
+    }
+
+    #[test]
     fn a_watertight_test_that_is_set_takes_the_fastest_watertight_strategy() {
         let limits = crate::device::EXAMPLE_LIMITS;
         let of = |watertight| fastest(&limits, &Task { watertight, ..Task::default() }).unwrap();
@@ -277,11 +345,17 @@ mod tests {
         for (text, help) in [
             ("deferred,4", "name a preset first"),
             ("naive,local-vectors", "a strategy has one preset, and 'local-vectors' is another one"),
-            ("width=4,naive", "a strategy has one preset, and 'naive' is another one"),
+            ("width=4,naive", "name the preset first: --strategy naive,width=4"),
+            ("width=4,naive,culling=none", "name the preset first: --strategy naive,width=4,culling=none"),
         ] {
             let error = parse_strategy(text).expect_err(text);
             assert!(error.to_string().contains("does not have the form axis=value"), "{error}");
             assert!(error.remedy().starts_with(help), "{}", error.remedy());
+        }
+        for text in ["deferred,width=4,width=8", "width=4, width = 8"] {
+            let error = parse_strategy(text).expect_err(text);
+            assert_eq!(error.exit_code(), 2);
+            assert!(error.to_string().contains("the axis 'width' twice: width=4 and width"), "{error}");
         }
         for empty in ["", " ", ","] {
             let error = parse_strategy(empty).expect_err(empty);
@@ -299,6 +373,26 @@ mod tests {
         let wide = [("width".to_owned(), "4".to_owned())];
         assert_eq!(chosen("deferred", &wide), (parse_strategy("deferred,width=4").unwrap(), [8, 8]));
         assert_eq!(chosen("tile", &[]).1, [1, 1]);
+    }
+
+    #[test]
+    fn an_axis_that_the_chosen_strategy_does_not_allow_needs_a_named_strategy() {
+        let gpu = DeviceLimits {
+            lane_operations: crate::device::LaneOperations::Ptx,
+            ..crate::device::EXAMPLE_LIMITS
+        };
+        let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..crate::device::EXAMPLE_LIMITS };
+        let wide = [("width".to_owned(), "4".to_owned())];
+        // A picture with so many pixels is cast by large tiles with separate passes on a GPU, which no preset has.
+        let task = Task::covering(1026, 1 << 24);
+        for (limits, name) in [(&cpu, "tile"), (&gpu, "tile-group")] {
+            let error = chosen_strategy(None, &wide, limits, task).expect_err("tiles do not have this width");
+            let words = format!("raycl chose {name} for this device; name another strategy with --strategy");
+            assert!(error.exit_code() == 2 && error.remedy().starts_with(&words), "{}", error.remedy());
+            let named = chosen_strategy(Some(name), &wide, limits, task).expect_err("the user chose tiles");
+            assert!(named.remedy().starts_with("change one of these axes"), "{}", named.remedy());
+            assert!(chosen_strategy(Some("deferred"), &wide, limits, task).is_ok(), "{name}");
+        }
     }
 
     #[test]

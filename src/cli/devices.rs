@@ -86,7 +86,7 @@ fn text(infos: &[DeviceInfo], empty_platforms: &[String]) -> String {
     for platform in empty_platforms {
         text += &format!("\nThis platform has no device: {platform}.");
     }
-    if let Some(advice) = device::cache_advice().filter(|_| !empty_platforms.is_empty()) {
+    if let Some(advice) = device::no_device_advice(empty_platforms) {
         text += &format!("\nNote: {advice}.");
     }
     text

@@ -6,6 +6,7 @@
 mod terminal;
 
 use crate::device::drivers::{Driver, installed, only};
+use crate::device::full_disk_advice;
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
 use crate::experiment::lists_devices;
@@ -39,8 +40,9 @@ pub fn is_inside() -> bool {
 /// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
 /// processes of `raycl run` do not use huge pages either. If `uses_terminal` is true (for `raycl view --terminal`), the
 /// terminal is restored however the child process ends, but only on Unix, and only if standard input and standard
-/// output are a terminal. `cl_dir` is the folder of the user's kernel files, if the command uses one: if the child
-/// process crashes, a mistake in these files is more likely than one in a driver.
+/// output are a terminal. `opens_window` is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the
+/// user's kernel files, if the command uses one: if the child process crashes, a mistake in these files is more likely
+/// than one in a driver.
 ///
 /// # Errors
 ///
@@ -50,6 +52,7 @@ pub fn run(
     reads_standard_input: bool,
     shows_pictures: bool,
     uses_terminal: bool,
+    opens_window: bool,
     cl_dir: Option<&Path>,
 ) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
@@ -59,7 +62,7 @@ pub fn run(
     if drivers_doing(status).is_none() {
         return end_as(status);
     }
-    end_as(without_broken(status, cl_dir, reads_standard_input, terminal.as_ref())?)
+    end_as(without_broken(status, cl_dir, reads_standard_input, opens_window, terminal.as_ref())?)
 }
 
 /// Tries the drivers one by one, and runs the command again without the drivers that fail. `status` is the exit status
@@ -68,6 +71,7 @@ fn without_broken(
     status: ExitStatus,
     cl_dir: Option<&Path>,
     reads_standard_input: bool,
+    opens_window: bool,
     terminal: Option<&LentTerminal>,
 ) -> Result<ExitStatus> {
     let mut good = Vec::new();
@@ -80,10 +84,9 @@ fn without_broken(
     }
     let cause = drivers_doing(status).unwrap_or_default();
     if broken.is_empty() {
-        return Err(kernels_doing(status, cl_dir).unwrap_or_else(|| {
-            let why = "although each driver alone lists its devices without failing";
-            Error::run(format!("{cause}, {why}")).with_help(otherwise(address_space_limit()))
-        }));
+        return Err(
+            kernels_doing(status, cl_dir).unwrap_or_else(|| no_driver_alone(status, &cause, opens_window))
+        );
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -119,6 +122,22 @@ fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>) -> Option<Error> {
         ))
         .with_help(OWN_KERNELS),
     )
+}
+
+/// Returns the error if every driver works when it is loaded alone. `cause` is how the process ended. If the process
+/// crashed and opens a window, the window's library may have crashed: the crate minifb frees memory twice if it finds
+/// that a display's pixels do not have 32 bits.
+fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool) -> Error {
+    let other = otherwise(address_space_limit());
+    let advice = full_disk_advice().into_iter().chain([other]).collect::<Vec<_>>().join("; or ");
+    match crash(status).filter(|_| opens_window) {
+        Some((signal, name)) => Error::run(format!(
+            "raycl's child process crashed, in its window or in a driver: {name} (signal {signal})"
+        ))
+        .with_help(format!("{WINDOW}; if the window opened, {advice}")),
+        None => Error::run(format!("{cause}, although each driver alone lists its devices without failing"))
+            .with_help(advice),
+    }
 }
 
 /// Returns the advice for the user if every driver works when it is loaded alone. In a small address space, drivers can
@@ -174,6 +193,8 @@ const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", 
 
 /// The remedy after a crash of a process that used kernel files of the user.
 const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
+/// The first remedy after a crash of a process that opens a window.
+const WINDOW: &str = "if no window opened, the display may be the cause: a window needs a display with 24-bit colours; --terminal shows the scene in this terminal instead";
 /// The remedy after SIGKILL.
 const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
 /// The remedy after other signals from outside the process.
@@ -280,6 +301,24 @@ mod tests {
         let limited = otherwise(Some(1_500_000_000));
         assert!(limited.contains("only 1.5 GB") && limited.contains("ulimit -v unlimited"), "{limited}");
         assert!(otherwise(None).starts_with("try another device") && limited.ends_with(&otherwise(None)));
+    }
+
+    #[test]
+    fn a_crash_of_a_process_that_opens_a_window_is_not_blamed_on_a_driver_alone() {
+        let told = |status, opens_window| {
+            let error =
+                no_driver_alone(ExitStatus::from_raw(status), "a driver did not answer", opens_window);
+            (error.to_string(), error.remedy().to_owned())
+        };
+        let (message, remedy) = told(11, true);
+        let expected = "raycl's child process crashed, in its window or in a driver: SIGSEGV (signal 11)";
+        assert_eq!(message, expected);
+        assert!(remedy.starts_with(WINDOW) && remedy.contains("if the window opened, "), "{remedy}");
+        for (status, opens_window) in [(11, false), (HUNG << 8, true)] {
+            let (message, remedy) = told(status, opens_window);
+            assert!(message.starts_with("a driver did not answer, although each driver alone"), "{message}");
+            assert!(!remedy.contains("window") && remedy.contains("--device"), "{remedy}");
+        }
     }
 
     #[test]

@@ -79,15 +79,24 @@ pub fn run(args: Args) -> Result<()> {
 fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print_coloured(&summary_terminal(&folder.records, super::colour::on_output()))?;
     folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
-    let [kept, others] = merged.samples;
-    super::print(format!(
-        "Merged:   {}, {}, {}; {} not used",
+    super::print(format!("Merged:   {}", counts(merged)))?;
+    super::print(format!("Report:   {}", page.display()))
+}
+
+/// Returns the numbers of attempts, points and samples. Only experiments with divided groups have samples of controls.
+fn counts(merged: &Merged) -> String {
+    let [kept, of_controls, others] = merged.samples;
+    let of_controls = match of_controls {
+        0 => String::new(),
+        count => format!(", {}", counted(count, "more sample of control points")),
+    };
+    format!(
+        "{}, {}, {}{of_controls}; {} not used",
         counted(merged.attempts, "attempt"),
         counted(merged.records, "point"),
         counted(kept, "sample"),
         counted(others, "sample")
-    ))?;
-    super::print(format!("Report:   {}", page.display()))
+    )
 }
 
 /// Returns an error if points of the experiment are missing or failed.
@@ -160,6 +169,15 @@ mod tests {
             "beats": 7,
         });
         assert_eq!(json(&one), expected);
+    }
+
+    #[test]
+    fn samples_of_controls_are_counted_apart_from_those_that_are_not_used() {
+        let of = |samples| counts(&Merged { attempts: 3, records: 12, samples, ..Merged::default() });
+        let expected =
+            "3 attempts, 12 points, 120 samples, 10 more samples of control points; 0 samples not used";
+        assert_eq!(of([120, 10, 0]), expected);
+        assert_eq!(of([120, 0, 1]), "3 attempts, 12 points, 120 samples; 1 sample not used");
     }
 
     fn refused(missing: &Missing, records: &[Record]) -> (String, String) {

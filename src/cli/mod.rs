@@ -36,12 +36,13 @@ mod watch;
 pub use output::{end_at_once, print, print_coloured, print_json, print_report, table};
 
 use std::ffi::OsString;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::device::{cache_variables, pinning_variables, thread_variables};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::own_program::remember_libraries;
 use crate::sources::Sources;
 use crate::{printer, settings};
@@ -183,19 +184,34 @@ impl Command {
     }
 }
 
+/// Prints the help, the version or a mistake in the arguments, and ends the process.
+///
+/// # Errors
+///
+/// Fails if standard output cannot be written to. A closed pipe is not an error.
+fn end<T>(said: &clap::Error) -> Result<T> {
+    match said.print() {
+        Err(error) if !said.use_stderr() && error.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::unwritable_output(&error))
+        }
+        _ => std::process::exit(said.exit_code()),
+    }
+}
+
 impl Cli {
     /// Parses the process's arguments. A mistake in the arguments ends the process with exit code 2 and a suggestion.
     ///
     /// # Errors
     ///
-    /// Fails if the user's settings contain a mistake. A worker ignores such a mistake.
+    /// Fails if the user's settings contain a mistake, or if the help or the version cannot be printed. A worker ignores
+    /// a mistake in the settings.
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
         // The command line's choice of colour also applies to a message about a mistake in the command line.
         colour::choose(colour::typed(&words), settings::colour());
-        let read = Self::parse_words(&words)
-            .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());
+        let read = Self::parse_words(&words);
+        let read = read.or_else(|error| end(&renamed::explain(shown(error, words.into_iter()))))?;
         colour::choose(read.color, settings::colour());
         if !matches!(read.command, Command::Worker { .. }) {
             settings?;
@@ -216,8 +232,9 @@ impl Cli {
             if !guarded::is_inside() {
                 let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
                 let uses_terminal = matches!(&self.command, Command::View(args) if args.uses_terminal());
+                let opens_window = matches!(&self.command, Command::View(args) if !args.uses_terminal());
                 let (reads_input, cl_dir) = (self.command.reads_standard_input(), self.command.cl_dir());
-                return guarded::run(reads_input, shows_pictures, uses_terminal, cl_dir);
+                return guarded::run(reads_input, shows_pictures, uses_terminal, opens_window, cl_dir);
             }
             guarded::ends_with_its_parent();
         }
@@ -312,6 +329,51 @@ mod tests {
         }
     }
 
+    /// Splits a command line into words, as a shell does. Spaces between single quotes do not split a word.
+    fn words(line: &str) -> Vec<OsString> {
+        let space = '\u{1}';
+        let unsplit = line.split('\'').enumerate().map(|(place, part)| match place % 2 {
+            1 => part.replace(' ', &space.to_string()),
+            _ => part.to_owned(),
+        });
+        let line = unsplit.collect::<String>();
+        line.split_whitespace().map(|word| word.replace(space, " ").into()).collect()
+    }
+
+    #[test]
+    fn every_example_names_a_strategy_that_is_allowed_on_every_device() {
+        use crate::device::{DeviceLimits, EXAMPLE_LIMITS, LaneOperations};
+        use crate::strategy::Task;
+        let all = Cli::command();
+        let of = |command: &str| all.find_subcommand(command)?.get_after_help().map(ToString::to_string);
+        let help = ["render", "view"].map(|command| of(command).expect("a help with examples"));
+        let page = |page: &str| {
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).expect("a page")
+        };
+        let text = [page("README.md"), page("docs/render.md"), help.join("\n")].join("\n");
+        let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..EXAMPLE_LIMITS };
+        let gpu = DeviceLimits { lane_operations: LaneOperations::Ptx, ..EXAMPLE_LIMITS };
+        let mut seen = 0;
+        for line in text.lines().map(|line| line.trim().split(" | ").next().unwrap_or_default()) {
+            if !line.starts_with("raycl render ") && !line.starts_with("raycl view ") {
+                continue;
+            }
+            let cli = Cli::parse_words(&words(line)).unwrap_or_else(|error| panic!("{line}: {error}"));
+            let subject = match &cli.command {
+                Command::Render(args) => &args.subject,
+                Command::View(args) => &args.subject,
+                _ => continue,
+            };
+            for limits in [cpu, gpu, EXAMPLE_LIMITS] {
+                let task = Task::covering(1026, 1280 * 800);
+                choice::chosen_strategy(subject.strategy.as_deref(), &subject.set, &limits, task)
+                    .unwrap_or_else(|error| panic!("{line}: {error}"));
+            }
+            seen += 1;
+        }
+        assert!(seen >= 20, "only {seen} examples");
+    }
+
     #[test]
     fn options_that_would_have_no_effect_are_refused() {
         let is_accepted =
@@ -326,6 +388,7 @@ mod tests {
             "raycl reproduce --page-only --resume",
             "raycl reproduce --page-only --no-wait",
             "raycl reproduce --page-only --verbose",
+            "raycl reproduce --retry-failed",
         ] {
             assert!(!is_accepted(line), "{line}");
         }

@@ -48,7 +48,7 @@ use timeline::Timeline;
   raycl render scenes/roll.toml --animate -o roll.apng
   zcat part.stl.gz | raycl render - -o - --up z > part.png
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
-  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
+  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --strategy deferred --set width=4
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
   raycl render scenes/gourd.toml --json --repeat 10 | jq .frame_rays_per_s
 
@@ -318,15 +318,25 @@ fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 
-/// Returns an error if a file that the command writes is a file of the scene. The scene has been loaded.
+/// Returns an error if a file that the command writes is a file of the scene, which [`load`] has loaded.
 fn spare_scene(target: &Target) -> Result<()> {
     target.check_unread("a file of the scene", |path| INPUTS.contains(path))
 }
 
+/// Returns whether the command may replace a file. Numbered pictures replace files only with `--force`.
+fn may_replace(args: &Args) -> bool {
+    args.motion.moves() && args.force || targets(args).iter().any(|target| target.path().exists())
+}
+
 /// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
-/// of the picture is a file of the scene.
+/// of the picture is a file of the scene, even if only a later frame uses it.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
+    if may_replace(args)
+        && let Some(animation) = &mut loaded.animation
+    {
+        animation.find_files();
+    }
     if !args.motion.moves() {
         targets(args).iter().try_for_each(spare_scene)?;
     }

@@ -13,7 +13,7 @@ use crate::record::journals::RECORDS;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
 use crate::settings::results;
-use crate::words::quote;
+use crate::words::{option, quote};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
   raycl reproduce
   raycl reproduce --device nvidia --out results/reproduction-h200
   raycl reproduce --resume
+  raycl reproduce --resume --retry-failed
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
@@ -44,6 +45,10 @@ pub struct Args {
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
+    /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
+    /// points held it at that moment
+    #[arg(long, requires = "resume")]
+    retry_failed: bool,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
@@ -71,7 +76,8 @@ pub fn run(args: Args) -> Result<()> {
         [] => Ok(()),
         some => Err(Error::run(some.join("; ")).with_help(
             "the reproduction's page was written nevertheless; for each config, the file summary.md in the \
-                 config's folder of results says why points failed",
+                 config's folder of results says why points failed; the same command with \
+                 --resume --retry-failed measures these points again",
         )),
     }
 }
@@ -103,6 +109,7 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     let set = with_absolute_paths(&args.set);
     let mut run = run::Args::of(config, &args.out.join(name), &args.device, &set);
     (run.resume, run.force, run.no_wait) = (args.resume, args.force, args.no_wait);
+    run.retry_failed = args.retry_failed;
     // The page needs the devices' peak rates, to check the latencies that the paper states and to explain which memory
     // is fastest.
     run.peak = (name == "figure-8").then_some(None);
@@ -128,11 +135,12 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
 /// Returns the command that continues the reproduction.
 fn resuming(args: &Args) -> String {
     let mut words = vec!["raycl".to_owned(), "reproduce".to_owned()];
-    words.extend(["--out".to_owned(), args.out.display().to_string()]);
-    words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
-    words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
+    words.extend(option("--out", args.out.display()));
+    words.extend(args.device.iter().flat_map(|device| option("--device", device)));
+    words.extend(args.set.iter().flat_map(|(key, value)| option("--set", format!("{key}={value}"))));
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.force.then(|| "--force".to_owned()));
+    words.extend(args.retry_failed.then(|| "--retry-failed".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
@@ -200,6 +208,7 @@ mod tests {
             force: false,
             set: vec![("timing.launches".to_owned(), "1".to_owned())],
             resume: false,
+            retry_failed: false,
             no_wait: false,
             page_only: false,
             quiet: false,
@@ -229,6 +238,7 @@ mod tests {
             "no_wait: false".to_owned(),
             "force: false".to_owned(),
             "resume: false".to_owned(),
+            "retry_failed: false".to_owned(),
         ] {
             assert!(told.contains(&part), "{part} is not in {told}");
         }
@@ -236,6 +246,7 @@ mod tests {
             (Args { no_wait: true, ..args() }, "no_wait: true"),
             (Args { force: true, ..args() }, "force: true"),
             (Args { resume: true, ..args() }, "resume: true"),
+            (Args { retry_failed: true, ..args() }, "retry_failed: true"),
         ] {
             assert!(command(&args).contains(part), "{part}");
         }
@@ -271,5 +282,7 @@ mod tests {
         assert_eq!(resuming(&args), command);
         let other = resuming(&Args { no_wait: true, force: true, ..args });
         assert!(other.ends_with(" --no-wait --force --resume"), "{other}");
+        let again = resuming(&Args { resume: true, retry_failed: true, ..self::args() });
+        assert!(again.ends_with(" --retry-failed --resume"), "{again}");
     }
 }

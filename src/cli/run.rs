@@ -81,7 +81,7 @@ pub struct Args {
     /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
     /// points held it at that moment
     #[arg(long, requires = "resume")]
-    retry_failed: bool,
+    pub(super) retry_failed: bool,
     /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later
     /// frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]

@@ -4,7 +4,7 @@ mod look;
 
 use super::choice::{
     StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
-    requested_strategy, whole,
+    refuse_option, requested_strategy, whole,
 };
 use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
@@ -17,7 +17,7 @@ use look::Look;
 use std::path::PathBuf;
 
 /// A scene, and the options for casting it.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct Subject {
     /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
     pub scene: PathBuf,
@@ -113,7 +113,10 @@ impl Subject {
     /// as TOML if it is valid TOML, and otherwise as text.
     fn overrides(&self) -> Result<Vec<Setting>> {
         let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
-        of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
+        of_scene().try_for_each(|(key, text)| {
+            refuse_option(key, text)?;
+            refuse_misspelt_axis(key)
+        })?;
         let value = |text: &str| {
             let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
             parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())

@@ -21,7 +21,7 @@ pub struct Args {
     /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = whole::<u32>(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, at the terminal's size. HOW is the form in which raycl draws pictures.
+    /// Show the scene in this terminal, at its size. HOW is the form in which raycl draws pictures.
     /// Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
@@ -63,6 +63,7 @@ fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
         "Keys:\n{}\n\nThe left mouse button orbits, the right or the middle mouse button pans, and the wheel zooms. \
+         If the window or the terminal becomes larger or smaller, so do the pictures. \
          raycl reads the files of the scene and of --cl-dir again when they change, unless the scene comes from \
          standard input.\n\n\
          Examples:\n  \
@@ -89,7 +90,8 @@ struct Report {
     seconds: f64,
     /// The number of frames after the first, divided by `seconds`.
     frames_per_s: f64,
-    /// The number of frames that were cast since the strategy, the local size, the device or a file changed last.
+    /// The number of frames that were cast since the strategy, the local size, the device, the picture's size or a file
+    /// changed last.
     timed_frames: usize,
     /// The median device time of these frames; null if there are none.
     frame_ms: Option<f64>,
@@ -103,7 +105,7 @@ struct Report {
 pub fn run(args: Args) -> Result<()> {
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;
-        let [width, height] = terminal.size();
+        let [width, height] = terminal.room();
         let subject = Subject { width, height, ..args.subject };
         return show(Args { subject, ..args }, terminal);
     }

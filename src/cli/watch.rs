@@ -6,9 +6,10 @@ use crate::reader::{folder_of, in_canonical_folder};
 use crate::scene::Inputs;
 use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
+use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are not listed:
 /// a picture counts only if raycl has read it, for example as a texture. So pictures that other commands write cause no
@@ -16,18 +17,28 @@ use std::time::{Duration, Instant};
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps. A file counts as complete if this much time has passed since the last step.
 const QUIET: Duration = Duration::from_millis(80);
+/// The interval at which a waiting command checks whether the watched folders are still the same.
+const LOOK_UP: Duration = Duration::from_millis(500);
 
 /// Files that are watched.
 pub struct Watched {
     /// The times of changes.
     changes: Receiver<Instant>,
-    /// The time of the last change, if [`has_changed`](Self::has_changed) has not returned true since.
+    /// The time of the last change that has not been reported yet; `None` if every change has been reported.
     changed_at: Option<Instant>,
     /// The watcher. Files are watched until this value is dropped.
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
-    folders: Vec<(PathBuf, RecursiveMode)>,
+    folders: Vec<Folder>,
     inputs: &'static Inputs,
+}
+
+/// A folder that is watched.
+struct Folder {
+    path: PathBuf,
+    depth: RecursiveMode,
+    /// The identity of the folder when the watch began; `None` if there was no folder.
+    identity: Option<Identity>,
 }
 
 impl Watched {
@@ -43,8 +54,10 @@ impl Watched {
                 "the system may limit the number of watched files; on Linux, raise fs.inotify.max_user_watches with sysctl",
             )
         };
-        let folders: Vec<_> =
-            folders.iter().map(|(folder, depth)| Ok((resolved(folder)?, *depth))).collect::<Result<_>>()?;
+        let mut folders: Vec<_> = folders
+            .iter()
+            .map(|(folder, depth)| Ok(Folder::new(resolved(folder)?, *depth)))
+            .collect::<Result<_>>()?;
         let (sender, changes) = channel();
         let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();
         let tell = move |event: notify::Result<notify::Event>| {
@@ -54,8 +67,8 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        for (folder, depth) in &folders {
-            watcher.watch(folder, *depth).map_err(failed)?;
+        for folder in &mut folders {
+            folder.watch(&mut watcher).map_err(failed)?;
         }
         Ok(Self { changes, changed_at: None, watcher, folders, inputs })
     }
@@ -67,16 +80,82 @@ impl Watched {
         is_complete(&self.changes, &mut self.changed_at, Instant::now())
     }
 
-    /// Also watches the folders of files that have been read since the last call.
+    /// Watches the folders that have been replaced since the last call, which counts as a change, and the folders of
+    /// files that have been read since then.
     fn follow(&mut self) {
-        for folder in self.inputs.folders() {
-            if !self.folders.iter().any(|watched| covers(watched, &folder)) {
+        for folder in &mut self.folders {
+            if folder.identity != identity(&folder.path) {
+                // The old watch may have ended with its folder. A folder that is missing is watched once it exists.
+                let _ = self.watcher.unwatch(&folder.path);
+                let _ = folder.watch(&mut self.watcher);
+                self.changed_at = Some(Instant::now());
+            }
+        }
+        for path in self.inputs.folders() {
+            if !self.folders.iter().any(|watched| watched.covers(&path)) {
+                let mut folder = Folder::new(path, RecursiveMode::NonRecursive);
                 // If a folder cannot be watched, the other folders are still watched.
-                let _ = self.watcher.watch(&folder, RecursiveMode::NonRecursive);
-                self.folders.push((folder, RecursiveMode::NonRecursive));
+                let _ = folder.watch(&mut self.watcher);
+                self.folders.push(folder);
             }
         }
     }
+
+    /// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes
+    /// can come.
+    fn next_change(&mut self) -> bool {
+        while self.changed_at.take().is_none() {
+            match self.changes.recv_timeout(LOOK_UP) {
+                Ok(at) => self.changed_at = Some(at),
+                Err(RecvTimeoutError::Timeout) => self.follow(),
+                Err(RecvTimeoutError::Disconnected) => return false,
+            }
+        }
+        quiet(&self.changes)
+    }
+}
+
+impl Folder {
+    /// Returns a folder that is not watched yet.
+    fn new(path: PathBuf, depth: RecursiveMode) -> Self {
+        Self { path, depth, identity: None }
+    }
+
+    /// Begins to watch the folder that has the path now.
+    fn watch(&mut self, watcher: &mut notify::RecommendedWatcher) -> notify::Result<()> {
+        // If the folder is replaced after this line, the next comparison of identities finds that.
+        self.identity = identity(&self.path);
+        watcher.watch(&self.path, self.depth)
+    }
+
+    /// Returns whether a watch on this folder, recursive or not, also covers another folder.
+    fn covers(&self, folder: &Path) -> bool {
+        let Self { path, depth, .. } = self;
+        path == folder || *depth == RecursiveMode::Recursive && folder.starts_with(path)
+    }
+}
+
+/// What distinguishes a folder from another folder that later gets its name: the numbers of its disk and of the folder,
+/// and the time of its creation, since a disk may give the number of a removed folder to a new one.
+type Identity = ([u64; 2], Option<SystemTime>);
+
+/// Returns the identity of the folder that has this path now; `None` if there is none.
+fn identity(folder: &Path) -> Option<Identity> {
+    let found = folder.metadata().ok()?;
+    Some((numbers(&found), found.created().ok()))
+}
+
+/// Returns the numbers of a folder's disk and of the folder.
+#[cfg(unix)]
+fn numbers(found: &Metadata) -> [u64; 2] {
+    use std::os::unix::fs::MetadataExt as _;
+    [found.dev(), found.ino()]
+}
+
+/// On systems other than Unix, only the time of creation distinguishes folders.
+#[cfg(not(unix))]
+fn numbers(_: &Metadata) -> [u64; 2] {
+    [0; 2]
 }
 
 /// Returns the canonical path of a folder. The paths in events begin with the watched folder and are compared with
@@ -86,11 +165,6 @@ fn resolved(folder: &Path) -> Result<PathBuf> {
         let otherwise = "check the path of the scene, and that of --cl-dir if it is given";
         Error::unreadable_folder(folder, &error, otherwise)
     })
-}
-
-/// Returns whether a watch on the first folder, recursive or not, also covers the second folder.
-fn covers((watched, depth): &(PathBuf, RecursiveMode), folder: &Path) -> bool {
-    watched == folder || *depth == RecursiveMode::Recursive && folder.starts_with(watched)
 }
 
 /// Returns the folders that are watched from the start: the folder of the scene, and the folder of kernels.
@@ -113,7 +187,7 @@ pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Resu
         if !quiet {
             printer::tell("waiting until a file changes (Ctrl-C ends raycl)");
         }
-        if !next_change(&watched.changes) {
+        if !watched.next_change() {
             return Ok(());
         }
     }
@@ -138,12 +212,6 @@ fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, no
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
 }
 
-/// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes can
-/// come.
-fn next_change(changes: &Receiver<Instant>) -> bool {
-    changes.recv().is_ok() && quiet(changes)
-}
-
 /// Waits until no file has changed for the time `QUIET`; returns false if no more changes can come.
 fn quiet(changes: &Receiver<Instant>) -> bool {
     loop {
@@ -162,17 +230,22 @@ mod tests {
     /// The longest wait for a change. A test reaches this limit only if it hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    #[test]
-    fn an_edited_scene_is_noticed_and_a_picture_is_not() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let place = folder.path().to_owned();
+    /// Watches a folder in a thread. Each action after the first one sends a message.
+    fn watching(place: PathBuf) -> Receiver<()> {
+        static INPUTS: Inputs = Inputs::new();
         let (told, seen) = channel();
         std::thread::spawn(move || {
-            static INPUTS: Inputs = Inputs::new();
             let watched = Watched::new(&[(place, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
             watch(watched, true, move || told.send(()).map_err(|_| Error::run("over")))
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
+        seen
+    }
+
+    #[test]
+    fn an_edited_scene_is_noticed_and_a_picture_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let seen = watching(folder.path().to_owned());
         std::fs::write(folder.path().join("picture.png"), "png").expect("it writes");
         assert!(seen.recv_timeout(Duration::from_millis(400)).is_err(), "a picture is no source");
         std::fs::write(folder.path().join("SCENE.TOML"), "changed").expect("it writes");
@@ -186,6 +259,24 @@ mod tests {
             assert!(start.elapsed() < LIMIT, "a change of {} is not noticed", path.display());
             std::fs::write(path, "changed").expect("it writes");
             std::thread::sleep(2 * QUIET);
+        }
+    }
+
+    #[test]
+    fn a_folder_that_was_removed_or_renamed_is_watched_again_when_it_exists_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for renames in [false, true] {
+            let place = folder.path().join(format!("renamed-{renames}"));
+            std::fs::create_dir(&place).expect("a folder");
+            let seen = watching(place.clone());
+            let other = folder.path().join("other");
+            let gone = if renames { std::fs::rename(&place, other) } else { std::fs::remove_dir(&place) };
+            gone.expect("the folder goes away");
+            std::fs::create_dir(&place).expect("another folder");
+            // That a folder went away and came back are at most two changes, so the third is a change of the file.
+            for _ in 0..3 {
+                change_until(&place.join("scene.toml"), || seen.try_recv().is_ok());
+            }
         }
     }
 
@@ -251,7 +342,8 @@ mod tests {
 
     #[test]
     fn a_folder_is_watched_with_another_only_if_it_is_the_same_or_below_it() {
-        let covers = |watched: &str, depth, folder: &str| covers(&(watched.into(), depth), Path::new(folder));
+        let covers =
+            |watched: &str, depth, folder: &str| Folder::new(watched.into(), depth).covers(Path::new(folder));
         assert!(covers("/a", RecursiveMode::NonRecursive, "/a"));
         assert!(!covers("/a", RecursiveMode::NonRecursive, "/a/b"));
         assert!(covers("/a", RecursiveMode::Recursive, "/a/b"));
@@ -277,13 +369,16 @@ mod tests {
 
     #[test]
     fn the_steps_of_one_change_are_one_action() {
+        static INPUTS: Inputs = Inputs::new();
         let (sender, changes) = channel();
+        let mut watched = Watched::new(&[], &[], &INPUTS).expect("it watches");
+        watched.changes = changes;
         for _ in 0..3 {
             sender.send(Instant::now()).expect("a change");
         }
-        assert!(next_change(&changes));
-        assert!(changes.try_recv().is_err(), "all three messages belong to one change");
+        assert!(watched.next_change());
+        assert!(watched.changes.try_recv().is_err(), "all three messages belong to one change");
         drop(sender);
-        assert!(!next_change(&changes), "no sender is left, so no more changes can come");
+        assert!(!watched.next_change(), "no sender is left, so no more changes can come");
     }
 }

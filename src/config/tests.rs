@@ -532,6 +532,10 @@ fn the_bounds_of_a_setting_are_allowed_and_what_is_beyond_is_not() {
             let message = format!("{key} {beyond} is out of range");
             refuses(&with(&beyond.to_string()), &[&message, &format!(" from {least} to {most}")]);
         }
+        let schema = schema();
+        let of_key = &schema["properties"][table]["properties"][key];
+        let bounds = ["minimum", "maximum"].map(|bound| of_key[bound].as_f64());
+        assert_eq!(bounds, [least, most].map(|bound| bound.parse::<f64>().ok()), "the schema of {key}");
     }
 }
 

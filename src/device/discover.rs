@@ -2,6 +2,7 @@
 //! unusable but does not stop raycl.
 
 use std::collections::HashMap;
+use std::ffi::OsStr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ocl::core::DeviceInfo as Query;
@@ -11,7 +12,7 @@ use super::kernel_cache::cache_advice;
 use super::patience::Patience;
 use super::threads::threads_of;
 use super::variables;
-use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations};
+use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations, is_pocl};
 use crate::error::{Error, Result};
 use crate::memory::{address_space_limit, readable};
 use crate::sources::Sources;
@@ -54,13 +55,34 @@ pub(super) fn discover_untested() -> Result<Survey> {
 fn with_devices(survey: Survey) -> Result<Survey> {
     if survey.devices.is_empty() {
         let platforms = survey.empty_platforms.join(", ");
-        let help = cache_advice().unwrap_or_else(|| HOW_TO_GET_ONE.to_owned());
+        let help = no_device_advice(&survey.empty_platforms).unwrap_or_else(|| HOW_TO_GET_ONE.to_owned());
         return Err(Error::run(format!(
             "no OpenCL device was found (platforms without a device: {platforms})"
         ))
         .with_help(help));
     }
     Ok(survey)
+}
+
+/// PoCL's environment variable for the devices that PoCL lists.
+const CHOSEN: &str = "POCL_DEVICES";
+
+/// Returns advice if PoCL is one of the platforms without devices, and an environment variable or PoCL's cache folder
+/// may be the cause.
+pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
+    if !empty_platforms.iter().any(|platform| is_pocl(platform.trim())) {
+        return None;
+    }
+    cache_advice().or_else(|| chosen_advice(std::env::var_os(CHOSEN).as_deref()))
+}
+
+/// Returns advice if the environment variable has a value. Then PoCL lists no other devices, even if the value is empty.
+fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
+    let value = value?.display();
+    Some(format!(
+        "PoCL lists only the devices that the environment variable {CHOSEN} names; its value is '{value}': \
+         unset {CHOSEN}, or set it to pthread"
+    ))
 }
 
 /// Lists every device, and every platform without devices. Returns an error if there is no platform.
@@ -242,6 +264,16 @@ mod tests {
         let told = |limit| format!("{:?}", no_platform(limit));
         assert!(told(Some(409_600_000)).contains("may use only 409.6 MB of address space"));
         assert!(told(Some(1)).contains("ulimit -v unlimited") && !told(None).contains("ulimit"));
+    }
+
+    #[test]
+    fn a_variable_that_leaves_pocl_without_devices_is_told() {
+        assert_eq!(chosen_advice(None), None);
+        for value in ["nonsense", ""] {
+            let told = chosen_advice(Some(value.as_ref())).expect("advice");
+            assert!(told.contains(&format!("POCL_DEVICES names; its value is '{value}': unset")), "{told}");
+        }
+        assert_eq!(no_device_advice(&["NVIDIA CUDA".to_owned()]), None);
     }
 
     #[test]

@@ -1,10 +1,12 @@
 //! The folder in which PoCL stores compiled kernels. Without a folder that it can write, PoCL lists no device.
 
 use crate::cache::{can_be_written, temporary};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// PoCL's environment variable for this folder.
 const FOLDER: &str = "POCL_CACHE_DIR";
+/// A disk with less free space than this counts as full. PoCL usually writes some hundred KiB for each program.
+const ROOM_BYTES: u64 = 1 << 20;
 
 /// Returns the environment variables to set before a driver is loaded. If PoCL cannot write its default folder, the
 /// variables name a private folder among the temporary files instead. Returns no variables if PoCL can write its
@@ -20,13 +22,48 @@ pub fn cache_variables() -> Vec<(&'static str, String)> {
 
 /// Returns advice if PoCL cannot write its folder, and therefore lists no device.
 pub fn cache_advice() -> Option<String> {
-    let named = std::env::var_os(FOLDER).map(PathBuf::from);
-    let folder = named.or_else(default_folder).filter(|folder| !can_be_written(folder))?;
+    let folder = folder().filter(|folder| !can_be_written(folder))?;
     Some(format!(
         "PoCL lists no device if it cannot write to its folder for compiled kernels, '{}'; \
          set {FOLDER} to a folder to which you can write",
         folder.display()
     ))
+}
+
+/// Returns advice if the disk of PoCL's folder is full: PoCL then says that the build of a program has failed, or it
+/// ends the process.
+pub fn full_disk_advice() -> Option<String> {
+    let folder = folder()?;
+    advice_for(free_bytes(&folder)?, &folder)
+}
+
+/// Returns advice if a disk with this much free space counts as full. `folder` is PoCL's folder on the disk.
+fn advice_for(free_bytes: u64, folder: &Path) -> Option<String> {
+    (free_bytes < ROOM_BYTES).then(|| {
+        format!(
+            "the disk of PoCL's folder for compiled kernels, '{}', is full: free up space on it, or set {FOLDER} to a \
+             folder on another disk; `raycl run` measures failed points again with --resume --retry-failed",
+            folder.display()
+        )
+    })
+}
+
+/// Returns the free space on a folder's disk; `None` if the folder is missing, or if the system reports no disk.
+#[cfg(unix)]
+fn free_bytes(folder: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(folder).ok().filter(|disk| disk.f_blocks > 0)?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+/// On systems other than Unix, raycl does not ask for the free space.
+#[cfg(not(unix))]
+fn free_bytes(_: &Path) -> Option<u64> {
+    None
+}
+
+/// Returns PoCL's folder, if the environment names one.
+fn folder() -> Option<PathBuf> {
+    std::env::var_os(FOLDER).map(PathBuf::from).or_else(default_folder)
 }
 
 /// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `XDG_CACHE_HOME` and `HOME` are
@@ -35,4 +72,26 @@ fn default_folder() -> Option<PathBuf> {
     let place = |name: &str| std::env::var_os(name).map(PathBuf::from);
     let caches = place("XDG_CACHE_HOME").or_else(|| Some(place("HOME")?.join(".cache")))?;
     Some(caches.join("pocl/kcache"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_with_its_folder() {
+        let told = advice_for(40_000, Path::new("/caches/pocl")).expect("advice");
+        let start = "the disk of PoCL's folder for compiled kernels, '/caches/pocl', is full: free up space";
+        assert!(told.starts_with(start), "{told}");
+        assert!(told.contains("POCL_CACHE_DIR") && told.ends_with("--resume --retry-failed"), "{told}");
+        assert_eq!(advice_for(ROOM_BYTES, Path::new("/caches/pocl")), None);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn the_free_space_is_that_of_the_folders_disk() {
+        let folder = tempfile::tempdir().expect("a folder");
+        assert!(free_bytes(folder.path()).is_some_and(|bytes| bytes > 0));
+        assert_eq!(free_bytes(&folder.path().join("missing")), None);
+    }
 }

@@ -20,10 +20,10 @@ pub mod variables;
 
 pub use alike::check_alike;
 pub(crate) use compiling::compile;
-pub use discover::{Survey, discover, survey};
+pub use discover::{Survey, discover, no_device_advice, survey};
 pub(crate) use errors::{compiler_log, lacks_resources, may_pass};
 pub use hardware::Hardware;
-pub use kernel_cache::{cache_advice, cache_variables};
+pub use kernel_cache::{cache_variables, full_disk_advice};
 pub use known::{list, pick_one};
 pub use lanes::{LaneOperations, LaneTest};
 pub use limits::DeviceLimits;
@@ -38,6 +38,11 @@ use crate::error::Result;
 use crate::sources::Sources;
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
+
+/// Returns whether a text that begins with a platform's name is about PoCL.
+pub(crate) fn is_pocl(platform: &str) -> bool {
+    platform.to_lowercase().starts_with("portable computing language")
+}
 
 /// The type that a device reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -248,7 +253,7 @@ impl DeviceInfo {
     /// compile every kernel again to return a binary: it compiles kernels for a local size, which is only known when a
     /// kernel starts.
     pub fn has_binaries_at_hand(&self) -> bool {
-        !self.platform.to_lowercase().contains("portable computing language")
+        !is_pocl(&self.platform)
     }
 
     /// Returns whether the device's extensions include `name`.

@@ -1,5 +1,6 @@
 //! Keeps compilers from printing to the terminal.
 
+use super::is_pocl;
 use ocl::Device;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 #[cfg(unix)]
@@ -15,8 +16,7 @@ pub fn quieting(device: Device) -> &'static str {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),
         _ => None,
     });
-    let pocl = platform.is_some_and(|name| name.to_lowercase().contains("portable computing language"));
-    if pocl { "-w" } else { "" }
+    if platform.is_some_and(|name| is_pocl(&name)) { "-w" } else { "" }
 }
 
 /// Discards standard error as long as this value lives. PoCL's compiler prints remarks while it generates debug

@@ -2,7 +2,7 @@
 //! the machine, even if the process may run on fewer. PoCL leaves the placement of its threads to the system, which can
 //! put two threads on the same processor for seconds while another processor is idle.
 
-use super::DeviceKind;
+use super::{DeviceKind, is_pocl};
 
 /// PoCL's environment variables for the number of its threads: the one of version 5 and later, and the older
 /// one, which all versions read.
@@ -66,8 +66,7 @@ fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str
 
 /// Returns the number of threads that a device casts with, if known. PoCL has one thread per compute unit.
 pub fn threads_of(platform: &str, kind: DeviceKind, compute_units: u32) -> Option<u32> {
-    let is_pocl = platform.to_lowercase().contains("portable computing language");
-    (is_pocl && kind == DeviceKind::Cpu).then_some(compute_units)
+    (is_pocl(platform) && kind == DeviceKind::Cpu).then_some(compute_units)
 }
 
 #[cfg(test)]

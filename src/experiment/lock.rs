@@ -25,7 +25,7 @@ impl Lock {
     /// Takes the lock of a folder, or returns an error that names the process that holds it.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(".lock");
-        let failed = |error: std::io::Error| Error::unwritable(path.display(), &error);
+        let failed = |error: std::io::Error| Error::unwritable(&path, &error);
         own_file(&path).map_err(failed)?;
         let mut file = OpenOptions::new()
             .create(true)

@@ -2,6 +2,7 @@
 
 use super::protocol::{Job, Reply, Request};
 use super::supervisor::{Death, Spawner, Wait, Worker};
+use crate::device::{full_disk_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
 use crate::program::CACHE_DISABLE;
@@ -72,6 +73,7 @@ impl Spawner for Processes {
             requests: child.stdin.take(),
             replies: child.stdout.take().map_or_else(|| channel().1, read_replies),
             last_words: child.stderr.take().map(read_last_words),
+            uses_pocl: self.jobs.get(job).and_then(|job| job.device.as_deref()).is_some_and(is_pocl),
             child,
         };
         if let Some(job) = self.jobs.get_mut(job) {
@@ -90,6 +92,8 @@ struct WorkerProcess {
     requests: Option<ChildStdin>,
     replies: Receiver<Reply>,
     last_words: Option<JoinHandle<String>>,
+    /// True if the worker's device is one of PoCL.
+    uses_pocl: bool,
 }
 
 /// Reads replies until the worker closes its standard output. Lines that a driver writes there are skipped.
@@ -138,6 +142,9 @@ impl WorkerProcess {
             Ok(status) => cause(status),
             Err(error) => format!("was lost ({error})"),
         };
+        // A process ends if PoCL cannot store a compiled kernel.
+        let advice = self.uses_pocl.then(full_disk_advice).flatten();
+        let cause = std::iter::once(cause).chain(advice).collect::<Vec<_>>().join("; ");
         let last_words = self.last_words.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         Death { cause, last_words }
     }

@@ -11,7 +11,7 @@ use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
-    cannot_make, own_folder, read_lines_if_any, read_records, renew_intervals, sync_folder,
+    cannot_make, own_folder, read_lines_if_any, read_records, refuse_closed, renew_intervals, sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
@@ -76,7 +76,7 @@ fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
     Ok(told(read_lines_if_any(&folder.join(name))?, name))
 }
 
-/// The remedy if the folder cannot be made.
+/// The remedy if the folder cannot be made or written to.
 const ELSEWHERE: &str = "choose another folder with --out DIR";
 
 impl Results {
@@ -118,6 +118,7 @@ impl Results {
 
     /// Continues in an existing folder, or makes the folder if it does not exist.
     pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
+        refuse_closed(folder, ELSEWHERE)?;
         let images = folder.join(IMAGES);
         own_folder(&images).map_err(|error| {
             cannot_make(if folder.is_dir() { &images } else { folder }, &error, ELSEWHERE)
@@ -314,7 +315,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     if path.exists() {
         let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
         let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
-        std::fs::rename(&path, &free).map_err(|error| Error::unwritable(free.display(), &error))?;
+        std::fs::rename(&path, &free).map_err(|error| Error::unwritable(&free, &error))?;
     }
     environment.write(&path)
 }
@@ -337,6 +338,16 @@ mod tests {
 
     fn record(key: &str, outcome: Outcome) -> Record {
         Record { key: key.into(), outcome, ..Record::default() }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_in_which_no_file_can_be_created_is_the_users_mistake() {
+        // Not even the superuser can create files in /proc/sys.
+        let refused = Results::resume(Path::new("/proc/sys"), &Environment::default()).err().unwrap();
+        assert_eq!((refused.exit_code(), refused.remedy()), (2, ELSEWHERE));
+        let message = refused.to_string();
+        assert!(message.starts_with("the folder '/proc/sys' cannot be written to ("), "{message}");
     }
 
     #[test]

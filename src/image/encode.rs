@@ -4,7 +4,9 @@ use super::display::to_rgba8;
 use super::{Radiance, jpeg, to_rgb8};
 use crate::output::mark::{self, Insert};
 use crate::scene::Display;
-use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
+use exr::prelude::{
+    Blocks, Compression, Encoding, Image, LineOrder, SpecificChannels, Text, Vec2, WritableImage as _,
+};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
@@ -59,11 +61,35 @@ pub fn jpeg_of(encoded: &[u8], file: &mut File) -> Result<()> {
 
 pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     let comment = format!("# {}\n", mark::blank()).into_bytes();
-    let bytes: Vec<u8> = image.pixels.as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect();
+    let values = image.pixels.iter().flat_map(|pixel| in_steps(*pixel));
+    let bytes: Vec<u8> = values.flat_map(f32::to_ne_bytes).collect();
     encode(file, (HDR_SIGNATURE.len(), comment), |writer| {
         HdrEncoder::new(writer).write_image(&bytes, image.width, image.height, ExtendedColorType::Rgb32F)
     })
 }
+
+/// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with factors up to 255. All
+/// channels share the step, a power of two that follows from the largest channel. The encoder truncates to such
+/// multiples, which would make every picture darker. A pixel below the normal numbers of f32 becomes black, since the
+/// encoder has no exponent for it.
+fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
+    let most = pixel.into_iter().fold(0.0, f32::max);
+    if most < f32::MIN_POSITIVE {
+        return [0.0; 3];
+    }
+    // The format cannot hold values much larger than this.
+    if most > f32::MAX / 4.0 {
+        return pixel;
+    }
+    // Without the bits of its mantissa, a float is the largest power of two that is not larger than the float.
+    let step = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
+    let step = if (most / step).round() > 255.0 { 2.0 * step } else { step };
+    pixel.map(|value| (value / step).round() * step)
+}
+
+/// The encoding of an EXR: fast compression without loss, line by line. Simple readers cannot read an EXR of tiles.
+const LINES: Encoding =
+    Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
 /// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are multiplied by
 /// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards; it is
@@ -80,10 +106,12 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let mut writer = BufWriter::new(file);
     let written = if image.coverage.is_empty() {
         let mut exr = Image::from_channels(size, SpecificChannels::rgb(pixel));
+        exr.layer_data.encoding = LINES;
         exr.layer_data.attributes.comments = mark;
         exr.write().to_buffered(&mut writer)
     } else {
         let mut exr = Image::from_channels(size, SpecificChannels::rgba(with_alpha));
+        exr.layer_data.encoding = LINES;
         exr.layer_data.attributes.comments = mark;
         exr.write().to_buffered(&mut writer)
     };

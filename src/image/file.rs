@@ -265,7 +265,9 @@ mod tests {
     fn exr_keeps_every_float() {
         let image = gradient(61, 37);
         let (_folder, path) = saved("picture.exr", &image);
-        assert_eq!(image::open(path).unwrap().to_rgb32f().as_raw(), image.pixels.as_flattened());
+        assert_eq!(image::open(&path).unwrap().to_rgb32f().as_raw(), image.pixels.as_flattened());
+        // The file format stores this flag in the second byte of the version.
+        assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
 
     #[test]
@@ -275,6 +277,47 @@ mod tests {
         let read = image::open(path).unwrap().to_rgb32f();
         for (a, b) in read.as_raw().iter().zip(image.pixels.as_flattened()) {
             assert!((a - b).abs() < 0.06 / 128.0, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn hdr_rounds_every_channel_to_the_nearest_step() {
+        // The fractional parts of the multiples of an irrational number are spread evenly from 0 to 1.
+        let spread = |number: u32, factor: f64| (f64::from(number) * factor).fract();
+        let pixel = |number: u32| {
+            let largest = 2.0_f64.powf(40.0 * spread(number, std::f64::consts::SQRT_2) - 20.0);
+            [0.618_034, 0.754_878, 0.819_173].map(|factor| (largest * spread(number, factor)) as f32)
+        };
+        let image = Radiance { pixels: (1..4097).map(pixel).collect(), ..Radiance::new(64, 64) };
+        let (_folder, path) = saved("picture.hdr", &image);
+        let read = read_picture(&path).unwrap().0;
+        let mut sum = 0.0;
+        for (written, read) in image.pixels.iter().zip(&read.pixels) {
+            let most = f64::from(written.iter().copied().fold(0.0, f32::max));
+            let step = 2.0_f64.powi(most.log2().floor() as i32 - 7);
+            // 256 steps do not fit a byte, but 128 steps of twice the size do.
+            let step = if most >= 255.5 * step { 2.0 * step } else { step };
+            let errors = [0, 1, 2].map(|i| (f64::from(read[i]) - f64::from(written[i])) / step);
+            assert!(errors.iter().all(|error| error.abs() < 0.500_1), "{written:?}: {read:?}");
+            sum += errors.iter().sum::<f64>();
+        }
+        let mean = sum / (3 * image.pixels.len()) as f64;
+        assert!(mean.abs() < 0.05, "the mean error is {mean} steps");
+    }
+
+    #[test]
+    fn hdr_keeps_multiples_of_steps_and_shows_pixels_near_zero_in_black() {
+        for (pixel, expected) in [
+            ([0.0; 3], [0.0; 3]),
+            ([1e-40; 3], [0.0; 3]),
+            ([1.0, 0.5, 0.0], [1.0, 0.5, 0.0]),
+            ([255.0, 1.0, 0.0], [255.0, 1.0, 0.0]),
+            ([0.999; 3], [1.0; 3]),
+            ([-1.0, 1.0, 1.0], [0.0, 1.0, 1.0]),
+        ] {
+            let image = Radiance { pixels: vec![pixel], ..Radiance::new(1, 1) };
+            let (_folder, path) = saved("picture.hdr", &image);
+            assert_eq!(read_picture(&path).unwrap().0.pixels, [expected], "{pixel:?}");
         }
     }
 

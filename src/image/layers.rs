@@ -5,13 +5,10 @@ use super::{Radiance, save_rgb8};
 use crate::error::{Error, Result};
 use crate::output::{Target, mark};
 use crate::reference::layers::{Layers, NOTHING};
-use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Text, WritableImage as _,
-};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Text, WritableImage as _};
 use image::{Rgb, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
-use std::path::{Path, PathBuf};
 
 /// Suffixes of the PNG files' names, one per layer.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
@@ -25,7 +22,7 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let targets = if ending == "exr" {
         vec![target.clone()]
     } else if ending == "png" {
-        let layers = NAMES.map(|name| target.renamed(named(path, name)));
+        let layers = NAMES.map(|name| target.with_ending(&format!("-{name}.png")));
         layers.iter().try_for_each(|layer| refuse_picture(layer, picture))?;
         layers.to_vec()
     } else {
@@ -49,10 +46,6 @@ fn refuse_picture(layer: &Target, picture: &Target) -> Result<()> {
     ))
 }
 
-fn named(path: &Path, layer: &str) -> PathBuf {
-    path.with_file_name(format!("{}-{layer}.png", path.file_stem().unwrap_or_default().to_string_lossy()))
-}
-
 /// Writes the layers and, in an EXR, the picture too.
 pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Result<()> {
     if let [all] = targets {
@@ -69,7 +62,7 @@ pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Res
     targets.iter().zip(&pictures).try_for_each(|(target, picture)| save_rgb8(picture, target))
 }
 
-/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP).
+/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP). Simple readers cannot read an EXR of tiles.
 fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));
@@ -89,9 +82,8 @@ fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
         words("nodes", &layers.nodes),
     ];
     let size = layers.size.map(|side| side as usize);
-    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
     let channels = AnyChannels::sort(channels.into_iter().chain(alpha).collect());
-    let mut exr = Image::from_encoded_channels((size[0], size[1]), encoding, channels);
+    let mut exr = Image::from_encoded_channels((size[0], size[1]), Encoding::SMALL_LOSSLESS, channels);
     exr.layer_data.attributes.comments = Some(Text::from(mark::blank().as_str()));
     let mut writer = BufWriter::new(file);
     exr.write().to_buffered(&mut writer).map_err(IoError::other)?;
@@ -197,6 +189,8 @@ mod tests {
             }
         };
         assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
+        // The file format stores this flag in the second byte of the version.
+        assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
 
     /// Returns the greys of a row of depths.

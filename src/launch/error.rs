@@ -47,6 +47,9 @@ pub enum LaunchError {
     /// than raycl's kernel: a mistake of the user.
     #[error("{0}")]
     OwnKernel(String),
+    /// A kernel uses more `__local` memory than the headers of the user's files state: a mistake of the user.
+    #[error("{0}")]
+    OwnHeader(String),
     /// The strategy does not support rays that a caller provides. Only tests provide rays.
     #[error("{0}")]
     GivenRays(&'static str),
@@ -88,6 +91,16 @@ impl LaunchError {
             }
             _ => Self::from(error),
         }
+    }
+
+    /// Returns the error about a kernel that uses `used` bytes of `__local` memory, although `stated` bytes follow from
+    /// the headers of kernel files. `own_files` are those of the user's files whose headers may be wrong.
+    pub(crate) fn of_local_memory(kernel: &str, [used, stated]: [u64; 2], own_files: &[String]) -> Self {
+        let headers = if own_files.len() == 1 { "the header" } else { "the headers" };
+        Self::OwnHeader(format!(
+            "the kernel `{kernel}` uses {used} B of __local memory, but {stated} B follow from {headers} of {}: correct `memory`, `bytes_per_ray` or `copied`",
+            some_of(own_files)
+        ))
     }
 
     /// Returns the message of an error on a device. If memory may be missing, the message says how much of the

@@ -7,10 +7,16 @@ use super::buffers::allocate;
 use super::frame::Phase;
 use super::setup::{Setup, Working, sees_sky};
 use super::steps::{Step, Steps};
+use crate::device::LaneOperations;
 use crate::manifest::{self, NO_HIT, Role};
+use crate::strategy::Requirements;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
+
+/// A driver may report this many more bytes of `__local` memory than a kernel's arrays have, since arrays begin at
+/// multiples of some number of bytes. NVIDIA's driver 580 reports up to 16 B more.
+const PADDING_BYTES: u64 = 128;
 
 /// The inputs of all kernels of a frame.
 pub(super) struct Parts<'a> {
@@ -38,6 +44,7 @@ impl<'a> Parts<'a> {
         builder.local_work_size(self.setup.workload.local_size.map(|n| n as usize));
         let built = self.setup.build(kernel, &builder)?;
         self.check_work_group(&built, kernel.name)?;
+        self.check_local_memory(&built, kernel.name)?;
         Ok(built)
     }
 
@@ -54,6 +61,25 @@ impl<'a> Parts<'a> {
         match kernel.wg_info(self.setup.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
             KernelWorkGroupInfoResult::WorkGroupSize(most) if most < items => {
                 Err(LaunchError::WorkGroup { kernel: name.to_owned(), most, items })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that a kernel with files of the user uses no more `__local` memory than the files' headers state. From the
+    /// headers, raycl computed whether the kernel fits on the device; if it does not fit, some drivers crash.
+    fn check_local_memory(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
+        let Setup { queue, strategy, workload, .. } = self.setup;
+        let files = self.setup.files_that_state_local_memory();
+        if files.is_empty() {
+            return Ok(());
+        }
+        let stated = Requirements::of(strategy, workload, LaneOperations::Barriers).local_bytes;
+        match kernel.wg_info(queue.device, KernelWorkGroupInfo::LocalMemSize) {
+            Ok(KernelWorkGroupInfoResult::LocalMemSize(used))
+                if used > stated.saturating_add(PADDING_BYTES) =>
+            {
+                Err(LaunchError::of_local_memory(name, [used, stated], &files))
             }
             _ => Ok(()),
         }

@@ -248,6 +248,44 @@ mod tests {
         assert!(error.remedy().contains("docs/own-kernels.md"), "{}", error.remedy());
     }
 
+    #[test]
+    fn a_header_of_the_users_file_that_states_too_little_local_memory_is_the_users_mistake() {
+        let file = "cast/vectors/local.cl";
+        let text = Sources::Embedded.read(file).unwrap();
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let local = preset("local-vectors").unwrap().strategy;
+        for (from, to, stated) in [
+            ("// memory: local\n", "// memory: private\n", Some(0)),
+            ("// bytes_per_ray: 108\n", "// bytes_per_ray: 4\n", Some(4 * 64)),
+            ("// bytes_per_ray: 108\n", "// bytes_per_ray: 112\n", None),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::create_dir_all(folder.path().join("cast/vectors")).unwrap();
+            assert_eq!(text.matches(from).count(), 1, "{from}");
+            std::fs::write(folder.path().join(file), text.replace(from, to)).unwrap();
+            let sources = Sources::Folder(folder.path().to_owned());
+            let error = sources.values().unwrap().during(|| {
+                let session = Session::open(&device, &sources, Arc::new(scene("triangle.toml"))).unwrap();
+                let mut session = session.keeping(Kept::default());
+                let prepared = session.prepare(&local, SIZE, [8, 8]).map_err(|refused| refused.reason());
+                prepared.unwrap().caster().err().map(|refused| refused.into_error(&device.info))
+            });
+            let told = error.as_ref().map(ToString::to_string);
+            let expected = stated.map(|stated| {
+                format!(
+                    " B of __local memory, but {stated} B follow from the header of {}: correct `memory`, ",
+                    folder.path().join(file).display()
+                )
+            });
+            assert_eq!(told.is_some(), expected.is_some(), "{to}: {told:?}");
+            if let (Some(error), Some(expected)) = (error, expected) {
+                assert_eq!(error.exit_code(), 2, "{error}");
+                assert!(error.to_string().contains(&expected), "{error}");
+                assert!(error.remedy().contains("docs/own-kernels.md"), "{}", error.remedy());
+            }
+        }
+    }
+
     /// With this ray-triangle test, shadow rays read planes that were prepared for their light.
     #[test]
     fn shadows_by_prepared_planes_are_those_of_the_reference() {

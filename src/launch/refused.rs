@@ -1,7 +1,7 @@
 //! The reasons why a strategy cannot be cast on a device.
 
 use super::LaunchError;
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, full_disk_advice, is_pocl};
 use crate::error::Error;
 use crate::program::BuildError;
 use crate::sources::does_not_compile;
@@ -32,6 +32,8 @@ const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
 /// The remedy if a work-group has a shape that the device or the strategy does not support.
 const ANOTHER_SIZE: &str = "choose another --local-size";
+/// The remedy if the memory of a work-group exceeds a limit, but that of a smaller work-group would not.
+const SMALLER_GROUP: &str = "choose a smaller --local-size";
 /// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
@@ -63,10 +65,14 @@ impl Refused {
     }
 
     /// Returns the reason in a sentence. If the device may lack memory, the sentence says how much of its memory other
-    /// processes use.
+    /// processes use. If the disk on which PoCL stores compiled kernels is full, a failed build's reason says so.
     pub fn reason_on(&self, device: &DeviceInfo) -> String {
         match self {
             Self::Launch { error, .. } => error.on(device),
+            Self::Build(error) => {
+                let advice = is_pocl(&device.platform).then(full_disk_advice).flatten();
+                std::iter::once(error.log.clone()).chain(advice).collect::<Vec<_>>().join("\n")
+            }
             _ => self.reason(),
         }
     }
@@ -95,6 +101,7 @@ impl Refused {
                     Error::input(format!("this strategy cannot cast the scene: {reason}")).with_help(ANOTHER)
                 }
                 Cause::WorkGroup => cannot(device, ANOTHER_SIZE),
+                Cause::LargeGroup => cannot(device, SMALLER_GROUP),
                 Cause::Size | Cause::GlobalMemory => cannot(device, SMALLER),
             },
             Self::Host(_) => cannot("this machine", SMALLER),
@@ -103,6 +110,7 @@ impl Refused {
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
             Self::Launch { error: LaunchError::OwnKernel(_), .. } => Error::input(reason).with_help(OWN_KERNEL),
+            Self::Launch { error: LaunchError::OwnHeader(_), .. } => Error::input(reason).with_help(OWN_HEADER),
             Self::Launch { step, error: LaunchError::WorkGroup { .. } } => {
                 Error::input(format!("{step} failed: {reason}")).with_help(ANOTHER_SIZE)
             }
@@ -190,6 +198,10 @@ mod tests {
         let (_, remedy) =
             told(Infeasible::work_group("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
         assert_eq!(remedy, ANOTHER_SIZE);
+        let stack = Infeasible::beyond("a CPU thread's stack: tiles 2 B > 1 B".to_owned());
+        let (message, remedy) = told(stack.of_large_group_if(true));
+        assert_eq!(message, "the device cannot cast this frame: a CPU thread's stack: tiles 2 B > 1 B");
+        assert_eq!(remedy, SMALLER_GROUP);
     }
 
     #[test]

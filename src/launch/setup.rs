@@ -7,12 +7,13 @@ use crate::device::power_of_two;
 use crate::manifest::{self, Role};
 use crate::program::BuiltProgram;
 use crate::scene::{Camera, Sample, SampleLight, Scene};
-use crate::strategy::{Strategy, Workload};
+use crate::strategy::{FOLDERS, Strategy, Workload};
 use glam::Vec3;
 use ocl::builders::KernelBuilder;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2, Uint2};
 use ocl::{Buffer, Kernel};
+use std::path::Path;
 
 /// The inputs of a frame.
 #[derive(Clone, Copy)]
@@ -47,6 +48,17 @@ impl<'a> Setup<'a> {
             };
             LaunchError::Kernel { family: family.name, role }
         })
+    }
+
+    /// Returns the paths of the user's files whose headers state how much `__local` memory the kernels need: files of
+    /// the axes `vectors` and `triangles`.
+    pub fn files_that_state_local_memory(&self) -> Vec<String> {
+        let states = |path: &&String| {
+            let is_in =
+                |folder: &str| Path::new(path).parent().is_some_and(|parent| parent.ends_with(folder));
+            FOLDERS.iter().any(|(folder, axis)| matches!(*axis, "vectors" | "triangles") && is_in(folder))
+        };
+        self.own_files.iter().filter(states).cloned().collect()
     }
 
     /// Returns the builder of a kernel with its arguments; its numbers of work-items are not yet set.

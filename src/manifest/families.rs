@@ -141,6 +141,9 @@ pub static TILE_CPU: Family = Family {
         VECTOR_DEFINES,
     ],
     rules: &[
+        // This rule is the first, so that a message blames a width with which no tile can be cast before values that
+        // only another width allows. Tiles with width = 1 have the family `TILE_GPU`.
+        only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
         only("triangles", &["global"], LEAF_ORDER),
@@ -148,7 +151,6 @@ pub static TILE_CPU: Family = Family {
         rule("intersector", FilesIn("tile_cpu/intersect/", Some(Planes)), PREPARES_A_TILE),
         only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
-        only("width", &["16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("node_width", &["8", "16"], "tests a node's children as one vector"),
         rule(
             "tile",

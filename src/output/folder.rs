@@ -4,7 +4,7 @@ use super::mark::Maker;
 use super::place::{Choice, permit, put};
 use crate::error::{Error, Result};
 use crate::record::journals::RECORDS;
-use crate::record::{cannot_make, ordinary, own_folder, refuse_file, write_page};
+use crate::record::{cannot_make, ordinary, own_folder, refuse_closed, refuse_file, write_page};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Result as IoResult, Write as _};
@@ -26,10 +26,11 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's place.
+    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's place, or
+    /// if this process may not create files in the folder.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
-        refuse_file(path)
-            .map_err(|error| error.with_help(format!("`{}` writes elsewhere", choice.elsewhere)))?;
+        refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
+        refuse_closed(path, remedy(choice))?;
         let results = path.join(RECORDS).is_file();
         let list = path.join(LIST);
         let made = if results { Some(BTreeSet::new()) } else { read_list(&list) };
@@ -152,7 +153,7 @@ impl OutFolder {
     /// Creates the folder and the subfolders for these files; returns an error if a link is in the place of a
     /// subfolder.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
-        let remedy = format!("`{}` writes elsewhere", self.choice.elsewhere);
+        let remedy = remedy(self.choice);
         let failed = |folder: &Path, error: std::io::Error| cannot_make(folder, &error, remedy.as_str());
         std::fs::create_dir_all(&self.path).map_err(|error| failed(&self.path, error))?;
         let inner: BTreeSet<_> = files.iter().filter_map(|(name, _)| Path::new(name).parent()).collect();
@@ -168,6 +169,11 @@ impl OutFolder {
         lines.sort_by(|a, b| a[66..].cmp(&b[66..]));
         write_page(&self.path.join(LIST), lines.concat().as_bytes())
     }
+}
+
+/// Returns the remedy if the folder cannot be made or written to.
+fn remedy(choice: Choice) -> String {
+    format!("`{}` writes elsewhere", choice.elsewhere)
 }
 
 /// Returns whether a name stays in the folder to which it is joined: `Path::join` would replace the folder by an
@@ -207,6 +213,15 @@ mod tests {
 
     fn write(path: &Path, choice: Choice, text: &str) -> Result<()> {
         OutFolder::open(path, choice)?.write(&files(text))
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_in_which_no_file_can_be_created_is_refused_before_any_work() {
+        // Not even the superuser can create files in /proc/sys.
+        let error = OutFolder::open(Path::new("/proc/sys"), KEEP).err().unwrap();
+        assert_eq!((error.exit_code(), error.remedy()), (2, "`--out DIR` writes elsewhere"));
+        assert!(error.to_string().starts_with("the folder '/proc/sys' cannot be written to ("), "{error}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::mark::Maker;
 use super::unfinished::Unfinished;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, cause};
 use crate::reader::{self, may_write, names_a_folder};
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind, Result as IoResult};
@@ -159,13 +159,6 @@ fn closed(path: &Path, error: &IoError) -> String {
     format!("cannot write '{name}': the folder '{folder}' cannot be written to ({})", error.kind())
 }
 
-/// Returns the text of an error without the path of the temporary file, which the user does not know. The crate
-/// `tempfile` adds this path at the end.
-fn cause(error: &IoError) -> String {
-    let text = error.to_string();
-    text.split(" at path ").next().unwrap_or_default().to_owned()
-}
-
 /// Returns the error for a file that another program made after the last check.
 fn appeared(path: &Path, choice: Choice) -> Error {
     let message = format!("another program made '{}' in the meantime", path.display());
@@ -195,11 +188,21 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
 
 /// Returns the folder of a new file; the folder must exist.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
-    let folder = reader::folder_of(path);
+    let (folder, name) = (reader::folder_of(path), path.display());
+    // A deleted folder stays the current folder of a process, but no file can be created in it.
+    let is_gone = |error: IoError| error.kind() == ErrorKind::NotFound;
+    if folder.is_relative() && std::env::current_dir().is_err_and(is_gone) {
+        let message = format!("cannot write '{name}': the current folder no longer exists");
+        return Err(Error::input(message).with_help("change to a folder that exists"));
+    }
     if folder.is_dir() {
         return Ok(folder);
     }
-    let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
+    if let Some(file) = folder.ancestors().find(|part| part.exists() && !part.is_dir()) {
+        let message = format!("cannot write '{name}': '{}' is a file, not a folder", file.display());
+        return Err(Error::input(message).with_help("give a path whose folder exists"));
+    }
+    let message = format!("cannot write '{name}': there is no folder '{}'", folder.display());
     Err(Error::input(message).with_help(format!("create this folder first: mkdir -p '{}'", folder.display())))
 }
 
@@ -247,6 +250,12 @@ mod tests {
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
         assert_eq!(error.remedy(), "create this folder first: mkdir -p 'nowhere'");
+        for path in [name("a.png/b.png"), name("a.png/inner/b.png")] {
+            let error = folder_of(&path).unwrap_err();
+            let why = format!("'{}' is a file, not a folder", name("a.png").display());
+            assert_eq!(error.to_string(), format!("cannot write '{}': {why}", path.display()));
+            assert_eq!((error.exit_code(), error.remedy()), (2, "give a path whose folder exists"));
+        }
     }
 
     #[cfg(unix)]

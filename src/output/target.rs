@@ -30,10 +30,14 @@ impl Target {
         Self::new(path, Choice::new(true, "--out DIR"))
     }
 
-    /// Returns a target for another file in the same folder, with the same rules for replacing an existing file.
+    /// Returns a target for another file in the same folder, with the same rules for replacing an existing file. The
+    /// file's name is this target's name without extension, followed by `ending`.
     #[must_use]
-    pub fn renamed(&self, path: PathBuf) -> Self {
-        Self { path, choice: self.choice }
+    pub fn with_ending(&self, ending: &str) -> Self {
+        // A name need not be UTF-8, so it is not joined as text.
+        let mut name = self.path.file_stem().unwrap_or_default().to_owned();
+        name.push(ending);
+        Self { path: self.path.with_file_name(name), choice: self.choice }
     }
 
     /// Returns whether this is standard output.
@@ -205,6 +209,18 @@ mod tests {
         for other in ["b.png", "inner/a.png", "missing/a.png"] {
             assert!(!target("a.png").is_same_file(&target(other)), "{other}");
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_name_that_is_not_utf_8_keeps_its_bytes_before_another_ending() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let named = |name: &[u8]| {
+            let target = Target::new(std::ffi::OsStr::from_bytes(name), KEEP);
+            target.with_ending("-0001.png").path().as_os_str().as_bytes().to_vec()
+        };
+        assert_eq!(named(b"turn/f\xff.png"), b"turn/f\xff-0001.png");
+        assert_eq!(named(b"f.v1.png"), b"f.v1-0001.png");
     }
 
     #[cfg(unix)]

@@ -6,7 +6,8 @@ use crate::device::Builtins;
 use crate::error::{Error, Result};
 use crate::manifest::{CAMERA, parameter_macro};
 use crate::sources::{Chain, Sources};
-use crate::strategy::{Math, Strategy, Workload};
+use crate::strategy::{Axis, Copied, Math, Strategy, Workload};
+use std::slice;
 
 /// Everything that determines a compiled program, except the compiler.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,7 +47,8 @@ impl ProgramSpec {
             chain: Chain::default(),
         };
         joiner.add(strategy.family().entry)?;
-        let (source, files) = (joiner.text, joiner.files);
+        let (mut source, files) = (joiner.text, joiner.files);
+        source += &check_of_staging(sources, strategy, &files)?;
         Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 
@@ -68,6 +70,33 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
+/// Returns lines at which a compiler stops if the macros of the user's file of the axis `triangles` disagree with the
+/// file's header. The picture could otherwise be wrong, since the host makes defines such as `TRIANGLES` from the
+/// header. Returns no lines if the program does not contain such a file, or if the file is built in.
+fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) -> Result<String> {
+    let file = format!("cast/triangles/{}.cl", strategy.triangles.name().replace('-', "_"));
+    if !files.contains(&file) || sources.changed_paths(slice::from_ref(&file)).is_empty() {
+        return Ok(String::new());
+    }
+    let text = sources.read(&file)?;
+    let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
+    // The directive counts the line after it, which is the `#if`; the `#error` is one line further down.
+    let line = key.unwrap_or(0).max(1);
+    let copied = strategy.triangles.copied();
+    let macros = [
+        ("STAGE_VERTICES", matches!(copied, Copied::Scene | Copied::Vertices)),
+        ("STAGE_NORMALS", matches!(copied, Copied::Scene | Copied::Normals)),
+        ("STAGE_MATERIALS", copied == Copied::Scene),
+        ("STREAM_TILES", copied == Copied::Rows),
+    ];
+    let check = |(name, is_set): (&str, bool)| {
+        let value = u8::from(is_set);
+        let why = format!("{name} is not {value}, as `copied` in the header of this file requires");
+        format!("#line {line} \"{file}\"\n#if {name} != {value}\n#error \"{why}\"\n#endif\n")
+    };
+    Ok(macros.map(check).concat())
+}
+
 /// Returns macros for parameter lists, made from [`crate::manifest`]: one macro with the parameters that describe the
 /// camera, and one for each kernel of the strategy's family that this strategy and workload need.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
@@ -79,7 +108,10 @@ fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::preprocess::preprocess;
     use super::*;
+    use crate::strategy::preset;
+    use std::collections::BTreeMap;
 
     #[test]
     fn another_source_or_other_options_make_another_hash() {
@@ -89,6 +121,37 @@ mod tests {
         assert_eq!(hash("text", "-D A=1"), hash("text", "-D A=1"));
         assert_ne!(hash("text", "-D A=1"), hash("text", "-D A=2"));
         assert_ne!(hash("text", "-D A=1"), hash("text ", "-D A=1"));
+    }
+
+    #[test]
+    fn the_macros_of_a_users_file_of_triangles_agree_with_its_header() {
+        let (folder, file) = (tempfile::tempdir().unwrap(), "cast/triangles/local.cl");
+        std::fs::create_dir_all(folder.path().join("cast/triangles")).unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let text = Sources::Embedded.read(file).unwrap();
+        let strategy = preset("local-triangles").unwrap().strategy;
+        let spec_of = |sources: &Sources| {
+            ProgramSpec::new(sources, &strategy, &Workload::CUBE, Builtins::default()).unwrap()
+        };
+        for (from, to, expected) in [
+            ("copied: scene", "copied: nothing", Some("STAGE_VERTICES is not 0")),
+            ("copied: scene", "copied: vertices", Some("STAGE_NORMALS is not 0")),
+            ("STAGE_MATERIALS 1", "STAGE_MATERIALS 0", Some("STAGE_MATERIALS is not 1")),
+            ("meaning: ", "meaning: mine: ", None),
+        ] {
+            assert_eq!(text.matches(from).count(), 1, "{from}");
+            std::fs::write(folder.path().join(file), text.replace(from, to)).unwrap();
+            let spec = sources.values().unwrap().during(|| spec_of(&sources));
+            let told = preprocess(&spec.source, &spec.options, &BTreeMap::new()).err();
+            let told = told.map(|error| error.to_string());
+            let as_expected = match (&told, expected) {
+                (Some(told), Some(why)) => told.starts_with(&format!("{file}, line 3: #error \"{why}, ")),
+                (told, expected) => told.is_none() && expected.is_none(),
+            };
+            assert!(as_expected, "{to}: {told:?}");
+        }
+        // The programs of built-in files stay as they are, with the hashes in their records.
+        assert!(!spec_of(&Sources::Embedded).source.contains("in the header of this file"));
     }
 
     #[test]

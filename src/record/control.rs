@@ -47,6 +47,13 @@ impl Place {
         self.standing.level() + shift
     }
 
+    /// Returns whether the levels of this record and of `other` can be compared: the two records were measured in the
+    /// same rounds, or their blocks share a control point.
+    pub(super) fn has_levels_of(&self, other: &Self) -> bool {
+        let controls = self.control.as_ref().zip(other.control.as_ref());
+        self.together == other.together || controls.is_some_and(|(own, others)| own.key == others.key)
+    }
+
     /// Returns the ratio of this record's time to that of `other`, computed from their ratios to the control
     /// point that their blocks share.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {

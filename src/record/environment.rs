@@ -184,8 +184,8 @@ impl Environment {
 
     /// Writes the environment to `path` as indented JSON.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let fail = |error: &dyn std::fmt::Display| Error::unwritable(path.display(), error);
-        let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;
+        let text = serde_json::to_string_pretty(self);
+        let mut text = text.map_err(|error| Error::fault(error.to_string()))?;
         text.push('\n');
         write_whole(path, text.as_bytes())
     }

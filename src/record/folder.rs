@@ -7,7 +7,7 @@ use super::journal::{FOLDER, read_lines_if_any};
 use super::journals::{ANCHORS, CONTROLS, ENVIRONMENT, RECORDS, ROUNDS, SUMMARY};
 use super::plan::CurrentPlan;
 use super::revision::{DIRTY, is_dirty};
-use super::rounds::{RoundLoad, disturbance, moved_processors};
+use super::rounds::{RoundLoad, disturbance, moved_processors, preempted};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
@@ -81,6 +81,7 @@ impl Folder {
         let mut sure = how_sure(&records);
         sure.extend(hosts_that_differ(&records, &controls));
         sure.extend(disturbance(&rounds, &records));
+        sure.extend(preempted(&records));
         if hosts(&records) <= 1 {
             // The core-to-core latencies of different machines are not compared: they differ even if no virtual
             // machine's processors were moved to other cores.
@@ -558,7 +559,8 @@ mod tests {
             record.sample_launches.iter_mut().for_each(|number| *number += launch);
             Record { host: Some(host.into()), control: Some(record.key.clone()), ..record }
         };
-        let folder = folder(&[of("n1", 10.0, 0), measured("gpu", "wide", 8, 20.0)]);
+        let delayed = Record { preempted_samples: Some(2), ..of("n1", 10.0, 0) };
+        let folder = folder(&[delayed, measured("gpu", "wide", 8, 20.0)]);
         let mut controls = JsonLines::append_to(&folder.path().join(CONTROLS)).unwrap();
         controls.append(&of("n2", 15.0, 4)).unwrap();
         let mut rounds = JsonLines::append_to(&folder.path().join(ROUNDS)).unwrap();
@@ -572,7 +574,8 @@ mod tests {
         for start in [
             "Differences below 2.1% between two points cannot be detected here.",
             "Hosts differ: teapot, 800 x 500, gpu: naive at 8 x 8 took 10.00 ms on n1 and 15.00 ms on n2",
-            "Disturbed: in 1 of 1 launches",
+            "Disturbed: in 1 of 1 launch whose load is known (of 2 in all), other programs",
+            "2 samples are left out, because a thread that cast the frame had to wait for a processor.",
             "The core-to-core latency changed between 60 and 260 ns",
         ] {
             assert!(read.notes.iter().any(|note| note.starts_with(start)), "{start}: {:?}", read.notes);

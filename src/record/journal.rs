@@ -25,7 +25,7 @@ pub struct JsonLines<T> {
 impl<T: Serialize> JsonLines<T> {
     /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed.
     pub fn append_to(path: &Path) -> Result<Self> {
-        let fail = |error| io_error("open", path, &error);
+        let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
         let mut file = OpenOptions::new()
             .create(true)
@@ -54,7 +54,7 @@ impl<T: Serialize> JsonLines<T> {
             bytes.push(b'\n');
         }
         let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
-        written.map_err(|error| io_error("write", &self.path, &error))
+        written.map_err(|error| Error::unwritable(&self.path, &error))
     }
 }
 
@@ -151,11 +151,6 @@ fn without_position(error: &serde_json::Error) -> String {
 /// Returns the length of `bytes` up to the end of the last complete line.
 fn whole_lines(bytes: &[u8]) -> usize {
     bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |place| place + 1)
-}
-
-fn io_error(what: &str, path: &Path, error: &std::io::Error) -> Error {
-    Error::run(format!("cannot {what} {}: {error}", path.display()))
-        .with_help("free up space on the file's disk, or choose another folder with --out DIR")
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::numbers::{align_points, by, duration, ms, significant};
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
 use super::together::median;
-use super::together::{are_too_noisy, interval, launches, ratio, resolution};
+use super::together::{interval, launches, ratio, told_apart};
 use super::types::{HOST, Record};
 use crate::printer::{line, markdown};
 
@@ -80,17 +80,9 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
         several => format!("Fastest, a tie: **{}**", several.join("**, **")),
     };
     let _ = write!(text, " at {}.", duration(median(best).unwrap_or_default()));
-    text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + &told_apart(group) + "\n"
-}
-
-/// Describes the smallest difference that the group's samples can show.
-fn told_apart(group: &Group<'_>) -> String {
-    if are_too_noisy(group.records.iter().copied()) {
-        return " The times are too noisy to be compared.".to_owned();
-    }
-    resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
-        format!(" Differences below {} between two points cannot be detected here.", percent(part))
-    })
+    text += &(speed_ups(group, groups, best) + &unranked(&ranking.unranked));
+    text.extend(told_apart(group.records.iter().copied()).map(|note| format!(" {note}")));
+    text + "\n"
 }
 
 /// Returns the speed-up of the best point over each of the host's baselines and over the best naive point.
@@ -416,11 +408,39 @@ mod tests {
             sampled(name, (0..10).map(move |place| (place / 5, ms[place as usize / 5])))
         });
         let noisy = summary_markdown(&judged(noisy), &[], "?", "!");
-        assert!(noisy.contains(" The times are too noisy to be compared.\n"), "{noisy}");
+        let below = " Differences below a factor of 100 between two points cannot be detected here.\n";
+        assert!(noisy.contains(below), "{noisy}");
         let quiet = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
         for heading in ["Warnings", "Points without a time", "Notes on scenes"] {
             assert!(!quiet.contains(heading), "{quiet}");
         }
+    }
+
+    /// One point takes about six times as long as the other. From launch to launch, both change by a tenth, in opposite
+    /// directions.
+    #[test]
+    fn noisy_times_are_not_said_to_be_incomparable_beside_a_clear_winner() {
+        let wavers = |name: &str, ms: [f64; 2]| sampled(name, (0..10).map(|n| (n / 5, ms[n as usize / 5])));
+        let [naive, wide] = [wavers("naive", [6.0, 6.6]), wavers("wide", [1.1, 1.0])];
+        let text = summary_markdown(&judged([naive, wide]), &[], "?", "!");
+        assert!(text.contains("Fastest: **wide at 8 x 8**"), "{text}");
+        assert!(text.contains(" Differences below a factor of ") && !text.contains("compared"), "{text}");
+    }
+
+    /// Two sessions measured the points of a group. The times of the second session are less steady.
+    #[test]
+    fn the_smallest_difference_of_a_group_is_that_of_all_its_sessions() {
+        let session = |number: u32, factor: f64| {
+            ["naive", "wide"].map(|name| {
+                let slow = |n: u32| if (n < 5) == (name == "naive") { factor } else { 1.0 };
+                let samples = (0..10).map(move |n| (2 * number + n / 5, 10.0 * slow(n)));
+                Record { key: format!("{name} {number}"), ..sampled(name, samples) }
+            })
+        };
+        let text = summary_markdown(&judged([session(0, 1.0), session(1, 1.01)].concat()), &[], "?", "!");
+        let range = " Differences below 2.1 to ";
+        let when = "% (depending on when the points were measured) between two points cannot be detected";
+        assert!(text.contains(range) && text.contains(when), "{text}");
     }
 
     #[test]

@@ -86,7 +86,7 @@ fn launches_of(records: &[Record]) -> HashSet<u32> {
 }
 
 /// Returns a note if other processes or virtual machines disturbed the launches in which these
-/// records were measured.
+/// records were measured. The load of a launch is unknown if no rounds of this launch took long enough to measure it.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown = launches_of(records);
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
@@ -99,20 +99,29 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         }
         false => String::new(),
     };
-    let preempted: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
-    let left_out = match preempted {
-        0 => String::new(),
-        _ => format!(" {preempted} samples whose threads had to wait for a processor are left out."),
+    let launches = counted(means.len(), "launch");
+    let known = match shown.len() {
+        all if all == means.len() => String::new(),
+        all => format!(" whose load is known (of {all} in all)"),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
+        "Disturbed: in {} of {launches}{known}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
          {} of {} processors busy{stolen}. This may have made times longer: if \
-         possible, stop these programs and run the experiment again.{left_out}",
+         possible, stop these programs and run the experiment again.",
         bad.count(),
-        means.len(),
         significant(worst.others, 2),
         worst.processors
     ))
+}
+
+/// Returns a note on the samples that were left out because other programs used the processors; `None` if there are
+/// none.
+pub(crate) fn preempted(records: &[Record]) -> Option<String> {
+    let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
+    (samples > 0).then(|| {
+        let are = counted_are(samples as usize, "sample");
+        format!("{are} left out, because a thread that cast the frame had to wait for a processor.")
+    })
 }
 
 /// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds; `None` if
@@ -241,15 +250,29 @@ mod tests {
             processes kept 0.50 of 2 processors busy. This may have made times longer: if possible, stop these \
             programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));
-        let preempted = |count| Record { preempted_samples: count, ..records[0].clone() };
-        let said = disturbance(&[line(1, 0.9)], &[preempted(Some(3)), preempted(None), preempted(Some(4))]);
-        assert!(
-            said.unwrap()
-                .ends_with(" again. 7 samples whose threads had to wait for a processor are left out.")
-        );
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine, which is less than the limit of 5%.
         assert_eq!(disturbance(&[line(0, 0.08), line(1, 0.08)], &records), None);
+    }
+
+    #[test]
+    fn launches_of_unknown_load_are_not_among_those_of_known_load() {
+        let records = [Record { sample_launches: vec![0, 1, 2], ..Record::default() }];
+        let said = disturbance(&[line(0, 0.9), line(1, 0.9)], &records).unwrap();
+        let expected = "Disturbed: in 2 of 2 launches whose load is known (of 3 in all), other programs";
+        assert!(said.starts_with(expected), "{said}");
+    }
+
+    #[test]
+    fn preempted_samples_are_noted_without_any_round_of_known_load() {
+        let record = |count| Record { preempted_samples: count, ..Record::default() };
+        let why = "left out, because a thread that cast the frame had to wait for a processor.";
+        let said = |counts: &[Option<u32>]| {
+            preempted(&counts.iter().map(|count| record(*count)).collect::<Vec<_>>())
+        };
+        assert_eq!(said(&[Some(3), None, Some(4)]), Some(format!("7 samples are {why}")));
+        assert_eq!(said(&[Some(1)]), Some(format!("1 sample is {why}")));
+        assert_eq!(said(&[Some(0), None]), None);
     }
 
     #[test]

@@ -14,12 +14,13 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
 const TIE: f64 = 0.01;
-/// If points must differ by more than this fraction before the samples show a difference, their times are too noisy to
-/// be compared.
-const TOO_NOISY: f64 = 1.0;
-/// The end of a sentence about such times.
-const NOISY: &str = "the times are too noisy to be compared: the samples would not even show that one point takes \
-                     twice as long as another.";
+/// If points must differ by more than this fraction before the samples show a difference, their times are noisy. The
+/// difference is then stated as a factor and not as a percentage.
+const NOISY: f64 = 1.0;
+/// No larger factor is stated for noisy times: it follows from the spread of a few launches, so it may be any number.
+const LARGEST_FACTOR: f64 = 100.0;
+/// The properties of a point on which the smallest difference may depend.
+const PROPERTIES: [&str; 3] = ["scene", "image size", "device"];
 
 /// Computes the position of each measured record: its times relative to those of the records that were measured with
 /// it. Records of the same launches were measured together. Records of earlier versions have no launch numbers; they
@@ -309,13 +310,19 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
 
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties with it. A
 /// record ties if the samples do not show that it takes more than 1% longer. A record with too few samples has no rank.
+///
+/// Levels can be compared only if the records were measured in the same rounds, or if their blocks share a control
+/// point. Otherwise, the records are ranked by their medians, of which [`ratio`] then computes ratios.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
-    let level = |record: &Record| record.place.as_ref().map(Place::level);
-    let measured = records.into_iter().filter(|record| median(record).is_some());
+    let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
+    let places: Vec<&Place> = measured.iter().filter_map(|record| record.place.as_ref()).collect();
+    let by_level = places.windows(2).all(|two| two[0].has_levels_of(two[1]));
+    let level = |place: &Place| if by_level { place.level() } else { place.median_ms.middle.ln() };
+    let levels = measured.into_iter().map(|record| (record, record.place.as_ref().map(level)));
     let ties = |record: &Record, best: &Record| {
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
     };
-    Ranking::by(measured.map(|record| (record, level(record))), ties)
+    Ranking::by(levels, ties)
 }
 
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread. Each set of
@@ -371,49 +378,91 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
 
 /// Returns the note on the smallest difference that can be shown between two points. The difference that two baselines
 /// need says nothing about kernels, so baselines count only if there are no other points.
-fn told_apart(records: &[Record]) -> Option<String> {
-    let judged = records.iter().filter(|record| record.place.is_some());
+pub(crate) fn told_apart<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
+    let judged = records.into_iter().filter(|record| record.place.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
     let points = if kernels.is_empty() { baselines } else { kernels };
+    let is_noisy = |point: &&Record| resolution([*point]).is_some_and(|[part, _]| part > NOISY);
     let known = points.into_iter().filter(|point| resolution([*point]).is_some());
-    let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(|point| are_too_noisy([*point]));
-    let Some(range) = resolution(fine.iter().copied()) else {
-        return (!noisy.is_empty()).then(|| format!("In all groups of points, {NOISY}"));
-    };
-    let [least, most] = range.map(|part| significant(100.0 * part, 2));
-    let percents = match least == most {
-        true => format!("{most}%"),
-        false => format!("{least} to {most}% (depending on {})", what_differs(&fine)),
-    };
-    let below = format!("Differences below {percents} between two points cannot be detected here.");
+    let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(is_noisy);
+    let below =
+        |amount: &str| format!("Differences below {amount} between two points cannot be detected here.");
     let count = |points: &[&Record]| {
         points.iter().filter_map(|point| Some(point.place.as_ref()?.together)).collect::<HashSet<_>>().len()
     };
-    if noisy.is_empty() {
-        return Some(below);
+    match (smallest_difference(&fine), smallest_difference(&noisy)) {
+        (None, None) => None,
+        (Some(amount), None) | (None, Some(amount)) => Some(below(&amount)),
+        (Some(percents), Some(factors)) => Some(format!(
+            "{} In {} of {} groups of points, the times are noisier: differences below {factors} cannot be detected \
+             there.",
+            below(&percents),
+            count(&noisy),
+            count(&[&noisy[..], &fine].concat())
+        )),
     }
-    let (some, all) = (count(&noisy), count(&[&noisy[..], &fine].concat()));
-    Some(format!("{below} In {some} of {all} groups of points, {NOISY}"))
 }
 
-/// Returns whether the times of records are so noisy that a percentage would tell nothing.
-pub(crate) fn are_too_noisy<'a>(records: impl IntoIterator<Item = &'a Record>) -> bool {
-    resolution(records).is_some_and(|[least, _]| least > TOO_NOISY)
+/// Returns the smallest difference that can be shown between two of some points, such as "2.1 to 4.1% (depending on
+/// device)" or, between noisy points, "a factor of 3.2". Either all points must be noisy, or none. Returns `None` if
+/// the difference is unknown.
+fn smallest_difference(points: &[&Record]) -> Option<String> {
+    let [part, _] = resolution(points.iter().copied())?;
+    let amount = |shown: &str| match part > NOISY {
+        true => format!("a factor of {shown}"),
+        false => format!("{shown}%"),
+    };
+    let [least, most] = shown_resolution(points)?;
+    Some(match least == most {
+        true => amount(&most),
+        false => {
+            format!("{} (depending on {})", amount(&format!("{least} to {most}")), what_it_depends_on(points))
+        }
+    })
 }
 
-/// Names the properties in which points differ: "scene", "scene and device", "scene, image size and device". Points of
-/// equal properties may have been measured at different times.
-fn what_differs(points: &[&Record]) -> String {
-    let differ =
-        |is_other: fn(&Record, &Record) -> bool| points.iter().any(|point| is_other(point, points[0]));
-    let properties = [
-        ("scene", differ(|one, other| one.scene != other.scene)),
-        ("image size", differ(|one, other| one.image_size != other.image_size)),
-        ("device", differ(|one, other| one.device != other.device)),
-    ];
-    let names: Vec<&str> = properties.iter().filter(|(_, differs)| *differs).map(|(name, _)| *name).collect();
+/// Returns the least and the greatest value of [`resolution`] as shown: percentages or, for noisy points, factors.
+fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
+    let shown = |part: f64| match part > NOISY {
+        true => significant((1.0 + part).min(LARGEST_FACTOR), 2),
+        false => significant(100.0 * part, 2),
+    };
+    Some(resolution(points.iter().copied())?.map(shown))
+}
+
+/// Names what the smallest difference between points depends on: "scene", "scene and device", "when the points were
+/// measured". It depends on a property if points that are equal in the other properties show other differences. If the
+/// properties found in this way do not explain all differences, because points of other scenes also have other devices,
+/// for example, all properties in which the points differ are named.
+fn what_it_depends_on(points: &[&Record]) -> String {
+    let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
+    for point in points {
+        let properties = [point.scene.clone(), by(point.image_size), point.device.clone()];
+        equal.entry(properties).or_default().push(point);
+    }
+    let shown: Vec<([String; 3], Option<[String; 2]>)> =
+        equal.into_iter().map(|(properties, points)| (properties, shown_resolution(&points))).collect();
+    let explain = |named: [bool; 3]| {
+        let are_equal = |one: &[String; 3], other: &[String; 3]| {
+            (0..named.len()).all(|place| !named[place] || one[place] == other[place])
+        };
+        let is_explained = |(one, range): &([String; 3], Option<[String; 2]>)| {
+            shown.iter().all(|(other, others)| range == others || !are_equal(one, other))
+        };
+        shown.iter().all(is_explained)
+    };
+    let without = |left_out: usize| std::array::from_fn(|place| place != left_out);
+    let mut named: [bool; 3] = std::array::from_fn(|place| !explain(without(place)));
+    if !explain(named) {
+        let differs = |place: usize| shown.iter().any(|(one, _)| one[place] != shown[0].0[place]);
+        named = std::array::from_fn(differs);
+    }
+    let of_times = |range: &Option<[String; 2]>| range.as_ref().is_some_and(|[least, most]| least != most);
+    let times = shown.iter().any(|(_, range)| of_times(range)).then_some("when the points were measured");
+    let properties = PROPERTIES.into_iter().zip(named).filter(|(_, named)| *named).map(|(name, _)| name);
+    let names: Vec<&str> = properties.chain(times).collect();
     match names[..] {
-        [] => "when the points were measured".to_owned(),
+        [] => String::new(),
         [one] => one.to_owned(),
         [ref first @ .., last] => format!("{} and {last}", first.join(", ")),
     }

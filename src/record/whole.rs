@@ -1,8 +1,8 @@
 //! Writes files completely or not at all. Also has checks for the paths in a folder of results: the folder may come
 //! from a stranger, and its paths must not lead out of the folder or to a device file.
 
-use crate::error::{Error, Result};
-use crate::reader::folder_of;
+use crate::error::{Error, Result, is_forbidden};
+use crate::reader::{folder_of, may_write};
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
@@ -46,10 +46,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
             Err(error) => Err(error.error),
         }
     };
-    write().map_err(|error| {
-        Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("free up space on the file's disk, or choose another folder with --out DIR")
-    })
+    write().map_err(|error| Error::unwritable(path, &error))
 }
 
 #[allow(
@@ -71,10 +68,7 @@ fn replace(
         file.persist(path)?;
         if durable { sync_folder(folder) } else { Ok(()) }
     };
-    write().map_err(|error| {
-        Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("free up space on the file's disk, or choose another folder with --out DIR")
-    })
+    write().map_err(|error| Error::unwritable(path, &error))
 }
 
 /// Fails if a file, or a link without a target, is in the place of a folder that raycl should write to, or in the place
@@ -90,14 +84,26 @@ pub fn refuse_file(folder: &Path) -> Result<()> {
     }))
 }
 
+/// Fails with this remedy if a folder exists, but this process may not create files in it.
+pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    may_write(folder).map_err(|error| {
+        let message = format!("the folder '{}' cannot be written to ({})", folder.display(), error.kind());
+        Error::input(message).with_help(remedy)
+    })
+}
+
 /// Returns the error of a folder that cannot be made, with this remedy. It is a mistake of the user if the folder's
-/// path names something else or no possible place.
+/// path names something else or no possible place, or a place in which this process may not make folders.
 pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
     use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
     let other = || {
         let message = format!("cannot make {}: {error}", folder.display());
         match error.kind() {
             AlreadyExists | InvalidFilename | NotADirectory | NotFound => Error::input(message),
+            _ if is_forbidden(error) => Error::input(message),
             _ => Error::run(message),
         }
     };
@@ -213,6 +219,34 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
         assert_eq!(write_new(&folder.path().join("missing/a"), b"").unwrap_err().exit_code(), 1);
+    }
+
+    #[test]
+    fn a_message_names_no_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing/report.html");
+        for error in [write_page(&path, b"").unwrap_err(), write_new(&path, b"").unwrap_err()] {
+            let message = error.to_string();
+            assert!(message.starts_with(&format!("cannot write {}: ", path.display())), "{message}");
+            assert!(!message.contains(TEMPORARY_PREFIX), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_place_that_is_closed_is_the_users_mistake_and_a_full_disk_is_not() {
+        let code = |kind: ErrorKind| cannot_make(Path::new("nowhere/r"), &kind.into(), "").exit_code();
+        let kinds = [ErrorKind::PermissionDenied, ErrorKind::ReadOnlyFilesystem, ErrorKind::StorageFull];
+        assert_eq!(kinds.map(code), [2, 2, 1]);
+        let folder = tempfile::tempdir().unwrap();
+        assert!(refuse_closed(folder.path(), "").is_ok());
+        assert!(refuse_closed(&folder.path().join("missing"), "").is_ok());
+        // Nobody can create files in /proc/sys, not even the superuser.
+        if cfg!(target_os = "linux") {
+            let error = refuse_closed(Path::new("/proc/sys"), "elsewhere").unwrap_err();
+            assert_eq!((error.exit_code(), error.remedy()), (2, "elsewhere"));
+            let message = error.to_string();
+            assert!(message.starts_with("the folder '/proc/sys' cannot be written to ("), "{message}");
+        }
     }
 
     #[test]

@@ -16,12 +16,15 @@ mod quick;
 pub use quick::quick_sample;
 
 /// The angle of wide nudges: ten times that of narrow nudges. A pixel that changes under a wide nudge is not certain.
+/// In pictures with a very wide field of view, both angles are larger (see [`enlargement`]).
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
 /// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus larger than any
 /// turn by rounding, but less than twice as large. A pixel that changes only under wide nudges is nearly certain (see
 /// [`super::Doubt`]), and is verified almost like a certain pixel.
 const NUDGE_RADIANS: f64 = 1e-6;
+/// The largest rounding error of single precision, relative to the rounded number.
+const ROUNDING: f64 = 6e-8;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
@@ -138,6 +141,41 @@ impl Asked<'_> {
         }
     }
 
+    /// Includes in `sample` the values that the radiance of this hit takes under every change except nudges of the
+    /// pixel's ray. `leaning` contains the casters of [`Caster::leaning`].
+    fn change_hit(
+        &self,
+        sample: &mut PixelSample,
+        (ray, hit): (&Ray<f64>, &Hit<f64>),
+        leaning: &[Caster<'_, f64>; 2],
+    ) {
+        let (caster, seen, bias) = (self.caster, &self.seen, self.bias);
+        for factor in [0.5, 2.0] {
+            sample.consider(caster.radiance(seen, ray, Some(hit), bias * factor));
+        }
+        self.end_before_hit(sample, (ray, hit), |end| {
+            caster.shaded(seen, ray, Some(hit), &|sight| caster.reaches(sight, end(sight)))
+        });
+        for part in [AT_LIGHT, -AT_LIGHT] {
+            let reaches = |sight: &Sight<f64>| {
+                caster.reaches_within(sight, bias, sight.distance - part * self.scale(sight))
+            };
+            sample.consider(caster.shaded(seen, ray, Some(hit), &reaches));
+        }
+        for off in off_plane(caster, ray, hit) {
+            for caster in [caster, &leaning[0], &leaning[1]] {
+                let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
+                sample.consider(caster.shaded(seen, ray, Some(hit), &reaches));
+            }
+        }
+        if let Some(grazing) = caster.grazing(seen, ray, hit, bias, OFF_PLANE) {
+            let grazed = caster.grazed(seen, ray, hit, grazing);
+            grazed.into_iter().for_each(|radiance| sample.consider(radiance));
+        }
+        self.turn_sky(sample, |seen| caster.radiance(seen, ray, Some(hit), bias));
+        self.shift_texture(sample, (ray, hit), &|sight| caster.reaches(sight, bias));
+    }
+
     /// Returns true for a light, false for the sky.
     fn is_light(&self, sight: &Sight<f64>) -> bool {
         sight.light < self.seen.lights.len()
@@ -197,7 +235,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
 /// - The hit's place in a texture is moved slightly.
-/// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct.
+/// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct. Each of them is
+///   also cast with the changes above, except nudges, because several results can be in doubt at one pixel.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -217,35 +256,11 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         asked.turn_background(&mut sample, &ray);
     }
     if let Some(hit) = &hit {
-        for factor in [0.5, 2.0] {
-            sample.consider(caster.radiance(seen, &ray, Some(hit), bias * factor));
-        }
-        asked.end_before_hit(&mut sample, (&ray, hit), |end| {
-            caster.shaded(seen, &ray, Some(hit), &|sight| caster.reaches(sight, end(sight)))
-        });
-        for part in [AT_LIGHT, -AT_LIGHT] {
-            let reaches = |sight: &Sight<f64>| {
-                caster.reaches_within(sight, bias, sight.distance - part * asked.scale(sight))
-            };
-            sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
-        }
-        for off in off_plane(caster, &ray, hit) {
-            for caster in [caster, &leaning[0], &leaning[1]] {
-                let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
-                sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
-            }
-        }
-        if let Some(grazing) = caster.grazing(seen, &ray, hit, bias, OFF_PLANE) {
-            caster
-                .grazed(seen, &ray, hit, grazing)
-                .into_iter()
-                .for_each(|radiance| sample.consider(radiance));
-        }
+        asked.change_hit(&mut sample, (&ray, hit), &leaning);
         for rival in caster.rivals(&ray, hit, RIVAL) {
             sample.consider(caster.radiance(seen, &ray, Some(&rival), bias));
+            asked.change_hit(&mut sample, (&ray, &rival), &leaning);
         }
-        asked.turn_sky(&mut sample, |seen| caster.radiance(seen, &ray, Some(hit), bias));
-        asked.shift_texture(&mut sample, (&ray, hit), &|sight| caster.reaches(sight, bias));
     }
     sample
 }
@@ -265,13 +280,24 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
 /// The number of nudges.
 const NUDGES: usize = 8;
 
+/// Returns by how many times the nudges of a pixel are larger than usual; at least 1. A device computes the direction
+/// of a pixel's ray as a sum of three vectors, and rounds each of them at most four times. In the middle of a picture
+/// with a very wide field of view, these vectors are far longer than their sum. A rounding error then turns the ray far
+/// more than usual.
+fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
+    let lengths = [frame.corner, frame.step_x * x, frame.step_y * y].map(DVec3::length);
+    let turn = 4.0 * ROUNDING * lengths.iter().sum::<f64>() / frame.direction(x, y).length();
+    (turn / NUDGE_RADIANS).max(1.0)
+}
+
 /// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. The rays are turned slightly to
 /// the right, to the left, down and up: first by a wide nudge, then by a narrow one.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
     let per_radian = |step: DVec3| towards.length_squared() / step.cross(towards).length();
-    let (across, down) = (per_radian(frame.step_x), per_radian(frame.step_y));
+    let larger = enlargement(frame, [x, y]);
+    let (across, down) = (larger * per_radian(frame.step_x), larger * per_radian(frame.step_y));
     [(Reach::Wide, WIDE_NUDGE_RADIANS), (Reach::Near, NUDGE_RADIANS)].into_iter().flat_map(
         move |(reach, radians)| {
             let (dx, dy) = (radians * across, radians * down);
@@ -286,7 +312,7 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::super::tree::Tree;
     use super::*;
-    use crate::scene::{Sample, Sky, Texture, Wrap};
+    use crate::scene::{Camera, Sample, Sky, Texture, Wrap};
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
 
@@ -366,6 +392,37 @@ mod tests {
         });
         assert!(found.change > 0.0);
         assert_eq!(*cast.borrow(), [0, 1]);
+    }
+
+    /// Returns the camera of a very wide picture.
+    fn wide_camera() -> Camera {
+        let camera = Camera::looking_at(vec3(3.6, 2.2, 4.8), vec3(0.0, 0.5, 0.0), Vec3::Y, 179.98, false);
+        camera.expect("two different points")
+    }
+
+    #[test]
+    fn nudges_are_larger_than_usual_only_where_rounding_turns_rays_further() {
+        let usual = Camera::PAPER.pixel_frame(320, 200);
+        for place in [[0.5, 0.5], [160.0, 100.0], [160.5, 199.5], [319.5, 100.5], [319.5, 199.5]] {
+            assert_eq!(enlargement(&usual, place), 1.0, "{place:?}");
+        }
+        for [width, height] in [[101_u8, 67], [63, 41], [255, 199]] {
+            let frame = wide_camera().pixel_frame(width.into(), height.into());
+            let [x, y] = [width, height].map(|size| f32::from(size) / 2.0);
+            let exact = Frame::<f64>::new(&frame).primary(x.into(), y.into()).direction;
+            let rounded = Frame::<f32>::new(&frame).primary(x, y).direction;
+            let turn = exact.distance(rounded.as_dvec3());
+            let nudge = NUDGE_RADIANS * enlargement(&frame, [x.into(), y.into()]);
+            assert!(turn > 10.0 * NUDGE_RADIANS && turn < nudge, "{width}x{height}: {turn}, nudge {nudge}");
+            assert_eq!(enlargement(&frame, [0.5, 0.5]), 1.0, "the direction is as long as its parts");
+        }
+    }
+
+    #[test]
+    fn what_is_found_quickly_is_what_the_plain_caster_finds_in_very_wide_pictures() {
+        let mut scene = fixtures::figure_4();
+        scene.camera = wide_camera();
+        quickly(&scene, Culling::None);
     }
 
     #[test]

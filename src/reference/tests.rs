@@ -4,7 +4,8 @@ use super::cutouts::Solid;
 use super::ray::Ray;
 use super::traverse::Finder;
 use super::*;
-use crate::scene::{Mapped, Material, Texture, Textures, Wrap};
+use crate::scene::{Camera, Light, Mapped, Material, MaterialKind, Mesh, Texture, Textures, Triangle, Wrap};
+use crate::verify::verify;
 use glam::{DVec3, Vec3, vec3};
 
 /// Returns the radiance of pixel (x, y).
@@ -187,6 +188,68 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
     scene.mesh_mut().triangles[1].material = 1;
     let different = reference(&scene, [40, 25], Culling::None);
     assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
+}
+
+/// The first of two coincident triangles is dark, and the second one is lit. A device may show either of them. Rounding
+/// also decides whether a triangle that touches the light blocks it, or, without a bias, the second triangle itself.
+#[test]
+fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
+    let (lit, size) = (fixtures::single_triangle(), [80, 50]);
+    let seen = reference(&lit, size, Culling::None).radiance;
+    let mut twins = lit.clone();
+    twins.mesh_mut().normals.iter_mut().for_each(|normal| *normal = -*normal);
+    twins.mesh_mut().append((*lit.mesh).clone());
+    let light = lit.lights[0].position;
+    let mut touching = (*lit.mesh).clone();
+    touching.positions = vec![light, light + vec3(1.0, 1.0, 2.0), light + vec3(-1.0, 2.0, 1.0)];
+    let mut touched = twins.clone();
+    touched.mesh_mut().append(touching);
+    let without_bias = Scene { shadow_bias: 0.0, ..twins };
+    for (name, scene) in [("a triangle touches the light", touched), ("there is no bias", without_bias)] {
+        let expected = reference(&scene, size, Culling::None);
+        let is_right = |factor: f32| {
+            let mut image = seen.clone();
+            for pixel in image.pixels.iter_mut().filter(|pixel| **pixel != lit.background.to_array()) {
+                *pixel = pixel.map(|channel| factor * channel);
+            }
+            verify(&image, None, &expected, scene.display).ok
+        };
+        // The pixels may be dark or lit, but not of a third colour.
+        assert_eq!([0.0, 1.0, 1.01].map(is_right), [true, true, false], "{name}");
+    }
+}
+
+/// In the middle of this picture, rounding turns the pixel's ray by 2e-4 radian, since the three vectors whose sum is
+/// the ray's direction are some 5,000 times longer than the sum.
+#[test]
+fn the_middle_of_a_very_wide_picture_is_uncertain() {
+    let camera = Camera::looking_at(vec3(3.6, 2.2, 4.8), vec3(0.0, 0.5, 0.0), Vec3::Y, 179.98, false);
+    let (lambertian, glossy) = (Vec3::splat(0.1), Vec3::splat(5.0));
+    let material = Material { lambertian, glossy, shininess: 1000.0, kind: MaterialKind::BlinnPhong };
+    let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
+    let mesh = Mesh {
+        positions: [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| vec3(x, 0.0, z)).into(),
+        normals: vec![Vec3::Y],
+        triangles: [[0, 3, 2], [0, 2, 1]].map(triangle).into(),
+        materials: vec![material],
+        ..Mesh::default()
+    };
+    let scene = Scene {
+        mesh: mesh.into(),
+        camera: camera.expect("two different points"),
+        lights: vec![Light { position: vec3(2.5, 4.0, 3.0), power: Vec3::splat(100.0), radius: 0.0 }],
+        ..fixtures::single_triangle()
+    };
+    let size = [101, 67];
+    let expected = reference(&scene, size, Culling::None);
+    let mut image = cast_serial_f32(&scene, size);
+    let verdict = verify(&image, None, &expected, scene.display);
+    assert!(verdict.ok, "{verdict:?}");
+    // Where rounding turns rays by less than the usual nudge, a wrong pixel is still found.
+    let far_pixel = 60 * 101 + 20;
+    assert!(expected.certain[far_pixel] && expected.radiance.pixels[far_pixel] != [0.0; 3]);
+    image.pixels[far_pixel] = image.pixels[far_pixel].map(|channel| 1.01 * channel);
+    assert!(!verify(&image, None, &expected, scene.display).ok);
 }
 
 #[test]

@@ -13,6 +13,7 @@ use super::{Scene, Shot};
 use crate::error::{Error, Result};
 use crate::toml_error::toml_error;
 use crate::toml_read::from_text;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -51,6 +52,7 @@ impl Animation {
         for (number, track) in tracks.iter().enumerate() {
             tracks[..number].iter().try_for_each(|earlier| track.refuse_to_hide(&document, earlier))?;
         }
+        refuse_angle_beside_position(&document, &tracks)?;
         let mut table: Table = document.text.parse().map_err(|error| document.misread(&error))?;
         table.remove("animation");
         let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
@@ -76,6 +78,16 @@ impl Animation {
                 format!("{name} at frame {frame}: the background is transparent in some frames only");
             Err(Error::input(message).with_help("set background = \"transparent\" in all frames or in none"))
         })
+    }
+
+    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS) contains them.
+    pub(crate) fn find_files(&mut self) {
+        // The file of frame 1 has been read.
+        let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
+        for frame in steps.into_iter().filter(|frame| *frame > 1) {
+            // A mistake in a frame is told when this frame is rendered.
+            let _ = self.assemble(frame, &mut Vec::new());
+        }
     }
 
     /// Returns the scene of a frame. If the frame's mesh equals the mesh of the scene `last`, the
@@ -173,11 +185,25 @@ impl Animation {
     }
 }
 
+/// Refuses a track of an angle of the camera if the file itself or another track sets the camera's position, because
+/// the angle would have no effect. A position that an option sets is not refused: it replaces the file's camera.
+fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result<()> {
+    let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
+    let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
+    let is_placed = file.get("camera").is_some_and(|camera| camera.get("position").is_some());
+    if !is_placed && !tracks.iter().any(Track::places_camera) {
+        return Ok(());
+    }
+    let message = format!("a track of `{}` beside `camera.position`", angle.path.get_ref());
+    let error = document.error(angle.path.span(), message, "does nothing here");
+    Err(error.with_help("leave out this track, or the camera's position and its tracks"))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::{load_scene, load_scene_with};
+    use crate::scene::{INPUTS, load_scene, load_scene_with};
     use glam::Vec3;
     use toml::Value;
 
@@ -233,6 +259,58 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap().replace("frames = 3", "frames = 1");
         std::fs::write(&path, text).unwrap();
         assert_eq!(load_scene(&path).unwrap().scene.lights[0].power, Vec3::splat(6.0));
+    }
+
+    #[test]
+    fn the_files_of_later_frames_can_be_found_before_these_frames_are_reached() {
+        let track = "[[animation.track]]\npath = \"object.0\"\nat = [1, 3]\n\
+            values = [{ shape = \"sphere\", triangles = 20 }, { mesh = \"late.obj\" }]\n";
+        let (folder, _, mut animation) = animated(track);
+        let late = folder.path().canonicalize().unwrap().join("late.obj");
+        std::fs::write(&late, "no mesh").unwrap();
+        assert!(!INPUTS.contains(&late));
+        animation.find_files();
+        assert!(INPUTS.contains(&late), "although it has a mistake");
+    }
+
+    #[test]
+    fn only_values_that_are_no_numbers_can_name_other_files() {
+        let tracks = "[[animation.track]]\npath = \"textures\"\nvalues = [true, false]\n\
+            [[animation.track]]\npath = \"light.0.power\"\nat = [2, 3]\nvalues = [6, 8]\n";
+        let (_folder, _, animation) = animated(tracks);
+        let steps = animation.tracks.iter().map(|track| track.steps().collect::<Vec<_>>());
+        assert_eq!(steps.collect::<Vec<_>>(), [vec![1, 3], vec![]]);
+    }
+
+    #[test]
+    fn a_track_of_an_angle_beside_a_position_is_refused_with_its_line() {
+        let file = |camera: &str, tracks: &str| {
+            format!(
+                "[camera]\n{camera}\n[[object]]\nshape = \"sphere\"\ntriangles = 20\n[animation]\nframes = 3\n\
+                 [[animation.track]]\npath = \"camera.azimuth_degrees\"\nvalues = [0, 90]\n{tracks}"
+            )
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let load = |text: &str, settings: &[(String, Value)]| {
+            std::fs::write(&path, text).unwrap();
+            load_scene_with(&path, settings).map(|loaded| loaded.scene.camera)
+        };
+        let place = "position = [0, 0, 9]";
+        let moved = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 9], [0, 9, 0]]\n";
+        let replaced = "[[animation.track]]\npath = \"camera.position.1\"\nvalues = [1, 2]\n";
+        for text in [file(place, ""), file("", moved), file("", replaced)] {
+            let Error::Input(error) = load(&text, &[]).unwrap_err() else { panic!("no input error") };
+            assert_eq!(error.message, "a track of `camera.azimuth_degrees` beside `camera.position`");
+            assert_eq!(error.label, "does nothing here");
+            assert_eq!(crate::error::line_of(&text, error.span.unwrap().offset()), 9);
+        }
+        assert!(load(&file("look_at = [0, 0, 0]", ""), &[]).is_ok());
+        // A value of an option replaces the camera of the file.
+        let eye = Value::Array([0, 0, 9].map(Value::from).to_vec());
+        let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];
+        assert!(load(&file(place, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
+        assert_eq!(load(&file("", ""), &set("position", eye)).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
     }
 
     #[test]

@@ -116,7 +116,7 @@ impl Document {
     }
 
     /// Returns the text of the file, without settings.
-    fn original(&self) -> &str {
+    pub fn original(&self) -> &str {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
 

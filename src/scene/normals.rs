@@ -196,6 +196,17 @@ mod tests {
     }
 
     #[test]
+    fn the_normals_decide_which_side_of_a_triangle_is_its_front() {
+        for corners in [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ZERO, Vec3::Y, Vec3::X]] {
+            for eye in [Vec3::Z, Vec3::NEG_Z] {
+                let mut mesh = triangle(corners, vec![Vec3::NEG_Z], [0; 3]);
+                turn_towards(&mut mesh, eye);
+                assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [eye; 3], "{corners:?}");
+            }
+        }
+    }
+
+    #[test]
     fn the_normals_of_a_sphere_are_turned_outwards_whichever_way_it_winds() {
         let outward = generate(&Shape::Sphere { triangles: 400 });
         let mut inward = outward.clone();

@@ -20,7 +20,7 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     for setting in settings {
         let Setting { path, value, .. } = setting;
-        if is_angle(setting) {
+        if is_angle(path) {
             unplace_camera(document);
         }
         set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
@@ -28,18 +28,24 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     Ok(())
 }
 
-fn is_angle(setting: &Setting) -> bool {
-    setting.path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key))
+/// Returns whether a value at this path is an angle of the camera.
+pub(super) fn is_angle(path: &str) -> bool {
+    path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key))
+}
+
+/// Returns whether a value at this path sets the camera's position, or a part of it.
+pub(super) fn places_camera(path: &str, value: &Value) -> bool {
+    match path.split_once('.') {
+        None => path == "camera" && value.get("position").is_some(),
+        Some((table, key)) => table == "camera" && key.split('.').next() == Some("position"),
+    }
 }
 
 /// Refuses an angle if another setting places the camera, since one of the two would have no effect.
 fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
-    let places = |setting: &&Setting| match setting.path.split_once('.') {
-        None => setting.path == "camera" && setting.value.get("position").is_some(),
-        Some((table, key)) => table == "camera" && key.split('.').next() == Some("position"),
-    };
-    let angle = settings.iter().find(|setting| is_angle(setting));
-    let Some((angle, place)) = angle.zip(settings.iter().find(places)) else { return Ok(()) };
+    let angle = settings.iter().find(|setting| is_angle(&setting.path));
+    let place = settings.iter().find(|setting| places_camera(&setting.path, &setting.value));
+    let Some((angle, place)) = angle.zip(place) else { return Ok(()) };
     let message =
         format!("this angle and '{}' both place the camera, so one of them has no effect", place.origin);
     Err(angle.error(message).with_help("leave out the angle or the other value"))
@@ -109,7 +115,9 @@ fn set_in_array(
 ) -> std::result::Result<(), String> {
     let [key, rest @ ..] = keys else { return Ok(()) };
     let count = array.len();
-    let index = key.parse::<usize>().ok().filter(|index| *index <= count).ok_or_else(|| {
+    // Without signs and leading zeros, no element has two paths.
+    let is_plain = |index: &usize| *index <= count && index.to_string() == *key;
+    let index = key.parse::<usize>().ok().filter(is_plain).ok_or_else(|| {
         format!(
             "`{name}` has {}; expected an index from 0 to {count} ({count} adds an element), not `{key}`",
             counted(count, "element")
@@ -214,7 +222,14 @@ mod tests {
 
     #[test]
     fn a_path_through_a_number_or_out_of_an_array_is_refused() {
-        for path in ["camera.z_near.x", "light.2.power", "light.first.power", "camera..x"] {
+        for path in [
+            "camera.z_near.x",
+            "light.2.power",
+            "light.first.power",
+            "light.00.power",
+            "light.+0.power",
+            "camera..x",
+        ] {
             let message = set(path, 1).unwrap_err().to_string();
             assert!(message.starts_with(&format!("{path} = 1: ")), "{message}");
         }

@@ -35,7 +35,8 @@ pub(super) struct SceneWire {
     /// [default: the sky's picture or, if there is none, the paper's radiance, [0.0022, 0.0032, 0.0053]].
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that these triangles are lit like front
-    /// faces [default: false].
+    /// faces. A triangle's front is the side to which the mean of its corners' normals points, whatever the order of
+    /// its corners [default: false].
     pub two_sided: Option<bool>,
     /// Use the colour textures of meshes [default: true].
     pub textures: Option<bool>,
@@ -74,7 +75,8 @@ pub(super) struct CameraWire {
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
     /// Hits are ignored if their depth along the view is at most this distance [default: 0].
     pub z_near: Option<Number<NonNegative>>,
-    /// See the whole scene from this direction, in degrees to the right of the scene's front (+z, or -y if z is up).
+    /// See the whole scene from this direction, in degrees to the right of the scene's front (+z, or -y if +z or -z is
+    /// up).
     pub azimuth_degrees: Option<Number<Finite>>,
     /// See the whole scene from this angle above the horizon, in degrees.
     pub elevation_degrees: Option<Number<Elevation>>,

@@ -2,7 +2,7 @@
 
 use super::{Attempt, Kind, ShardPlan};
 use crate::record::HOST;
-use crate::words::quote;
+use crate::words::{option, quote};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -153,7 +153,7 @@ fn started_with(out: &Path, kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<St
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
     let command = own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone());
     let mut words = without_out(&without_shard(&command));
-    words.extend(["--out".to_owned(), out.display().to_string()]);
+    words.extend(option("--out", out.display()));
     words
 }
 

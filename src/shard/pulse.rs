@@ -79,16 +79,19 @@ impl Pulse {
         let thread = {
             let (steps, waits, ended) = (Arc::clone(&steps), Arc::clone(&waits), Arc::clone(&ended));
             std::thread::spawn(move || {
-                let mut beat = Beat::default();
-                loop {
-                    // A count that cannot be written is skipped.
+                // A count that cannot be written is skipped.
+                let mut write = |beat: Beat| {
                     let _ =
                         file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(beat.line().as_bytes()));
-                    if sleeps_through(BEAT, &ended) {
-                        return;
-                    }
+                };
+                let mut beat = Beat::default();
+                write(beat);
+                while !sleeps_through(BEAT, &ended) {
                     beat = beat.after(steps.load(Ordering::Relaxed), taken(&waits));
+                    write(beat);
                 }
+                // The last steps have no count of their own, but the status of an ended attempt includes them.
+                write(Beat { steps: steps.load(Ordering::Relaxed), ..beat });
             })
         };
         Ok(Self { steps, waits, ended, thread: Some(thread) })
@@ -114,12 +117,13 @@ fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
         std::thread::sleep(nap);
         left -= nap;
     }
-    ended.load(Ordering::Relaxed)
+    // With this order, the thread sees all steps before the end.
+    ended.load(Ordering::Acquire)
 }
 
 impl Drop for Pulse {
     fn drop(&mut self) {
-        self.ended.store(true, Ordering::Relaxed);
+        self.ended.store(true, Ordering::Release);
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
@@ -209,6 +213,17 @@ mod tests {
             std::thread::sleep(LOOK_UP);
         }
         drop(pulse);
+    }
+
+    #[test]
+    fn an_ended_attempt_has_all_its_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let pulse = Pulse::start(folder.path()).unwrap();
+        let mut nobody = ();
+        let mut steps = pulse.listening(&mut nobody);
+        (0..3).for_each(|_| steps.works_on("x"));
+        drop(pulse);
+        assert_eq!(Beat::read(folder.path()).map(|beat| beat.steps), Some(3));
     }
 
     /// Stores the name and the arguments of every call.

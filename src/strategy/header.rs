@@ -91,13 +91,8 @@ impl Reader<'_> {
     /// key; all other lines are prose.
     pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
         let mut found = Entries::default();
-        let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
-        for (row, line) in comment.take_while(|line| !line.is_empty()).enumerate() {
-            // A line with a URL has a colon, but sets no key.
-            let pair = line.split_once(':').filter(|(key, value)| is_key(key) && !value.starts_with("//"));
-            if let Some((key, value)) = pair {
-                self.take(&mut found, row + 1, key, value.trim())?;
-            }
+        for (line, key, value) in entries(text) {
+            self.take(&mut found, line, key, value)?;
         }
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
         let meaning = meaning.ok_or_else(|| self.no_meaning(text))?;
@@ -107,8 +102,23 @@ impl Reader<'_> {
             return Err(self.lacks(&format!("the file's header has no '{}' ({what})", key.name)));
         }
         self.check_planes(&found)?;
+        self.check_tile(&found, &folders)?;
         let facts = found.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
+    }
+
+    /// Refuses a key of a header in the comment that another file of the same value begins with: nothing would read it.
+    pub fn refuse_another(&self, path: &str, text: &str) -> Result<()> {
+        match entries(text).find(|(_, key, _)| self.key_names().any(|own| own == *key)) {
+            Some((line, key, _)) => Err(Error::input(format!(
+                "{path}, line {line}: '{key}' is a key of a header, but this value's header is in {}",
+                self.path
+            ))
+            .with_help(
+                "a value has only one header: remove the line, or write it in the other file's header",
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Returns the error for a file whose header does not state the value's meaning. Often, such a file has no header,
@@ -144,6 +154,11 @@ impl Reader<'_> {
     /// Returns the keys that headers of the file's axis can have.
     fn keys(&self) -> impl Iterator<Item = &'static Key> {
         KEYS.iter().filter(|key| key.axis == self.axis)
+    }
+
+    /// Returns the names of all keys that headers of the file's axis can have.
+    fn key_names(&self) -> impl Iterator<Item = &'static str> {
+        ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name))
     }
 
     fn take(&self, found: &mut Entries, line: usize, key: &str, value: &str) -> Result<()> {
@@ -230,9 +245,21 @@ impl Reader<'_> {
         }
     }
 
+    /// Refuses a test for the rays of a tile in the folder of the families that have no tiles of rays.
+    fn check_tile(&self, found: &Entries, folders: &[&str]) -> Result<()> {
+        match found.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
+            Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
+                let message = format!(
+                    "'prepared_for' is tile, but the kernels that include {NO_TILES} have no tiles of rays; expected any-ray or origin or pixels"
+                );
+                Err(self.wrong(*line, message, None))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn unknown(&self, line: usize, key: &str) -> Error {
-        let own: Vec<_> =
-            ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name)).collect();
+        let own: Vec<_> = self.key_names().collect();
         let message = format!(
             "'{key}' is not a key in headers of the axis '{}'; expected one of {}",
             self.axis,
@@ -260,6 +287,20 @@ impl Reader<'_> {
 
 /// Number of floats of the planes that are prepared for a triangle and an origin.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
+
+/// The folder of the ray-triangle tests of the families that have no tiles of rays.
+const NO_TILES: &str = "cast/intersect/";
+
+/// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.
+/// Each has the number of its line.
+fn entries(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
+    let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
+    (1..).zip(comment.take_while(|line| !line.is_empty())).filter_map(|(number, line)| {
+        // A line with a URL has a colon, but sets no key.
+        let (key, value) = line.split_once(':')?;
+        (is_key(key) && !value.starts_with("//")).then(|| (number, key, value.trim()))
+    })
+}
 
 /// Returns whether the text before a colon can be a key: one word of lower-case letters and underscores.
 fn is_key(word: &str) -> bool {

@@ -17,8 +17,10 @@ pub enum Cause {
     Size,
     /// A size: the point exceeds a device's global memory. It may fit when other points hold none of this memory.
     GlobalMemory,
-    /// The local size.
+    /// The local size: its shape.
     WorkGroup,
+    /// The local size: the memory of a work-group exceeds a limit, but that of a smaller work-group would not.
+    LargeGroup,
     /// The strategy, which does not support something that the scene contains; neither the device nor a size is the
     /// cause.
     Lacking,
@@ -50,6 +52,12 @@ impl Infeasible {
             true => Self { reason: format!("{}, {}", self.reason, Self::EMULATED), ..self },
             false => self,
         }
+    }
+
+    /// Returns this reason, with the local size as its cause if a smaller work-group fits.
+    #[must_use]
+    pub fn of_large_group_if(self, a_smaller_one_fits: bool) -> Self {
+        if a_smaller_one_fits { Self { cause: Cause::LargeGroup, ..self } } else { self }
     }
 
     /// Returns the reason why a work-group has a shape that the device or the strategy does not support.

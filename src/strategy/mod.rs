@@ -173,6 +173,13 @@ impl Strategy {
         if self.shares_tiles() { [GROUP_LANES, groups] } else { limits.fitting(other) }
     }
 
+    /// Returns the local size with which the strategy is cast if no other is chosen. With the traversal `tile`, one
+    /// work-item may cast a whole tile of rays, so a work-group of one work-item has enough work.
+    pub fn usual_local_size(&self, limits: &DeviceLimits) -> [u32; 2] {
+        let tiles = self.traversal == Traversal::Tile;
+        self.local_size(limits, if tiles { [1, 1] } else { [8, 8] })
+    }
+
     /// Returns how the strategy's work-items exchange values on a device with these built-in functions.
     pub fn lane_operations(&self, builtins: Builtins) -> LaneOperations {
         if self.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers }

@@ -111,14 +111,20 @@ impl Requirements {
         soft(strategy, workload)?;
         indices(strategy, workload)?;
         let lanes = limits.lane_operations;
+        let smallest = Workload { local_size: [1, 1], ..*workload };
         local(strategy, workload, lanes)
             .within("__local memory", limits.local_bytes)
-            .map_err(|refused| refused.emulated_if(limits.local_is_emulated))?;
+            .map_err(|refused| refused.emulated_if(limits.local_is_emulated))
+            .map_err(|refused| {
+                refused.of_large_group_if(local(strategy, &smallest, lanes).fits(limits.local_bytes))
+            })?;
         constant(strategy, workload)
             .within("__constant memory", limits.constant_bytes)
             .map_err(|refused| refused.emulated_if(limits.constant_is_emulated))?;
         if limits.is_cpu {
-            private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES)?;
+            private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES).map_err(
+                |refused| refused.of_large_group_if(private(strategy, &smallest).fits(CPU_STACK_BYTES)),
+            )?;
         }
         let all = buffers(strategy, workload);
         all.each_within("largest buffer", limits.allocation_bytes)?;

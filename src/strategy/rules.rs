@@ -238,6 +238,21 @@ mod tests {
     }
 
     #[test]
+    fn a_width_with_which_no_tile_can_be_cast_is_blamed_before_other_values() {
+        let mut count = 0;
+        let tiles = |strategy: &Strategy| strategy.traversal == Traversal::Tile;
+        for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(tiles) {
+            for width in [Width::W2, Width::W4, Width::W8] {
+                let reason = Strategy { width, ..strategy }.contradiction().unwrap_or_default();
+                assert!(reason.starts_with("width = "), "{reason}");
+                assert!(reason.ends_with("; expected width = 1 or 16"), "{reason}");
+                count += 1;
+            }
+        }
+        assert!(count >= 6, "{count}");
+    }
+
+    #[test]
     fn tiles_keep_the_defaults_of_vectors_shading_and_width() {
         for (axis, value) in [("vectors", "local"), ("shading", "eager"), ("width", "8")] {
             let mut tile =

@@ -31,9 +31,14 @@ impl Sum {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
 
+    /// Returns whether the sum is at most the limit.
+    pub fn fits(&self, limit_bytes: u64) -> bool {
+        self.bytes <= u128::from(limit_bytes)
+    }
+
     /// Returns an error, with the sum's arithmetic, if the sum exceeds the limit.
     pub fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
-        if self.bytes <= u128::from(limit_bytes) {
+        if self.fits(limit_bytes) {
             return Ok(());
         }
         let terms: Vec<_> = self.terms.iter().map(|(_, term)| term.as_str()).collect();

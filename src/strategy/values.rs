@@ -115,10 +115,9 @@ struct Named {
 }
 
 impl Named {
-    /// Returns the file that contains the value's header.
-    fn file(&self) -> String {
-        let folder = self.folders.first().copied().unwrap_or_default();
-        format!("{folder}{}.cl", self.name.replace('-', "_"))
+    /// Returns the value's files. The first one contains the header.
+    fn files(&self) -> impl Iterator<Item = String> {
+        self.folders.iter().map(move |folder| format!("{folder}{}.cl", self.name.replace('-', "_")))
     }
 }
 
@@ -143,16 +142,20 @@ fn named(files: &[String]) -> Vec<Named> {
     all
 }
 
+/// Returns the names of an axis's values, of which `all` are files; an empty list if there is no such axis.
+fn names_of(all: &[Named], axis: &str) -> Vec<String> {
+    let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
+    let files = all.iter().filter(|named| named.axis == axis).map(|named| named.name.clone());
+    listed.map(|(name, _)| (*name).to_owned()).chain(files).collect()
+}
+
 /// Returns the headers of all values, in the order of their axes and names.
 fn headers(sources: &Sources) -> Result<Vec<Header>> {
     let all = named(&sources.files()?);
-    let names_of = |axis: &str| -> Vec<String> {
-        let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
-        let files = all.iter().filter(|named| named.axis == axis).map(|named| named.name.clone());
-        listed.map(|(name, _)| (*name).to_owned()).chain(files).collect()
-    };
-    let read = |named: &Named| {
-        let file = named.file();
+    let names_of = |axis: &str| names_of(&all, axis);
+    let read = |named: &Named| -> Result<Header> {
+        let mut files = named.files();
+        let file = files.next().unwrap_or_default();
         let path = sources.path_of(&file);
         let included_at = || {
             // A built-in value may also be included by other files.
@@ -166,7 +169,11 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
         };
         let (names_of, included_at) = (&names_of, &included_at);
         let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at };
-        reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)
+        let header = reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)?;
+        for other in files {
+            reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?)?;
+        }
+        Ok(header)
     };
     all.iter().map(read).collect()
 }
@@ -202,11 +209,38 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     if unknown.is_empty() {
         return Ok(());
     }
-    let includes = includes_of_all(sources)?;
-    match unknown.iter().find(|file| !includes.iter().any(|include| include.path == **file)) {
-        Some(file) => Err(unused(folder, file, &includes)),
+    let (files, includes) = (sources.files()?, includes_of_all(sources)?);
+    let all = named(&files);
+    let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
+    let used = files_with_effect(&files, &includes, includes_file);
+    unknown.retain(|file| !used.contains(&file.as_str()));
+    // A file that no file includes is the reason why the files that it includes have no effect.
+    let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
+    match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
+        Some(file) => Err(unused(folder, file, &includes, is_included(file))),
         None => Ok(()),
     }
+}
+
+/// Returns the files that have an effect: the built-in files, values, and all files that these include, directly or
+/// through other files. `includes_file` returns whether an `#include` may be of a file.
+fn files_with_effect<'a>(
+    files: &'a [String],
+    includes: &[Include],
+    includes_file: impl Fn(&Include, &str) -> bool,
+) -> Vec<&'a str> {
+    let (mut used, mut others): (Vec<&str>, Vec<&str>) =
+        files.iter().map(String::as_str).partition(|file| is_known(file));
+    let mut done = 0;
+    while let Some(file) = used.get(done).copied() {
+        let own: Vec<_> = includes.iter().filter(|include| include.file == file).collect();
+        let (reached, left): (Vec<&str>, Vec<&str>) =
+            others.into_iter().partition(|other| own.iter().any(|include| includes_file(include, other)));
+        others = left;
+        used.extend(reached);
+        done += 1;
+    }
+    used
 }
 
 /// Returns whether a file is a value of an axis or has the path of a built-in file.
@@ -217,10 +251,24 @@ fn is_known(file: &str) -> bool {
 /// A line `#include "path"` of a kernel file.
 struct Include {
     path: String,
+    /// The file that has this line.
+    file: String,
     /// The file that has this line, and the number of the line, as messages show them.
     place: String,
     /// False if the path is that of no file, and has no axis in braces.
     is_there: bool,
+}
+
+impl Include {
+    /// Returns whether the path is that of a file. An axis in braces stands for each of the axis's values, whose names
+    /// `names_of` returns.
+    fn may_be_of(&self, file: &str, names_of: impl Fn(&str) -> Vec<String>) -> bool {
+        let braces =
+            self.path.split_once('{').and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
+        let Some((before, (axis, after))) = braces else { return self.path == file };
+        let value = file.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+        value.is_some_and(|value| names_of(axis).iter().any(|name| name.replace('-', "_") == value))
+    }
 }
 
 /// Returns the lines with which kernel files include other files, built-in files and those of the folder.
@@ -228,7 +276,8 @@ fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
     let files = sources.files()?;
     let mut all = Vec::new();
     for file in &files {
-        all.extend(includes(&sources.path_of(file), &sources.read(file)?)?);
+        let own = includes(&sources.path_of(file), &sources.read(file)?)?;
+        all.extend(own.into_iter().map(|include| Include { file: file.clone(), ..include }));
     }
     for include in &mut all {
         include.is_there = include.path.contains('{') || files.contains(&include.path);
@@ -241,7 +290,7 @@ fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     let lines = (1..).zip(lines(path, text)?);
     let include = |(number, line): (usize, SourceLine<'_>)| {
         let place = format!("{path}, line {number}");
-        Some(Include { path: line.includes?.to_owned(), place, is_there: false })
+        Some(Include { path: line.includes?.to_owned(), file: String::new(), place, is_there: false })
     };
     Ok(lines.filter_map(include).collect())
 }
@@ -260,9 +309,12 @@ fn has_name_of(include: &Include, file: &str) -> bool {
     stem(&include.path) == stem(file)
 }
 
-fn unused(folder: &Path, file: &str, includes: &[Include]) -> Error {
+/// Returns the error about a file without effect. `is_included` means that some file includes it, which then has no
+/// effect either.
+fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
-    let message = "is neither a file of raycl nor a value of an axis, and no file includes it";
+    let by = if is_included { "only files without effect include it" } else { "no file includes it" };
+    let message = format!("is neither a file of raycl nor a value of an axis, and {by}");
     let error = Error::input(format!("{} {message}", path.display()));
     if let Some(include) = wrong_include(file, includes) {
         let Include { path, place, .. } = include;
@@ -327,7 +379,7 @@ mod tests {
             ("k", "cl/cast/layout/soup.cl", "k/cl is a folder of kernels inside the folder that --cl-dir"),
             ("k/cast", "intersect/mine.cl", "k/cast is only a part of a folder laid out like raycl's cl/: "),
         ] {
-            let error = unused(Path::new(folder), file, &[]);
+            let error = unused(Path::new(folder), file, &[], false);
             assert!(error.remedy().starts_with(told), "{file}: {}", error.remedy());
         }
         for (folder, file, outer) in [
@@ -339,8 +391,8 @@ mod tests {
         }
     }
 
-    /// Returns the error about a folder with these kernel files.
-    fn refused_of(files: &[(&str, &str)]) -> Error {
+    /// Returns the headers of all values, with a folder with these kernel files.
+    fn checked(files: &[(&str, &str)]) -> Result<Vec<Header>> {
         let folder = tempfile::tempdir().unwrap();
         for (file, text) in files {
             let path = folder.path().join(file);
@@ -348,7 +400,12 @@ mod tests {
             std::fs::write(path, text).unwrap();
         }
         let sources = Sources::Folder(folder.path().to_owned());
-        refuse_unused(&sources).and_then(|()| headers(&sources)).unwrap_err()
+        refuse_unused(&sources).and_then(|()| headers(&sources))
+    }
+
+    /// Returns the error about a folder with these kernel files.
+    fn refused_of(files: &[(&str, &str)]) -> Error {
+        checked(files).unwrap_err()
     }
 
     #[test]
@@ -487,5 +544,44 @@ mod tests {
         std::fs::write(folder.path().join("cast/other.cl"), "int a;\n").unwrap();
         std::fs::write(folder.path().join("cast/vectors/mine.cl"), "#include \"cast/other.cl\"\n").unwrap();
         assert!(refuse_unused(&Sources::Folder(folder.path().to_owned())).is_ok(), "a value includes it");
+    }
+
+    #[test]
+    fn an_axis_in_an_includes_path_stands_for_each_of_its_values() {
+        let value = Sources::Embedded.read("cast/vectors/private.cl").unwrap();
+        let text = format!("{value}\n#include \"my/a_{{vectors}}.cl\"\n");
+        let with = |file: &str| checked(&[("cast/vectors/mine.cl", &text), (file, "int a;\n")]);
+        for file in ["my/a_private.cl", "my/a_mine.cl"] {
+            assert!(with(file).is_ok(), "{file}");
+        }
+        for file in ["my/a_privat.cl", "my/private.cl", "my/a_watertight.cl", "your/a_private.cl"] {
+            let told = with(file).unwrap_err().to_string();
+            assert!(told.contains(&format!("{file} is neither a file of raycl nor a value")), "{told}");
+        }
+    }
+
+    #[test]
+    fn files_that_only_include_each_other_have_no_effect() {
+        let (one, two) =
+            (("my/one.cl", "#include \"my/two.cl\"\n"), ("my/two.cl", "#include \"my/one.cl\"\n"));
+        let error = refused_of(&[one, two]);
+        let said =
+            "my/one.cl is neither a file of raycl nor a value of an axis, and only files without effect";
+        assert!(error.to_string().contains(said), "{error}");
+        // Of files that include each other in a row, the one that nothing includes is told.
+        let error = refused_of(&[("my/a.cl", "int a;\n"), ("my/z.cl", "#include \"my/a.cl\"\n")]);
+        assert!(error.to_string().contains("my/z.cl is neither"), "{error}");
+        assert!(error.to_string().ends_with("and no file includes it"), "{error}");
+    }
+
+    #[test]
+    fn only_the_first_file_of_a_value_has_the_header() {
+        for text in ["// record_floats: 999\n", "// A test.\n// meaning: mine\n//\n"] {
+            let error = refused_of(&[("tile_cpu/intersect/watertight.cl", text)]);
+            let line = text.lines().take_while(|line| !line.contains(": ")).count() + 1;
+            let place = format!("tile_cpu/intersect/watertight.cl, line {line}: ");
+            assert!(error.to_string().contains(&place), "{error}");
+            assert!(error.to_string().ends_with("is in cl/cast/intersect/watertight.cl"), "{error}");
+        }
     }
 }

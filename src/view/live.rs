@@ -35,6 +35,8 @@ pub struct Live {
     sources: Sources,
     loaded: Loaded,
     scene: Arc<Scene>,
+    /// The picture's size when the scene was read, for which the scene's camera was placed.
+    framed: [u32; 2],
     device: Device,
     queue: Queue,
     show: Option<ShowProgram>,
@@ -67,6 +69,7 @@ impl Live {
         let ((strategies, local_sizes), (prepared, caster)) = (way, ready);
         let sum = Sum::of(samples);
         Ok(Self {
+            framed: subject.size(),
             subject,
             dressed,
             samples,
@@ -127,12 +130,13 @@ impl Live {
 
     /// Returns the camera and the lights for a position of the eye: lights that raycl added to a mesh move with it.
     pub fn view(&self, pose: &Pose) -> (Camera, Vec<Light>) {
-        pose.at(&self.scene, &self.loaded.orbit)
+        let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
+        (fitted(camera, self.framed, self.size()), lights)
     }
 
     /// Returns half the height of the image plane at distance 1.
     pub fn half_height(&self) -> f64 {
-        half_height(&self.scene.camera, self.size())
+        half_height(&fitted(self.scene.camera, self.framed, self.size()), self.size())
     }
 
     /// Begins a new picture, because the eye has moved.
@@ -180,19 +184,27 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the next strategy that the device can use.
+    /// Changes to the next strategy that the device can use. Its local size is the one that the user has named, if the
+    /// device can use it with this strategy, and otherwise the strategy's usual one.
     ///
     /// # Errors
     ///
     /// Fails if the device can use no other strategy; the message states why it cannot use the last strategy that was
     /// tried.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
-        let limits = self.device.info.limits;
-        let usual = self.strategies.others(step).map(|strategies| {
-            let local_size = strategies.taken().local_size(&limits, [8, 8]);
-            (strategies, local_sizes(local_size))
+        let (first, first_local_size) = self.first()?;
+        let ways = self.strategies.others(step).flat_map(|strategies| {
+            let taken = strategies.taken();
+            let usual = if taken == first {
+                first_local_size
+            } else {
+                taken.usual_local_size(&self.device.info.limits)
+            };
+            let named = self.subject.local_size.filter(|named| *named != usual);
+            let sizes = named.into_iter().chain([usual]);
+            sizes.map(move |local_size| (strategies.clone(), local_sizes(local_size)))
         });
-        self.take(usual.collect())
+        self.take(ways.collect())
     }
 
     /// Changes to the next local size that the device can use.
@@ -204,6 +216,12 @@ impl Live {
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
         let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
         self.take(ways.collect())
+    }
+
+    /// Returns the strategy and the local size with which the device casts first: those that the user has named, or
+    /// else those that raycl chooses.
+    fn first(&self) -> Result<(Strategy, [u32; 2])> {
+        self.subject.strategy(&self.device.info, self.subject.task(&self.scene, 1))
     }
 
     /// Changes to the first pair in `ways` (a strategy and a local size) that the device can use.
@@ -252,6 +270,23 @@ impl Live {
         Ok(())
     }
 
+    /// Returns the choices of the strategy and of the local size.
+    fn way(&self) -> Way {
+        (self.strategies.clone(), self.local_sizes.clone())
+    }
+
+    /// Casts pictures of another size from now on. They show at least the part of the scene that pictures of the first
+    /// size show. If the device cannot cast pictures of this size, everything stays as it was.
+    pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        let subject = Subject { width, height, ..self.subject.clone() };
+        let way = self.way();
+        let ready = ready(&subject, &mut self.session, &way);
+        (self.prepared, self.caster) = ready.map_err(|no| no.into_error(&self.device.info))?;
+        self.subject = subject;
+        self.sum.restart();
+        Ok(())
+    }
+
     /// Reads the scene and the kernels again, and keeps the strategy and the local size. If the reload fails,
     /// everything stays as it was.
     pub fn reload(&mut self) -> Result<()> {
@@ -259,11 +294,12 @@ impl Live {
         let loaded = self.subject.load(true, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
         let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
-        let way = (self.strategies.clone(), self.local_sizes.clone());
+        let way = self.way();
         let ready =
             ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info))?;
         self.show = show(&self.queue, &sources, &self.device.info)?;
         (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
+        self.framed = self.subject.size();
         (self.prepared, self.caster) = ready;
         self.sum.restart();
         Ok(())
@@ -316,6 +352,20 @@ fn ready(subject: &Subject, session: &mut Session, way: &Way) -> std::result::Re
     Ok((prepared, caster))
 }
 
+/// Returns a camera for pictures of another size than that for which the camera was placed. If the new pictures are
+/// wider in proportion, the field of view across the height stays, else the one across the width. So everything that
+/// was visible stays visible.
+fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
+    let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
+    if aspect == old_aspect {
+        return camera;
+    }
+    let half_height = half_height(&camera, framed);
+    let fov_is_vertical = aspect > old_aspect;
+    let tan = if fov_is_vertical { half_height } else { half_height * old_aspect };
+    Camera { tan_half_fov: tan as f32, fov_is_vertical, ..camera }
+}
+
 /// Returns half the height of the image plane at distance 1, for a picture of this size.
 fn half_height(camera: &Camera, size: [u32; 2]) -> f64 {
     let [width, height] = size.map(f64::from);
@@ -332,6 +382,29 @@ mod tests {
             let camera = Camera { fov_is_vertical, tan_half_fov: 0.75, ..Camera::PAPER };
             let top = camera.pixel_frame(200, 80).corner.y;
             assert!((half_height(&camera, [200, 80]) - top).abs() < 1e-12, "{fov_is_vertical}: {top}");
+        }
+    }
+
+    #[test]
+    fn a_picture_of_another_size_shows_all_that_was_visible() {
+        for fov_is_vertical in [false, true] {
+            let camera = Camera { fov_is_vertical, tan_half_fov: 0.75, ..Camera::PAPER };
+            assert_eq!(fitted(camera, [200, 80], [100, 40]), camera, "the same proportions");
+            let corner = |camera: Camera, [width, height]: [u32; 2]| {
+                let corner = camera.pixel_frame(width, height).corner;
+                [-corner.x, corner.y]
+            };
+            let [half_width, half_height] = corner(camera, [200, 80]);
+            let fitted = |size| corner(fitted(camera, [200, 80], size), size);
+            for (size, expected) in [
+                ([300, 80], [1.5 * half_width, half_height]),
+                ([200, 160], [half_width, 2.0 * half_height]),
+                ([50, 80], [half_width, 4.0 * half_height]),
+            ] {
+                let [x, y] = fitted(size);
+                let is_near = (x - expected[0]).abs() < 1e-6 && (y - expected[1]).abs() < 1e-6;
+                assert!(is_near, "{fov_is_vertical} {size:?}: {x} {y}, not {expected:?}");
+            }
         }
     }
 
@@ -375,6 +448,20 @@ mod tests {
         cast(&mut live);
         live.moved();
         assert_eq!(live.progress(), [0, 2]);
+    }
+
+    #[test]
+    fn a_step_to_another_strategy_keeps_a_local_size_that_was_named_and_a_step_back_brings_back_the_usual_one()
+     {
+        let mut named = live(&["--local-size", "4x2"], 1);
+        named.next_strategy(1).expect("another strategy");
+        assert_eq!(named.local_size(), [4, 2]);
+        let mut tile = live(&["--strategy", "tile"], 1);
+        let own = tile.local_size();
+        tile.next_strategy(1).expect("another strategy");
+        assert_eq!((tile.local_size(), own), ([8, 8], [1, 1]));
+        tile.next_strategy(-1).expect("the first strategy");
+        assert_eq!(tile.local_size(), own);
     }
 
     #[test]

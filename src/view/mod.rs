@@ -62,10 +62,12 @@ pub struct Viewer<S: Screen> {
     /// The last picture, without the list of keys over it.
     shown: Option<RgbImage>,
     picker: Picker,
+    /// The screen's room for a picture when the input was last read, pixels across and down.
+    room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// A note for the user, such as why a key had no effect. At the start and after the scene was read again, it is the
-    /// first note about the scene, with the number of the others.
+    /// A note for the user, such as why a key had no effect. At the start, and after the scene was read again or the
+    /// picture's size has changed, it is the first note about the scene, with the number of the others.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
@@ -90,6 +92,7 @@ impl<S: Screen> Viewer<S> {
             help: None,
             shown: None,
             picker: Picker::default(),
+            room: None,
             pointer: None,
             picked: None,
             note,
@@ -109,6 +112,7 @@ impl<S: Screen> Viewer<S> {
             }
             self.redraws |= input.redraws;
             self.stale |= input.redraws;
+            self.fit(input.room);
             if changed() {
                 self.reload();
             }
@@ -237,6 +241,16 @@ impl<S: Screen> Viewer<S> {
         let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
         self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
         self.redraws = true;
+    }
+
+    /// If the screen has become larger or smaller, casts pictures of its new size from now on.
+    fn fit(&mut self, room: Option<[u32; 2]>) {
+        let known = std::mem::replace(&mut self.room, room);
+        let changed = room.filter(|size| known != room && *size != self.live.size());
+        if let Some(size) = changed {
+            self.tried(|live| live.resize(size));
+            self.note = self.note.take().or_else(|| of_scene(&self.live));
+        }
     }
 
     /// Moves the eye.

@@ -24,12 +24,12 @@ fn live_in(size: [&str; 2], options: &[&str], samples: u32) -> Live {
     live_of(&scene, size, options, samples)
 }
 
-/// Returns a scene in a picture of this size, cast by PoCL.
+/// Returns a scene in a picture of this size, cast by PoCL; with the strategy `naive`, unless the options name another.
 pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
     let scene = scene.to_str().expect("UTF-8");
-    let usual =
-        ["view", scene, "--device", "cpu", "--strategy", "naive", "--width", width, "--height", height];
-    let command = Command::parse_from([&usual[..], options].concat());
+    let usual = ["view", scene, "--device", "cpu", "--width", width, "--height", height];
+    let strategy: &[&str] = if options.contains(&"--strategy") { &[] } else { &["--strategy", "naive"] };
+    let command = Command::parse_from([&usual[..], strategy, options].concat());
     Live::open(command.subject, samples).expect("it can be cast")
 }
 
@@ -189,6 +189,22 @@ fn what_a_cleared_screen_showed_is_shown_again() {
     // The only sample is cast before the screen is cleared.
     assert_eq!((screen.pictures.len(), screen.lines.len()), (2, 2));
     assert!(screen.pictures[0] == screen.pictures[1]);
+}
+
+#[test]
+fn pictures_have_the_screens_size_if_the_device_can_cast_them() {
+    let mut screen = Script::default();
+    let room = |room| Input { room: Some(room), ..Input::default() };
+    let quits = Input { keys: vec![Key::Escape], ..Input::default() };
+    let too_large = [1 << 20, 1 << 20];
+    screen.inputs.extend([[40, 20], [40, 20], [30, 36], [30, 36], too_large, too_large].map(room));
+    screen.inputs.push_back(quits);
+    let viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    let (live, total) = viewer.run(Until::default(), || false).expect("it casts");
+    let sizes: Vec<_> = screen.pictures.iter().map(RgbImage::dimensions).collect();
+    // The only sample is cast again for another size, and if raycl tried in vain to change the size.
+    assert_eq!((sizes, live.size(), total.frames), (vec![(40, 20), (30, 36), (30, 36)], [30, 36], 3));
+    assert!(screen.lines.iter().any(|line| line.contains("memory") || line.contains("work-items")));
 }
 
 #[test]

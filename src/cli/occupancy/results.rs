@@ -24,9 +24,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
         .collect();
     if points.is_empty() {
-        return Err(Error::run(format!("{} has no point whose occupancy is known", path.display())).with_help(
-            "a prediction needs the kernel's number of registers, which only some compilers print, and the device's compute capability; if the device has none, choose one: --compute-capability 9.0",
-        ));
+        let what = format!("{} has no point whose occupancy is known", path.display());
+        return Err(Error::run(what).with_help(help(&folder.records, compute_capability)));
     }
     if as_json {
         return points
@@ -35,6 +34,22 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     }
     folder.notes.iter().try_for_each(|note| super::super::print(format!("note: {note}")))?;
     super::super::print(text(&points))
+}
+
+/// Returns what to do if no record has a prediction. If the number of registers of a kernel is known, only the compute
+/// capability is missing.
+fn help(records: &[Record], compute_capability: Option<&str>) -> String {
+    let registers = |record: &Record| record.main_kernel_of_local_size()?.resources.registers;
+    match records.iter().any(|record| registers(record).is_some()) {
+        true => "a prediction needs the device's compute capability, which these records do not have; choose one: \
+                 --compute-capability 9.0"
+            .to_owned(),
+        false => format!(
+            "a prediction needs the kernel's number of registers, which only some compilers print; to predict for a \
+             number of registers, without records: raycl occupancy --compute-capability {} --registers 32",
+            compute_capability.unwrap_or("9.0")
+        ),
+    }
 }
 
 /// Returns the kernel that casts a point's primary rays, with its occupancy. The occupancy is predicted for the given
@@ -98,6 +113,9 @@ fn time(record: &Record) -> String {
 mod tests {
     use super::*;
     use crate::program::compiled::Resources;
+    use crate::record::JsonLines;
+    use crate::record::fixtures::measured;
+    use crate::record::journals::RECORDS;
 
     fn record(registers: Option<u32>) -> Record {
         let resources = Resources { registers, ..Resources::default() };
@@ -118,6 +136,24 @@ mod tests {
     fn points_of_unknown_registers_are_left_out() {
         assert!(predicted(&record(None), Some("9.0")).is_none());
         assert!(predicted(&Record::default(), None).is_none());
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let told = |registers, compute_capability: Option<&str>| {
+            let folder = tempfile::tempdir().unwrap();
+            let resources = Resources { registers, ..Resources::default() };
+            let kernel = CompiledKernel { name: "cast_frame".into(), resources, ..CompiledKernel::default() };
+            let record = Record { kernels: vec![kernel], ..measured("gpu", "naive", 16, 10.0) };
+            JsonLines::append_to(&folder.path().join(RECORDS)).unwrap().append(&record).unwrap();
+            run(folder.path(), compute_capability, false).unwrap_err().remedy().to_owned()
+        };
+        let unknown = told(None, Some("2.0"));
+        assert!(unknown.ends_with("--compute-capability 2.0 --registers 32"), "{unknown}");
+        assert!(!unknown.contains("choose one"), "{unknown}");
+        assert!(!told(None, None).contains("choose one"));
+        let without_capability = told(Some(32), None);
+        assert!(without_capability.ends_with("choose one: --compute-capability 9.0"), "{without_capability}");
     }
 
     #[test]

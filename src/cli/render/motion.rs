@@ -49,7 +49,8 @@ pub struct Motion {
     /// MPI); with auto/16, only the number of the part comes from the launcher
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
-    /// Frames per second of an .apng or a y4m stream [default: the rate of the scene's animation, or 30]
+    /// Frames per second of an .apng or a y4m stream [default: with --animate, the rate of the scene's animation; else
+    /// 30]
     #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = whole::<u16>(1..=1000))]
     rate: Option<u16>,
 }

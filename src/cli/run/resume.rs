@@ -3,7 +3,7 @@
 use super::{Args, HANG_LIMIT};
 use crate::error::Error;
 use crate::peak;
-use crate::words::quote;
+use crate::words::{option, path_word, quote};
 use std::path::Path;
 
 /// Returns the error, with the command that continues the run in its help.
@@ -13,8 +13,8 @@ pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
 
 /// Returns the command that resumes a run.
 fn resuming(args: &Args, out: &Path) -> String {
-    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
-    words.extend(["--out".to_owned(), out.display().to_string()]);
+    let mut words = vec!["raycl".to_owned(), "run".to_owned(), path_word(&args.config)];
+    words.extend(option("--out", out.display()));
     words.extend(choices(args));
     // Once the peak rates are in the folder, the run does not need them again.
     words.extend(peak_option(args).filter(|_| !out.join(peak::FILE).exists()));
@@ -31,9 +31,9 @@ fn resuming(args: &Args, out: &Path) -> String {
 /// Returns the options with which another command measures the same points: devices, changed values of the config,
 /// folders of kernels, and the time limit.
 pub fn choices(args: &Args) -> Vec<String> {
-    let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);
-    let set = args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]);
-    let kernels = args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]);
+    let devices = args.device.iter().flat_map(|device| option("--device", device));
+    let set = args.set.iter().flat_map(|(key, value)| option("--set", format!("{key}={value}")));
+    let kernels = args.cl_dir.iter().flat_map(|folder| option("--cl-dir", folder.display()));
     let limit = (args.hang_limit != HANG_LIMIT)
         .then(|| ["--hang-limit".to_owned(), args.hang_limit.as_secs_f64().to_string()]);
     devices.chain(set).chain(kernels).chain(limit.into_iter().flatten()).collect()
@@ -75,6 +75,16 @@ mod tests {
         );
         let plain = resuming(&args(&["a.toml", "--hang-limit", "600"]), Path::new("b"));
         assert_eq!(plain, "raycl run a.toml --out b --resume");
+    }
+
+    #[test]
+    fn names_that_begin_with_a_dash_are_not_read_as_options() {
+        let dashed = args(&["--device=-h200", "--cl-dir=-kernels", "--", "-e.toml"]);
+        let told = resuming(&dashed, Path::new("-a"));
+        assert_eq!(told, "raycl run ./-e.toml --out=-a --device=-h200 --cl-dir=-kernels --resume");
+        let again = args(&told.split(' ').skip(2).collect::<Vec<_>>());
+        assert_eq!(again.out.as_deref(), Some(Path::new("-a")));
+        assert_eq!(resuming(&again, Path::new("-a")), told);
     }
 
     #[test]

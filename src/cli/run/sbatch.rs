@@ -9,6 +9,7 @@ use crate::device_lock::Locks;
 use crate::error::Result;
 use crate::experiment::{Past, asleep, distinct_scenes};
 use crate::shard::{Header, ShardPlan, Wishes, scripts};
+use crate::words::{option, path_word};
 use std::path::Path;
 use std::time::Duration;
 
@@ -34,7 +35,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
         name: experiment.name.clone(),
         shards,
         command: command(args, &out),
-        out: out.display().to_string(),
+        out: path_word(&out),
         on_gpu: on_gpu.or_else(|| by_words(&args.device)),
         longest: longest(&plan),
         is_known: expected.is_known(),
@@ -58,8 +59,8 @@ fn by_words(devices: &[String]) -> Option<bool> {
 
 /// Returns the command that each shard runs, without `--shard`.
 fn command(args: &Args, out: &Path) -> Vec<String> {
-    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
-    words.extend(["--out".to_owned(), out.display().to_string()]);
+    let mut words = vec!["raycl".to_owned(), "run".to_owned(), path_word(&args.config)];
+    words.extend(option("--out", out.display()));
     words.extend(super::choices(args));
     words.extend(super::resume::peak_option(args));
     words.extend(args.force.then(|| "--force".to_owned()));

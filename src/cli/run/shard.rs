@@ -19,7 +19,7 @@ use crate::record::{Environment, Record};
 use crate::shard::{
     About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, watch_launcher,
 };
-use crate::words::{counted, quote};
+use crate::words::{counted, path_word, quote};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -198,7 +198,7 @@ impl Part<'_> {
         if self.args.json {
             records.iter().try_for_each(crate::cli::print_json)?;
         } else if !self.args.quiet {
-            let out = quote(&self.out.display().to_string());
+            let out = quote(&path_word(&self.out));
             print(done(self.shard, records.len(), &out))?;
         }
         refuse_failed(

@@ -8,15 +8,16 @@ use toml::Value;
 const HEADING: &str = "View of the scene";
 
 /// The view of a scene: direction, background and normals.
-#[derive(Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct Look {
     /// The axis of a bare mesh that points up
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh: 31]
+    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh: about 31]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     azimuth: Option<f64>,
-    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh: 21]
+    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare
+    /// mesh: about 21]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or transparent. If

@@ -75,7 +75,7 @@ mod tests {
     fn a_small_scene_limits_no_builders() {
         let strategy = preset("bvh").unwrap().strategy;
         let limits = DeviceLimits { global_bytes: 16 << 30, ..EXAMPLE_LIMITS };
-        let room = Room::of(&strategy, &Workload::CUBE, &limits, 8 << 30, [1, 1]);
+        let room = Room::of(&strategy, &Workload::CUBE, &limits, 16 << 30, [1, 1]);
         assert!(room.builders >= 16, "{room:?}");
     }
 

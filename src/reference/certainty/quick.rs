@@ -11,12 +11,15 @@ use super::super::shade::{Sight, surface_at};
 use super::super::shadows::{Points, Shadows};
 use super::super::soft::Seen;
 use super::super::tree::Tree;
-use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, WIDE_NUDGE_RADIANS, moved, nudges, off_plane};
+use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, moved, nudges, off_plane};
 use crate::scene::Scene;
 use glam::DVec3;
 
 /// A ray and its hit.
 type Met = (Ray<f64>, Hit<f64>);
+
+/// The nudged rays of a pixel, each with the size of its nudge.
+type Nudged = [(Reach, Ray<f64>); NUDGES];
 
 /// The hits of a pixel's ray on one triangle.
 struct Hits {
@@ -33,7 +36,7 @@ struct Hits {
 impl Hits {
     /// Returns the hits on this triangle; `None` if one of the rays misses it, or if rounding may make the pixel's ray
     /// miss it.
-    fn of(asked: &Asked<'_>, tree: &Tree, ray: Ray<f64>, triangle: u32) -> Option<Self> {
+    fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
         let meet = |ray: Ray<f64>| {
@@ -42,8 +45,8 @@ impl Hits {
         };
         let centre = meet(ray)?;
         let mut nudged = [(Reach::Wide, centre); NUDGES];
-        for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
-            *place = (reach, meet(asked.caster.ray(x, y))?);
+        for (place, (reach, ray)) in nudged.iter_mut().zip(rays) {
+            *place = (*reach, meet(*ray)?);
         }
         let larger = larger_hit(&ray, triangle, corners, tree.culling()).filter(|found| found.is_certain)?;
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
@@ -68,11 +71,13 @@ impl Hits {
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
-    let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
+    let nudged = nudged_rays(asked, ray);
+    let turns = nudged.iter().map(|(_, other)| other.direction.distance(ray.direction));
+    let beam = Beam::new(ray.origin, ray.direction, 1.1 * turns.fold(0.0, f64::max));
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        return Some(background(asked, &ray));
+        return Some(background(asked, &ray, &nudged));
     };
-    let hits = Hits::of(asked, tree, ray, triangle)?;
+    let hits = Hits::of(asked, tree, (ray, &nudged), triangle)?;
     let (ray, hit) = hits.centre;
     if caster.grazing(seen, &ray, &hit, bias, OFF_PLANE).is_some() {
         return None;
@@ -126,13 +131,22 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     Some(sample)
 }
 
+/// Returns the nudged rays of the pixel whose own ray is `ray`.
+fn nudged_rays(asked: &Asked<'_>, ray: Ray<f64>) -> Nudged {
+    let mut nudged = [(Reach::Wide, ray); NUDGES];
+    for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
+        *place = (reach, asked.caster.ray(x, y));
+    }
+    nudged
+}
+
 /// Returns the sample of a ray that hits nothing, even if it is nudged.
-fn background(asked: &Asked<'_>, ray: &Ray<f64>) -> PixelSample {
-    let Asked { caster, frame, bias, seen, centre } = asked;
+fn background(asked: &Asked<'_>, ray: &Ray<f64>, nudged: &Nudged) -> PixelSample {
+    let Asked { caster, bias, seen, .. } = asked;
     let mut sample = PixelSample::of(caster.radiance(seen, ray, None, *bias), false);
     if caster.sky_behind().is_some() {
-        for (reach, [x, y]) in nudges(frame, *centre) {
-            sample.nudge(reach, caster.background(caster.ray(x, y).direction));
+        for (reach, other) in nudged {
+            sample.nudge(*reach, caster.background(other.direction));
         }
         asked.turn_background(&mut sample, ray);
     }

@@ -2,13 +2,14 @@
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
-use super::verdict::Line;
+use super::verdict::{Data, Line};
 use crate::peak::Peak;
 use crate::record::journals::SAMPLES;
 use crate::record::{
     Folder, Group, Outcome, Record, Sample, duration, is_shown_as, median, ranking, read_lines,
 };
 use crate::report::words::{at_size, first_line, title};
+use crate::words::{option, quote};
 use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -45,14 +46,27 @@ impl<'a> Run<'a> {
     pub fn path(&self) -> &Path {
         &self.folder.path
     }
+
+    /// Returns the command that measures the points that the page lacks, with more options. The page's folder contains
+    /// the run's folder.
+    pub fn completion(&self, more: &str) -> String {
+        let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
+        let page = page.unwrap_or(Path::new(".")).display();
+        let out: Vec<_> = option("--out", page).iter().map(|word| quote(word)).collect();
+        format!("raycl reproduce {} --resume{more}", out.join(" "))
+    }
 }
 
 /// The part of a run that belongs to one device.
 pub(super) struct ClaimData<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
-    /// The configs that measure the claim's points.
-    pub(super) configs: &'a [String],
+}
+
+/// Returns whether the measurement of a record's point was not completed: its process ended or took too long, or the
+/// image was wrong. Such a record does not show whether the point runs, or how fast it is.
+pub(super) fn is_incomplete(record: &Record) -> bool {
+    matches!(record.outcome, Outcome::TimedOut | Outcome::Crashed | Outcome::WrongImage)
 }
 
 impl<'a> ClaimData<'a> {
@@ -69,17 +83,33 @@ impl<'a> ClaimData<'a> {
         if let Some(best) = ranking(records.iter().copied()).all().first() {
             return Ok(best);
         }
-        let Some(refused) = records.first() else { return Err(self.missing(&point.to_string())) };
-        let name = at_size(&point.to_string(), refused.image_size);
-        let text = format!("{name} has no time: {}", first_line(refused));
-        Err(Line::cannot(text, format!("a device on which {point} runs")))
+        let incomplete = records.iter().find(|record| is_incomplete(record));
+        let Some(untimed) = incomplete.or(records.first()) else {
+            return Err(self.missing(&point.to_string()));
+        };
+        let name = at_size(&point.to_string(), untimed.image_size);
+        let text = format!("{name} has no time: {}", first_line(untimed));
+        Err(match is_incomplete(untimed) {
+            true => self.incomplete(text),
+            false => Line::cannot(text, format!("a device on which {point} runs")),
+        })
     }
 
-    /// Returns the result line for a point that has no record, with the commands that would measure this point.
+    /// Returns the result line for a point that has no record, with the command that would measure this point.
     pub(super) fn missing(&self, what: &str) -> Line {
-        let commands: Vec<_> =
-            self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
-        Line::cannot(format!("no record of {what}"), format!("the missing record: {}", commands.join(", ")))
+        let decides = format!("the missing record: `{}`", self.run.completion(""));
+        Line { data: Data::NoRecord, ..Line::cannot(format!("no record of {what}"), decides) }
+    }
+
+    /// Returns the result line for a point whose measurement was not completed, with the command that would measure
+    /// this point again.
+    fn incomplete(&self, text: String) -> Line {
+        Line { data: Data::Incomplete, ..Line::unclear(text, self.complete("a complete run of this point")) }
+    }
+
+    /// Adds to `what` the command that measures points again whose measurement was not completed.
+    pub(super) fn complete(&self, what: &str) -> String {
+        format!("{what}: `{}`", self.run.completion(" --retry-failed"))
     }
 
     /// Tests whether the time of `of` divided by the time of `to` is in the range `held`.
@@ -107,10 +137,11 @@ impl<'a> ClaimData<'a> {
             Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => {
                 Line::decided(format!("{name} on {scene} does not run: {}", first_line(told)), !wanted)
             }
-            other => Line::unclear(
-                format!("{name} on {scene}: {}: {}", other.name(), first_line(told)),
-                "a complete run of this point".to_owned(),
+            Outcome::OtherKind => Line::unclear(
+                format!("{name} on {scene}: {}", first_line(told)),
+                format!("a device of the kind for which {} is meant", told.name),
             ),
+            other => self.incomplete(format!("{name} on {scene}: {}: {}", other.name(), first_line(told))),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Evaluates each kind of test with the data of one device.
 
-use super::claim_data::{ClaimData, side};
+use super::claim_data::{ClaimData, is_incomplete, side};
 use super::point::Point;
 use super::sure::Ratio;
 use super::table::{FastestTest, LocalSize, Memory, Pass, Preset, Test};
@@ -9,7 +9,7 @@ use crate::device::LaneOperations;
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
-use crate::report::words::at_size;
+use crate::report::words::{at_size, title};
 use crate::strategy::{Requirements, Workload};
 
 /// Returns the result of a test, one line per comparison.
@@ -39,7 +39,8 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 
 /// Tests whether every other point takes at least `by` times as long as the point that is claimed to be the fastest.
 /// For each other point, the ratio of its time to the claimed point's time has a verdict of its own. The result line
-/// shows the smallest ratio whose verdict equals that of the whole test.
+/// shows the smallest ratio whose verdict equals that of the whole test. If all ratios hold, but the measurement of
+/// another point was not completed, the test is unclear, since that point may be the fastest.
 fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match found.measured(&test.is) {
         Ok(best) => best,
@@ -53,16 +54,47 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let left_out =
         |record: &Record| test.except.iter().chain([&test.is]).any(|point| point.is(record, found.device));
     let others = test.of.iter().flat_map(|point| found.records(point)).filter(|record| !left_out(record));
+    let others: Vec<&Record> = others.collect();
     let ratios: Vec<(&Record, Ratio)> =
-        others.filter_map(|other| Some((other, Ratio::of(other, best)?))).collect();
+        others.iter().filter_map(|other| Some((*other, Ratio::of(other, best)?))).collect();
     let verdict = |(_, ratio): &&(&Record, Ratio)| ratio.verdict(&(test.by..=f64::INFINITY));
     let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
-        return found.missing(&format!("a point other than {}", test.is));
+        return found.missing(&format!("a point to compare with {}{}", test.is, exceptions(found, test)));
     };
-    let name = format!("{}, the decisive one of {} others,", side(&test.is, other), ratios.len());
-    ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY)
+    let part = match ratios.len() {
+        1 => "the only other one".to_owned(),
+        several => format!("the decisive one of {several} others"),
+    };
+    let name = format!("{}, {part},", side(&test.is, other));
+    let line = ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY);
+    match without_time(&others) {
+        Some(untimed) if line.verdict == Verdict::Held => {
+            let decides = found.complete("a complete run of the points without a time");
+            Line::unclear(format!("{}; without a time: {untimed}", line.text), decides)
+        }
+        _ => line,
+    }
+}
+
+/// Names the recorded points that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Empty if there are none.
+fn exceptions(found: &ClaimData<'_>, test: &FastestTest) -> String {
+    let recorded = test.except.iter().filter(|point| !found.records(point).is_empty());
+    let names: Vec<String> = recorded.map(ToString::to_string).collect();
+    if names.is_empty() { String::new() } else { format!(" (left out: {})", names.join(", ")) }
+}
+
+/// Names the first record whose measurement was not completed, and counts the other ones: "naive at 6 x 6 (crashed) and
+/// 5 more". `None` if there is no such record.
+fn without_time(records: &[&Record]) -> Option<String> {
+    let mut untimed = records.iter().filter(|record| is_incomplete(record));
+    let first = untimed.next()?;
+    let more = match untimed.count() {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    Some(format!("{} ({}){more}", title(first), first.outcome.name()))
 }
 
 fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
@@ -159,13 +191,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
         );
         return Line::cannot(text, "a GPU".to_owned());
     }
-    let Some(peak) = found.peak() else {
-        return Line::cannot(
-            format!("no record of the latency of {name}"),
-            "`raycl run configs/figure-8.toml --peak`, which stores the latency in its folder of results"
-                .to_owned(),
-        );
-    };
+    let Some(peak) = found.peak() else { return found.missing(&format!("the latency of {name}")) };
     let figure = match memory {
         Memory::Private => peak.private_ns,
         Memory::Local => peak.local_ns,
@@ -188,7 +214,13 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     match (low >= least && high <= most, high < least || low > most) {
         (true, _) => Line::decided(text, true),
         (_, true) => Line::decided(text, false),
-        _ => Line::unclear(text, "a latency whose quartiles are closer together: `raycl run CONFIG --out DIR --resume --peak` measures again; CONFIG is the run's config, and DIR its folder of results".to_owned()),
+        _ => Line::unclear(
+            text,
+            format!(
+                "a latency whose quartiles are closer together: `{}` measures again",
+                found.run.completion("")
+            ),
+        ),
     }
 }
 

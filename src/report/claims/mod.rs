@@ -18,6 +18,7 @@ pub use table::{Row, table};
 pub use verdict::{Line, Verdict};
 
 use claim_data::ClaimData;
+use verdict::Data;
 
 /// A claim and its test results.
 #[derive(Clone, Debug)]
@@ -56,18 +57,19 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     rows.into_iter().map(claim).collect()
 }
 
+/// Returns the lines of a test. If no run has the data of a comparison, the line comes from the run that lacks least,
+/// and of several such runs from one of the claim's configs, since other runs do not measure the claim's points.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
-    let of = |run| kinds::lines(test, &ClaimData { run, device, configs: &row.configs });
-    let mut told = runs.iter().map(of);
-    let first = told.next().unwrap_or_default();
-    told.fold(first, |known, more| {
-        let better = |known: Line, more: Line| match (known.verdict, more.verdict) {
-            (Verdict::Cannot, Verdict::Cannot) if known.text.starts_with("no ") => more,
-            (Verdict::Cannot, sure) if sure != Verdict::Cannot => more,
-            _ => known,
-        };
-        known.into_iter().zip(more).map(|(known, more)| better(known, more)).collect()
-    })
+    let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
+        let is_other = !row.configs.contains(&run.folder.label);
+        let lines = kinds::lines(test, &ClaimData { run, device }).into_iter();
+        lines.map(|line| ((line.data, is_other && line.data != Data::Complete), line)).collect()
+    };
+    let told = runs.iter().map(of).reduce(|known, more| {
+        let pairs = known.into_iter().zip(more);
+        pairs.map(|(known, more)| if more.0 < known.0 { more } else { known }).collect()
+    });
+    told.unwrap_or_default().into_iter().map(|(_, line)| line).collect()
 }
 
 /// Contradictions within the paper that can be shown without a measurement.
@@ -84,7 +86,7 @@ mod tests {
     use super::*;
     use crate::peak::{FILE, Figure, Peak};
     use crate::record::fixtures::{few, infeasible, judged, measured};
-    use crate::record::{Folder, Record, groups};
+    use crate::record::{Folder, Outcome, Record, groups};
 
     /// Returns a claim with this test, evaluated on the records of some runs.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
@@ -93,12 +95,19 @@ mod tests {
 
     /// Returns a claim like [`claim`], but evaluated on runs that have this folder.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
+        let runs: Vec<(&Folder, &[Record])> = records.iter().map(|records| (folder, *records)).collect();
+        claim_of(test, &runs)
+    }
+
+    /// Returns a claim like [`claim`], but evaluated on the records of these folders.
+    fn claim_of(test: &str, folders: &[(&Folder, &[Record])]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
         let rows = table::read("t", &text).expect("it reads");
-        let records: Vec<Vec<Record>> = records.iter().map(|records| judged(*records)).collect();
+        let folders: Vec<(&Folder, Vec<Record>)> =
+            folders.iter().map(|(folder, records)| (*folder, judged(*records))).collect();
         let runs: Vec<Run<'_>> =
-            records.iter().flat_map(|records| Run::of(folder, groups(records))).collect();
+            folders.iter().flat_map(|(folder, records)| Run::of(folder, groups(records))).collect();
         claims(rows, &runs, "gpu").remove(0)
     }
 
@@ -132,7 +141,48 @@ mod tests {
         let open = claim(FALLS, &[&of(9.05)[1..]]);
         assert_eq!(open.verdict, Verdict::Cannot);
         assert_eq!(open.lines[0].text, "no record of naive at 1 x 1 on teapot");
-        assert_eq!(open.decides(), ["the missing record: `raycl run configs/figure-6.toml`"]);
+        assert_eq!(open.decides(), ["the missing record: `raycl reproduce --out . --resume`"]);
+        for outcome in [Outcome::TimedOut, Outcome::Crashed, Outcome::WrongImage] {
+            let record = Record { outcome, ..infeasible("gpu", "naive", 1, "why") };
+            let told = claim(FALLS, &[&[record, measured("gpu", "naive", 4, 1.0)]]);
+            assert_eq!(told.verdict, Verdict::Unclear, "{outcome:?}");
+            assert_eq!(told.lines[0].text, "naive at 1 x 1 on teapot has no time: why");
+            let command = "a complete run of this point: `raycl reproduce --out . --resume --retry-failed`";
+            assert_eq!(told.decides(), [command]);
+        }
+    }
+
+    #[test]
+    fn a_complete_run_decides_for_another_run_in_which_a_point_crashed() {
+        let both = [measured("gpu", "naive", 1, 100.0), measured("gpu", "naive", 4, 10.0)];
+        let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "naive", 1, "why") };
+        assert_eq!(claim(FALLS, &[&[crashed, both[1].clone()], &both]).verdict, Verdict::Held);
+    }
+
+    #[test]
+    fn a_command_names_the_folder_of_the_page() {
+        let folder = Folder { path: "my results/figure-6".into(), ..Folder::default() };
+        let told = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
+        let command = "the missing record: `raycl reproduce --out 'my results' --resume`";
+        assert_eq!(told.decides(), [command]);
+    }
+
+    #[test]
+    fn of_several_runs_that_cannot_test_a_claim_the_one_that_lacks_least_is_told() {
+        let [own, other] =
+            ["figure-6", "figure-8"].map(|label| Folder { label: label.into(), ..Folder::default() });
+        let [one, eight] = [1, 8].map(|side| [measured("gpu", "naive", side, 10.0)]);
+        let text = |test: &str, runs: &[(&Folder, &[Record])]| claim_of(test, runs).lines[0].text.clone();
+        let missing = "no record of naive at 4 x 4 on teapot";
+        assert_eq!(text(FALLS, &[(&other, &one[..]), (&other, &eight[..])]), missing, "the first of two");
+        for runs in [[(&own, &one[..]), (&other, &eight[..])], [(&other, &eight[..]), (&own, &one[..])]] {
+            assert_eq!(text(FALLS, &runs), missing, "the run of the claim's config");
+        }
+        let passes =
+            "kind = 'passes', point = 'deferred 8x8 on teapot', of = 'shadow', to = 'primary', at_least = 2";
+        let deferred = [measured("gpu", "deferred", 8, 10.0)];
+        let told = text(passes, &[(&other, &deferred[..]), (&own, &one[..])]);
+        assert!(told.starts_with("no sample of deferred at 8 x 8 on teapot"), "{told}");
     }
 
     #[test]
@@ -235,7 +285,32 @@ mod tests {
     fn a_point_without_others_is_not_the_fastest_of_any() {
         let told = claim(&fastest("4x4", "by = 1.05"), &[&sizes(&[(4, 10.0)])]);
         assert_eq!(told.verdict, Verdict::Cannot);
-        assert_eq!(told.lines[0].text, "no record of a point other than naive at 4 x 4 on teapot");
+        let missing = "no record of a point to compare with naive at 4 x 4 on teapot";
+        assert_eq!(told.lines[0].text, missing);
+        let except = fastest("4x4", "by = 1.05, except = ['naive 8x8 on teapot', 'naive 2x2 on teapot']");
+        let told = claim(&except, &[&sizes(&[(4, 10.0), (8, 11.0)])]);
+        assert_eq!(told.lines[0].text, format!("{missing} (left out: naive at 8 x 8 on teapot)"));
+    }
+
+    #[test]
+    fn a_point_is_not_known_to_be_the_fastest_if_another_was_not_completed() {
+        let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "naive", 6, "why") };
+        let wrong = Record { outcome: Outcome::WrongImage, ..infeasible("gpu", "naive", 2, "why") };
+        let with = |more: &[Record]| [&sizes(&[(4, 10.0), (16, 20.0)])[..], more].concat();
+        let told = |size: &str, more: &[Record]| claim(&fastest(size, "by = 1.05"), &[&with(more)]);
+        let open = told("4x4", std::slice::from_ref(&crashed));
+        assert_eq!(open.verdict, Verdict::Unclear);
+        let text = &open.lines[0].text;
+        assert!(
+            text.starts_with("naive at 16 x 16 on teapot (20.00 ms), the only other one, takes"),
+            "{text}"
+        );
+        assert!(text.ends_with("; without a time: naive at 6 x 6 (crashed)"), "{text}");
+        assert!(open.decides()[0].ends_with("--resume --retry-failed`"), "{open:?}");
+        let several = told("4x4", &[crashed.clone(), wrong]);
+        assert!(several.lines[0].text.ends_with(" and 1 more"), "{several:?}");
+        assert_eq!(told("16x16", &[crashed]).verdict, Verdict::NotHeld, "one faster point is enough");
+        assert_eq!(told("4x4", &[infeasible("gpu", "naive", 6, "why")]).verdict, Verdict::Held);
     }
 
     #[test]
@@ -517,12 +592,11 @@ mod tests {
             (unknown.verdict, unknown.lines[0].text.as_str()),
             (Verdict::Cannot, "no record of the latency of local memory")
         );
-        assert!(unknown.decides()[0].contains("--peak"), "{unknown:?}");
+        assert!(unknown.decides()[0].contains("raycl reproduce --out"), "{unknown:?}");
     }
 
     #[test]
     fn an_attempt_that_did_not_end_decides_nothing_and_a_driver_that_refuses_does() {
-        use crate::record::Outcome;
         let told = |outcome| {
             let record = Record { outcome, ..infeasible("gpu", "naive", 8, "why") };
             let test = "kind = 'runs', points = ['naive 8x8 on teapot'], runs = false";

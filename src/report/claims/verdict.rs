@@ -57,6 +57,17 @@ impl Verdict {
     }
 }
 
+/// Whether a run has the data of a comparison. If no run has them, the page shows the line that is least in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Data {
+    /// The run has them.
+    Complete,
+    /// The run has records of the points, but something else is missing, such as a time.
+    Incomplete,
+    /// The run has no record of a point.
+    NoRecord,
+}
+
 /// One comparison of a test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
@@ -66,19 +77,21 @@ pub struct Line {
     pub verdict: Verdict,
     /// The measurement that would decide the comparison; empty if the comparison is decided.
     pub decides: String,
+    /// Whether the run has the data of the comparison.
+    pub(super) data: Data,
 }
 
 impl Line {
     pub(super) fn decided(text: String, held: bool) -> Self {
         let verdict = if held { Verdict::Held } else { Verdict::NotHeld };
-        Self { text, verdict, decides: String::new() }
+        Self { text, verdict, decides: String::new(), data: Data::Complete }
     }
 
     pub(super) fn unclear(text: String, decides: String) -> Self {
-        Self { text, verdict: Verdict::Unclear, decides }
+        Self { text, verdict: Verdict::Unclear, decides, data: Data::Complete }
     }
 
     pub(super) fn cannot(text: String, decides: String) -> Self {
-        Self { text, verdict: Verdict::Cannot, decides }
+        Self { text, verdict: Verdict::Cannot, decides, data: Data::Incomplete }
     }
 }

@@ -22,6 +22,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
 }
 
 /// Returns the points by whose mean time the times of some points of the same rounds are divided, and what they are.
+/// `all` has the compared points and, if blocks borrowed control points, those that were measured in the same rounds.
 /// These are the baselines that both runs measured in the same rounds as the points, with the same program. Without
 /// such baselines, these are the kernels of the same rounds whose times changed by similar factors; of only two
 /// kernels, nobody knows which one changed. A point is no reference of itself. Returns `None` if there is no reference.

@@ -12,12 +12,13 @@ pub use pair::{Against, Pair};
 use super::merged::{labels, merged};
 use crate::measure::Verdict;
 use crate::record::{
-    Folder, HOST, MOVED, Outcome, Record, judge_beside_anchors, latency_ns, median, significant,
-    unshared_delay,
+    Folder, HOST, MOVED, Outcome, Record, are_together, judge_beside_anchors, latency_ns, median,
+    significant, unshared_delay,
 };
-use pair::{name, percent};
+use pair::{Both, name, percent};
 use serde::Serialize;
 use std::collections::{HashMap, HashSet};
+use std::hash::Hash;
 
 /// A pair of records in the form that `--json` prints.
 #[derive(Debug, Serialize)]
@@ -52,6 +53,9 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
+    /// The pairs of a control point's records that were measured in the same rounds as compared points. A block of at
+    /// least one folder borrowed the control point, so these pairs are not in `pairs`.
+    controls: Vec<[Record; 2]>,
     /// True if a folder has several devices, so that the name of a point must include its device.
     several_devices: bool,
 }
@@ -105,6 +109,7 @@ impl Comparison {
             }
         }
         only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
+        comparison.controls = pairs_of_controls([before, after], &comparison.pairs, point);
         comparison.say_what_only_one_has(&only, by_content);
         comparison.notes.extend(moved_between([before, after], &comparison.labels));
         comparison.judge(bare);
@@ -160,6 +165,7 @@ impl Comparison {
             has_changed_outcomes: false,
             notes,
             threshold,
+            controls: Vec::new(),
             several_devices: folders.iter().any(|folder| devices(folder).len() > 1),
         }
     }
@@ -266,13 +272,23 @@ impl Comparison {
         ))
     }
 
+    /// Returns the pairs of records of all points to which changes may be relative: of the compared points, and of the
+    /// control points that were measured with them.
+    fn measured(&self) -> Vec<Both<'_>> {
+        self.pairs.iter().map(Pair::both).chain(self.controls()).collect()
+    }
+
+    /// Returns the pairs of records of control points that blocks borrowed.
+    fn controls(&self) -> impl Iterator<Item = Both<'_>> {
+        self.controls.iter().map(|[before, after]| (before, after))
+    }
+
     /// Computes every point's change and verdict, and adds notes on how the changes were computed.
     fn judge(&mut self, bare: bool) {
-        let all: Vec<_> = self.pairs.iter().map(Pair::both).collect();
-        let changes: Vec<_> = all
-            .iter()
-            .map(|pair| if bare { change::bare(*pair) } else { change::change(*pair, &all) })
-            .collect();
+        let all = self.measured();
+        let pairs = self.pairs.iter().map(Pair::both);
+        let changes: Vec<_> =
+            pairs.map(|pair| if bare { change::bare(pair) } else { change::change(pair, &all) }).collect();
         for (pair, change) in self.pairs.iter_mut().zip(changes) {
             pair.judge(change, self.threshold);
         }
@@ -350,8 +366,37 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
+/// Returns the pairs of records of the same control point that were measured in the same rounds as a pair of compared
+/// points. At least one of the two records is that of a block that borrowed the control point. `point` returns what
+/// corresponding records have in common.
+fn pairs_of_controls<P: Eq + Hash>(
+    folders: [&Folder; 2],
+    compared: &[Pair],
+    point: impl Fn(&Record) -> P,
+) -> Vec<[Record; 2]> {
+    let points: HashSet<P> = folders.iter().flat_map(|folder| &folder.controls).map(&point).collect();
+    let [before, after] = folders.map(|folder| {
+        let own = folder.records.iter().map(|record| (point(record), record, false));
+        let borrowed = folder.controls.iter().map(|record| (point(record), record, true));
+        own.chain(borrowed).filter(|(point, ..)| points.contains(point)).collect::<Vec<_>>()
+    });
+    let is_beside = |one: &Record, other: &Record| {
+        compared.iter().any(|pair| are_together(&pair.before, one) && are_together(&pair.after, other))
+    };
+    let mut pairs = Vec::new();
+    for (point, one, is_borrowed) in &before {
+        for (other_point, other, is_other_borrowed) in &after {
+            if point == other_point && (*is_borrowed || *is_other_borrowed) && is_beside(one, other) {
+                pairs.push([one, other].map(|record| (*record).clone()));
+            }
+        }
+    }
+    pairs
+}
+
 /// Returns copies of the folders in which each record also has its times relative to the times of the records and
-/// anchors that were measured together with it. The intervals of the times stay those of all other views.
+/// anchors that were measured together with it. These records include the control points that blocks borrowed. The
+/// intervals of the times stay those of all other views.
 ///
 /// Without processor times, the preempted samples of an anchor are unknown, so all of its samples remain. If preempted
 /// samples were left out in one folder only, the anchor would seem to be slower in the other one. If an anchor has
@@ -365,7 +410,10 @@ fn beside_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
         for sample in folder.anchors.iter_mut().filter(|sample| unknown.contains(sample.anchor.as_str())) {
             sample.processor_ms = None;
         }
+        let count = folder.records.len();
+        folder.records.append(&mut folder.controls);
         judge_beside_anchors(&mut folder.records, &folder.anchors);
+        folder.controls = folder.records.split_off(count);
         folder
     })
 }

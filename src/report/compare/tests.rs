@@ -270,6 +270,60 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
+/// Returns the records of a group of five points. `slow` returns the factor by which a point is slower than usual.
+fn five_points(slow: impl Fn(&str) -> f64) -> Vec<Record> {
+    ["wide", "naive", "bvh", "tile", "raster"].map(|name| timed("a", name, slow(name))).to_vec()
+}
+
+/// Returns the same group as two blocks. The first block has the first three points, of which `wide` is the control
+/// point. The second block has two points, and borrows the control point.
+fn two_blocks(label: &str, slow: impl Fn(&str) -> f64) -> Folder {
+    let mut records = five_points(slow);
+    records.push(Record { is_control: true, ..records[0].clone() });
+    let control = records[0].key.clone();
+    for (place, record) in records.iter_mut().enumerate() {
+        record.control = Some(control.clone());
+        record.sample_launches.iter_mut().for_each(|launch| *launch += if place < 3 { 0 } else { 2 });
+    }
+    let mut records = judged(records);
+    let controls = records.split_off(5);
+    Folder { label: label.into(), records, controls, ..Folder::default() }
+}
+
+#[test]
+fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds() {
+    let blocks = two_blocks("blocks", |_| 1.0);
+    assert_eq!(of(&blocks, &blocks).summary(), "0 faster, 0 slower, 5 same, 0 unclear");
+    let slow = two_blocks("slow", |name| if name == "tile" { 1.5 } else { 1.0 });
+    let changed = of(&blocks, &slow);
+    assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
+    let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
+    assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
+    // The mean of all points is not relative to the control point alone.
+    let note = changed.left_out_of_means().unwrap();
+    assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
+    // In the other folder, all points were measured in the same rounds.
+    let whole = folder("whole", five_points(|_| 1.0));
+    for comparison in [of(&blocks, &whole), of(&whole, &blocks)] {
+        assert_eq!(comparison.summary(), "0 faster, 0 slower, 5 same, 0 unclear");
+    }
+}
+
+/// The second block has a point of the control point's strategy, and another point that became slower.
+#[test]
+fn the_mean_of_a_strategy_is_not_relative_to_a_borrowed_control_point_of_the_same_strategy() {
+    let run = |tile: f64| {
+        let mut folder = two_blocks("run", |name| if name == "tile" { tile } else { 1.0 });
+        let other = &mut folder.records[4];
+        (other.name, other.local_size) = ("wide".into(), Some([4, 4]));
+        folder
+    };
+    let comparison = of(&run(1.0), &run(1.5));
+    assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
+    let note = comparison.left_out_of_means().unwrap();
+    assert!(note.contains("wide (without 2 of 2 points)"), "{note}");
+}
+
 /// Returns a folder with two strategies at two sizes each, measured together with an anchor in
 /// three launches (worker processes). `machine` is the factor by which the machine is slower than
 /// usual, and `slow` returns the factor by which a strategy is slower than usual.
@@ -321,6 +375,28 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(found[0].starts_with("wide at its 2 points is 10"), "{found:?}");
     assert!(found.iter().all(|line| !line.contains("naive") && !line.contains("all points")), "{found:?}");
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
+}
+
+/// A point's drift, and thus its ratio to the anchor, is computed from all samples of its rounds.
+#[test]
+fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
+    let run = |label: &str, unsteady: f64| {
+        let mut whole = anchored(label, 1.0, |_| 1.0);
+        for (place, ms) in whole.records[3].samples_ms.iter_mut().enumerate() {
+            *ms *= 1.0 + unsteady * (place % 2) as f64;
+        }
+        whole.records = judged(whole.records);
+        let mut block = whole.clone();
+        block.controls = block.records.split_off(3);
+        (whole, block)
+    };
+    let changes = |before: &Folder, after: &Folder| -> Vec<_> {
+        of(before, after).pairs.into_iter().map(|pair| (pair.before.key, pair.change)).collect()
+    };
+    let ((old, old_block), (new, new_block)) = (run("old", 0.0), run("new", 0.1));
+    let found = changes(&old_block, &new_block);
+    assert!(found.iter().all(|(_, change)| matches!(change, Some((_, Against::Anchor)))), "{found:?}");
+    assert_eq!(found, changes(&old, &new)[..3]);
 }
 
 /// Returns a folder with the points and anchors of two folders. The second folder's points and anchors get this device,

@@ -64,25 +64,30 @@ impl<'a> Contest<'a> {
         self.winner().zip(self.naive)
     }
 
+    /// Returns whether the naive kernel is the fastest or ties with the fastest.
+    fn naive_ties(&self) -> bool {
+        self.ranking.winners.iter().any(|record| record.preset.as_deref() == Some("naive"))
+    }
+
     fn triangles(&self) -> u64 {
         self.group.records.iter().filter_map(|record| record.triangles).max().unwrap_or(0)
     }
 }
 
 /// Returns the answer for a device, from a run that has several memory strategies. If no run has several, each line of
-/// the answer says so.
-pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
+/// the answer says so. `taken` contains the names of the plots of earlier answers. The names of this answer's plots
+/// differ from these names, and are added to them.
+pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut Vec<String>) -> Answer {
     let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
         contests.map(|contest| names(&contest.ranking.all()).len()).max().unwrap_or(0)
     };
-    let Some(run) = with_most(runs, 2, kinds) else { return unknown() };
+    let Some(run) = with_most(runs, 2, kinds) else { return unknown(runs) };
     let own = run.groups.iter().filter(|group| group.device == device && group.device != HOST);
     let mut contests: Vec<Contest<'_>> =
         own.map(Contest::of).filter(|contest| names(&contest.ranking.all()).len() > 1).collect();
     contests.sort_by_key(|contest| std::cmp::Reverse(contest.triangles()));
     let looks = Looks::of(&run.groups);
-    let mut taken: Vec<String> = Vec::new();
     let plot = |contest: &Contest<'_>| {
         let mut name = file_name(&format!("answer-{}{suffix}", contest.group.scene));
         while taken.contains(&name) {
@@ -100,11 +105,11 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     }
 }
 
-fn unknown() -> Answer {
-    let line = || {
-        "not known, because no run has several memory strategies; `raycl run configs/figure-8.toml` measures them".to_owned()
-    };
-    Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
+fn unknown(runs: &[Run<'_>]) -> Answer {
+    let command =
+        runs.first().map_or(String::new(), |run| format!("; `{}` measures them", run.completion("")));
+    let line = format!("not known, because no run has several memory strategies{command}");
+    Answer { strategy: line.clone(), size: line.clone(), why: line.clone(), sure: line, plots: Vec::new() }
 }
 
 /// Joins the texts of several scenes to "on teapot, ...; on still-life, ...".
@@ -177,18 +182,20 @@ fn sizes(records: &[&Record]) -> String {
 }
 
 /// Explains why the best kernel is faster than the naive kernel, for the scene with the most
-/// triangles. The explanation consists of the memory traffic that the best kernel avoids, and of
-/// the properties of both compiled kernels.
+/// triangles in which the naive kernel does not tie for fastest. The explanation consists of the memory traffic that
+/// the best kernel avoids, and of the properties of both compiled kernels.
 fn why(contests: &[Contest<'_>]) -> String {
-    let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
+    let known = || contests.iter().filter(|contest| contest.best_and_naive().is_some());
+    let explained = known().find(|contest| !contest.naive_ties()).or(known().next());
+    let Some((contest, (best, naive))) = explained.and_then(|one| Some((one, one.best_and_naive()?))) else {
         let one_wins = contests.iter().any(|contest| contest.winner().is_some());
         return if one_wins { "not known, because naive has no time" } else { NO_WINNER }.to_owned();
     };
     let triangles = best.triangles.unwrap_or(0);
     let scene = at_size(&best.scene, best.image_size);
-    if best.name == naive.name {
+    if contest.naive_ties() {
         return format!(
-            "on {scene}, no other choice of memories for vectors and triangles is faster than naive"
+            "on {scene}, no other choice of memories for vectors and triangles is surely faster than naive"
         );
     }
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
@@ -270,7 +277,35 @@ mod tests {
 
     fn of(records: &[Record]) -> Answer {
         let folder = Folder::default();
-        answer(&Run::of(&folder, groups(&judged(records))), "gpu", "")
+        answer(&Run::of(&folder, groups(&judged(records))), "gpu", "", &mut Vec::new())
+    }
+
+    #[test]
+    fn a_reason_is_given_only_for_a_scene_in_which_naive_does_not_tie() {
+        // In one launch, naive is the faster of the two; in the other launch, it is the slower.
+        let mut tie = [measured("gpu", "naive", 8, 2.0), measured("gpu", "private", 8, 1.995)];
+        tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
+        let found = of(&tie);
+        assert!(found.sure.ends_with("2 of 2 points tie for fastest"), "{}", found.sure);
+        let none =
+            "on teapot, no other choice of memories for vectors and triangles is surely faster than naive";
+        assert_eq!(found.why, none);
+        let on_gourd = |name: &str, ms| Record {
+            key: format!("gourd {name}"),
+            scene: "gourd".into(),
+            ..measured("gpu", name, 8, ms)
+        };
+        let found = of(&[&tie[..], &[on_gourd("naive", 9.0), on_gourd("private", 3.0)]].concat());
+        assert!(found.why.contains("per frame on gourd (calculated"), "{}", found.why);
+    }
+
+    #[test]
+    fn a_page_without_an_answer_names_the_command_that_fills_it() {
+        let folder = Folder { path: "out/figure-6".into(), ..Folder::default() };
+        let records = judged([measured("gpu", "naive", 4, 9.1)]);
+        let found = answer(&Run::of(&folder, groups(&records)), "gpu", "", &mut Vec::new());
+        let words = "has several memory strategies; `raycl reproduce --out out --resume` measures them";
+        assert!(found.sure.ends_with(words), "{}", found.sure);
     }
 
     #[test]

@@ -69,11 +69,8 @@ pub fn figure(
         5 => (vec![predicted(runs, device, suffix)], Vec::new()),
         number => curves_of(number, runs, device, suffix).unwrap_or_default(),
     };
-    let missing = match (shown.is_empty() && plots.is_empty(), about.pictures.is_empty()) {
-        (false, _) => String::new(),
-        (true, true) => format!("raycl run configs/figure-{}.toml", about.number),
-        (true, false) => "raycl run configs/pictures.toml".to_owned(),
-    };
+    let is_missing = shown.is_empty() && plots.is_empty();
+    let missing = runs.first().filter(|_| is_missing).map_or(String::new(), |run| run.completion(""));
     Figure { about, pictures: shown, plots, rows, missing }
 }
 

@@ -70,10 +70,10 @@ impl Reproduction {
                 names.push(group.device);
             }
         }
-        let mut pictures = Pictures::default();
+        let (mut pictures, mut taken) = (Pictures::default(), Vec::new());
         let devices = (0..)
             .zip(&names)
-            .map(|(place, name)| device(place, name, &runs, &paper, &mut pictures))
+            .map(|(place, name)| device(place, name, &runs, &paper, &mut pictures, &mut taken))
             .collect();
         let reports = folders.iter().filter(|folder| folder.path.join(super::PAGE).is_file());
         Ok(Self {
@@ -136,7 +136,16 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-fn device(place: usize, name: &str, runs: &[Run<'_>], paper: &Paper, pictures: &mut Pictures) -> Device {
+/// Returns the results of a device. `place` is its place among the devices, and `taken` contains the names of the plots
+/// of earlier devices' answers.
+fn device(
+    place: usize,
+    name: &str,
+    runs: &[Run<'_>],
+    paper: &Paper,
+    pictures: &mut Pictures,
+    taken: &mut Vec<String>,
+) -> Device {
     let claims = claims(paper.rows.clone(), runs, name);
     let own = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == name);
     let mut sizes: Vec<[u32; 2]> = own.map(|group| group.image_size).collect();
@@ -149,7 +158,7 @@ fn device(place: usize, name: &str, runs: &[Run<'_>], paper: &Paper, pictures: &
         name: name.to_owned(),
         id: format!("device-{place}"),
         sizes: sizes.into_iter().map(by).collect::<Vec<_>>().join(", "),
-        answer: answer::answer(runs, name, &suffix),
+        answer: answer::answer(runs, name, &suffix, taken),
         tally: Verdict::ALL.map(|(verdict, word, ..)| (word, count(verdict))).to_vec(),
         figures: figures.map(|about| figures::figure(about, runs, name, &suffix, pictures)).collect(),
         claims,
@@ -183,6 +192,28 @@ mod tests {
     fn compares(device: &Device, start: &str) -> bool {
         let mut lines = device.claims.iter().flat_map(|claim| &claim.lines);
         lines.any(|line| line.text.starts_with(start) && line.text.contains(" as long as "))
+    }
+
+    #[test]
+    fn the_plots_of_all_devices_have_names_of_their_own() {
+        let on = |device: &str, scene: &str, name: &str, ms| Record {
+            key: format!("{device} {scene} {name}"),
+            scene: scene.into(),
+            ..measured(device, name, 8, ms)
+        };
+        let both = |device: &'static str, scene: &'static str| {
+            [("naive", 10.0), ("private", 2.0)].map(|(name, ms)| on(device, scene, name, ms))
+        };
+        let places = [("gpu", "teapot"), ("gpu", "teapot-2"), ("cpu", "teapot"), ("cpu", "teapot-2")];
+        let records = places.map(|(device, scene)| both(device, scene)).concat();
+        let folder = Folder { records: judged(records), ..Folder::default() };
+        let page = Reproduction::of(&[folder]).expect("the tables are right");
+        let mut names: Vec<&str> = page.plots().into_iter().map(|plot| plot.name.as_str()).collect();
+        assert_eq!(names.iter().filter(|name| name.starts_with("answer-")).count(), 4, "{names:?}");
+        names.sort_unstable();
+        let all = names.len();
+        names.dedup();
+        assert_eq!(names.len(), all, "{names:?}");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
 use crate::error::Result;
 use crate::scene::document::Document;
+use crate::scene::overrides;
 use crate::scene::setting::TrackValue;
 use crate::words::counted;
 use toml::{Spanned, Value};
@@ -70,6 +71,17 @@ impl Track {
         }
     }
 
+    /// Returns whether this track sets an angle of the camera.
+    pub fn is_angle(&self) -> bool {
+        overrides::is_angle(self.path.get_ref())
+    }
+
+    /// Returns whether this track sets the camera's position.
+    pub fn places_camera(&self) -> bool {
+        let places = |value: &Spanned<Value>| overrides::places_camera(self.path.get_ref(), value.get_ref());
+        self.values.iter().any(places)
+    }
+
     /// Returns the track's value at a frame. Before the first keyframe, the track has its first
     /// value; after the last keyframe, the track has its last value.
     pub fn value(&self, frame: u32) -> Value {
@@ -84,6 +96,14 @@ impl Track {
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
+    }
+
+    /// Returns the frames at which a value of this track begins; none if all values are numbers, because numbers name
+    /// no file.
+    pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
+        let may_name_files = !self.values.iter().all(|value| is_numeric(value.get_ref()));
+        // Keyframes at equal distances can lie between frames.
+        self.at.iter().filter(move |_| may_name_files).map(|at| at.ceil() as u32)
     }
 
     /// Returns what messages about a frame need to know of the value that the track sets. They contain the track's path
@@ -117,7 +137,7 @@ pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next k
 /// Returns the frames in `at`, which must contain one frame for each value.
 fn given(
     document: &Document,
-    at: &Spanned<Vec<Spanned<u32>>>,
+    at: &Spanned<Vec<Spanned<Value>>>,
     values: usize,
     frames: u32,
 ) -> Result<Vec<f64>> {
@@ -126,18 +146,21 @@ fn given(
         let message = format!("`at` has {}, `values` has {values}", counted(list.len(), "element"));
         return Err(document.error(at.span(), message, "expected a frame for each value"));
     }
-    for (place, frame) in list.iter().enumerate() {
-        let number = *frame.get_ref();
-        if !(1..=frames).contains(&number) {
-            let message = format!("frame {number} does not exist; expected 1 to {frames}");
+    let mut numbers: Vec<u32> = Vec::with_capacity(list.len());
+    for frame in list {
+        let value = frame.get_ref();
+        let number = value.as_integer().and_then(|number| u32::try_from(number).ok());
+        let Some(number) = number.filter(|number| (1..=frames).contains(number)) else {
+            let message = format!("{value} is not a frame; expected a whole number from 1 to {frames}");
             return Err(document.error(frame.span(), message, "here"));
-        }
-        if place > 0 && *list[place - 1].get_ref() >= number {
-            let message = format!("frame {number} follows frame {}", list[place - 1].get_ref());
+        };
+        if let Some(last) = numbers.last().filter(|last| **last >= number) {
+            let message = format!("frame {number} follows frame {last}");
             return Err(document.error(frame.span(), message, "expected ascending frames"));
         }
+        numbers.push(number);
     }
-    Ok(list.iter().map(|frame| f64::from(*frame.get_ref())).collect())
+    Ok(numbers.into_iter().map(f64::from).collect())
 }
 
 /// Returns the frames of `values` keyframes at equal distances, the first at frame 1 and the last at frame `frames`. A

@@ -36,7 +36,7 @@ pub(in crate::scene) struct TrackWire {
     /// The frames of `values`, ascending [default: evenly spaced from the first frame to the last frame of the
     /// animation].
     #[schemars(with = "Option<Vec<u32>>")]
-    pub at: Option<Spanned<Vec<Spanned<u32>>>>,
+    pub at: Option<Spanned<Vec<Spanned<Value>>>>,
     /// The values at the frames of `at`.
     #[schemars(with = "Vec<serde_json::Value>", length(min = 1))]
     pub values: Spanned<Vec<Spanned<Value>>>,

@@ -89,6 +89,9 @@ fn azimuth_goes_from_front_to_right_and_elevation_up() {
         (from(45.0, -90.0, DVec3::Z), Vec3::NEG_Z),
         (from(0.0, 0.0, DVec3::NEG_Z), Vec3::NEG_Y),
         (from(-90.0, 0.0, DVec3::NEG_Y), Vec3::X),
+        (from(0.0, 0.0, DVec3::NEG_Y), Vec3::Z),
+        (from(0.0, 0.0, DVec3::X), Vec3::Z),
+        (from(0.0, 0.0, DVec3::NEG_X), Vec3::Z),
     ] {
         assert!(eye(view).distance(direction) < 1e-5, "{view:?}: {}", eye(view));
     }

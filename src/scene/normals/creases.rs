@@ -7,6 +7,10 @@ use rayon::prelude::*;
 /// At a corner with more faces than this, each face keeps its own normal, since comparing all of them would
 /// take too long.
 const MOST_FACES: usize = 1024;
+/// An edge stays smooth if the angle between its faces exceeds the crease angle by no more than this, since rounded
+/// positions turn faces slightly. Without this tolerance, rounding would decide which edges of a regular prism are
+/// sharp if its faces meet at exactly the crease angle.
+const ROUNDING_DEGREES: f64 = 0.01;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
 struct Face {
@@ -26,7 +30,12 @@ impl Face {
 /// than the crease angle. Each face at such a position gets its own normal there: the mean, weighted by area, of the
 /// face normals that differ from this face's normal by at most the crease angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
-    let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
+    let crease_degrees = f64::from(crease_degrees.max(0.0)) + ROUNDING_DEGREES;
+    // No two normals differ by more than 180 degrees.
+    if crease_degrees >= 180.0 {
+        return;
+    }
+    let crease = crease_degrees.to_radians();
     let corners = sharp_corners(mesh, triangles, (crease / 2.0).cos());
     let normals_around = |around: &[(u32, u32)]| {
         let faces: Vec<Face> = around.iter().map(|(_, triangle)| Face::of(mesh, *triangle)).collect();
@@ -72,8 +81,7 @@ fn mean(face: &Face, around: &[Face], least_cosine: f64) -> DVec3 {
     if around.len() > MOST_FACES {
         return face.weighted;
     }
-    // Rounding must not separate faces of one plane, even if the angle is zero.
-    let near = |other: &&Face| other.unit.dot(face.unit) >= least_cosine - 1e-9;
+    let near = |other: &&Face| other.unit.dot(face.unit) >= least_cosine;
     around.iter().filter(near).map(|other| other.weighted).sum()
 }
 
@@ -85,7 +93,15 @@ mod tests {
     use crate::scene::mesh::Triangle;
     use crate::scene::normals::MISSING;
     use crate::scene::{Shape, generate};
-    use glam::Vec3;
+    use glam::{DVec3, Vec3};
+    use std::f64::consts::TAU;
+
+    /// Returns a mesh without normals.
+    fn bare(positions: Vec<Vec3>, triangles: impl Iterator<Item = [u32; 3]>) -> Mesh {
+        let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
+        let materials = vec![Material::default()];
+        Mesh { positions, triangles: triangles.map(triangle).collect(), materials, ..Mesh::default() }
+    }
 
     /// Returns a cube with eight corners that its faces share.
     fn cube() -> Mesh {
@@ -93,9 +109,22 @@ mod tests {
         let positions = (0..8).map(|n| Vec3::new(bit(n, 0), bit(n, 1), bit(n, 2))).collect();
         let squares = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let halves = squares.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
-        let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
-        let materials = vec![Material::default()];
-        Mesh { positions, triangles: halves.map(triangle).collect(), materials, ..Mesh::default() }
+        bare(positions, halves)
+    }
+
+    /// Returns the side wall of a regular prism whose corners have a distance of `scale` from its axis. The prism is
+    /// turned and moved, so that rounding turns each face differently.
+    fn wall(sides: u32, scale: f64) -> Mesh {
+        let corner = |number: u32, height: f64| {
+            let (sin, cos) = (TAU * f64::from(number) / f64::from(sides) + 0.1).sin_cos();
+            (scale * DVec3::new(cos, height, sin) + 3.0).as_vec3()
+        };
+        let positions = (0..sides).flat_map(|number| [-1.0, 1.0].map(|height| corner(number, height)));
+        let halves = (0..sides).flat_map(|number| {
+            let [a, b] = [2 * number, 2 * ((number + 1) % sides)];
+            [[a, b, b + 1], [a, b + 1, a + 1]]
+        });
+        bare(positions.collect(), halves)
     }
 
     #[test]
@@ -135,6 +164,30 @@ mod tests {
             complete(&mut mesh, Some(crease));
             let normal = mesh.corner_normals(&mesh.triangles[0])[0];
             assert!(normal.distance(at_edge) < 1e-6, "{larger}, {crease}: {normal}");
+        }
+    }
+
+    #[test]
+    fn rounding_does_not_decide_which_edges_are_sharp() {
+        for sides in [8, 9, 12, 36] {
+            for scale in [1.0, 3.7, 10.0] {
+                // The faces meet at this angle.
+                let between = 360.0 / sides as f32;
+                let [smooth, equal, less] = [None, Some(between), Some(between - 0.1)].map(|crease| {
+                    let mut mesh = wall(sides, scale);
+                    complete(&mut mesh, crease);
+                    mesh
+                });
+                for number in 0..smooth.triangles.len() {
+                    let normals = |mesh: &Mesh| mesh.corner_normals(&mesh.triangles[number]);
+                    let is_smooth = (0..3).all(|i| normals(&equal)[i].distance(normals(&smooth)[i]) < 1e-3);
+                    assert!(is_smooth, "{sides}, {scale}: an edge is sharp");
+                    let [a, b, c] = less.corners(&less.triangles[number]);
+                    let face = (b - a).cross(c - a).normalize();
+                    let is_flat = normals(&less).iter().all(|normal| normal.distance(face) < 1e-3);
+                    assert!(is_flat, "{sides}, {scale}: an edge is smooth");
+                }
+            }
         }
     }
 

@@ -33,8 +33,8 @@ pub struct Merged {
     pub attempts: usize,
     /// Number of merged records, one for each measured point on each selected kind of device.
     pub records: usize,
-    /// Number of samples that were merged, and of samples that were not.
-    pub samples: [usize; 2],
+    /// Number of samples of the merged records, of the records in `controls.jsonl`, and of neither.
+    pub samples: [usize; 3],
     /// Notes to be shown with the results.
     pub notes: Vec<String>,
     /// The points that still have to be measured.
@@ -67,7 +67,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     // can be repeated.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
-    let samples = write_samples(out, &attempts, &records, &launches)?;
+    let samples = write_samples(out, &attempts, [&records, &controls], &launches)?;
     let devices = planned.devices(records.iter().chain(&controls));
     let name = |attempt, device: &str| devices.get(&(attempt, device.to_owned())).cloned();
     write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| Some(&mut line.launch))?;
@@ -165,21 +165,23 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
 }
 
 /// Writes the samples of the chosen records, with the new numbers of their launches (of worker processes). Returns the
-/// number of samples that were written, and the number of samples that were not.
+/// number of samples that were written, the number of samples of controls, and the number of samples of neither. The
+/// samples of controls are not written: their records contain the times.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
-    records: &[Measured],
+    [records, controls]: [&[Measured]; 2],
     launches: &Launches,
-) -> Result<[usize; 2]> {
-    let counted = launches::counted(records);
-    let mut counts = [0, 0];
+) -> Result<[usize; 3]> {
+    let used = [records, controls].map(launches::counted);
+    let mut counts = [0; 3];
     write_whole_by(&out.join(SAMPLES), |file| {
         for (place, attempt) in attempts.iter().enumerate() {
             for mut sample in lines::<Sample>(&attempt.folder.join(SAMPLES)).map_err(std::io::Error::other)? {
-                let counts_here = counted.contains(&(place, sample.launch, sample.key.as_str()));
-                counts[usize::from(!counts_here)] += 1;
-                if counts_here {
+                let own = (place, sample.launch, sample.key.as_str());
+                let class = used.iter().position(|used| used.contains(&own)).unwrap_or(used.len());
+                counts[class] += 1;
+                if class == 0 {
                     sample.launch = launches.number(place, sample.launch).unwrap_or(sample.launch);
                     write_line(file, &sample)?;
                 }
@@ -302,7 +304,10 @@ mod tests {
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
         let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
         assert_eq!(told, [(0, 12.0), (1, 20.0), (2, 21.0)]);
-        assert_eq!(write_samples(out.path(), &attempts, &records, &launches).unwrap(), [3, 9]);
+        // The samples of controls are used, but they are not written.
+        let controls = [(0, record(&[1]))];
+        let counts = write_samples(out.path(), &attempts, [&records, &controls], &launches).unwrap();
+        assert_eq!(counts, [3, 1, 8]);
         let samples = read_lines::<Sample>(&out.path().join(SAMPLES)).unwrap().lines;
         let told: Vec<_> =
             samples.iter().map(|sample| (sample.launch, sample.ms, sample.key.as_str())).collect();

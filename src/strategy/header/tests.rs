@@ -142,6 +142,16 @@ fn a_contradiction_names_a_value_of_another_axis() {
 }
 
 #[test]
+fn a_test_in_the_folder_of_families_without_tiles_is_not_prepared_for_a_tile() {
+    mistake(
+        "any-ray",
+        "tile",
+        "line 4: 'prepared_for' is tile, but the kernels that include cast/intersect/ have no tiles of rays",
+        "docs/own-kernels.md",
+    );
+}
+
+#[test]
 fn a_header_that_contradicts_itself_has_both_lines() {
     mistake(
         "// exact_signs: no\n",

@@ -143,6 +143,23 @@ fn what_a_strategy_lacks_is_told_apart_from_what_a_device_cannot_hold() {
 }
 
 #[test]
+fn a_large_work_group_is_the_cause_only_if_a_smaller_one_fits() {
+    let limits = DeviceLimits { is_cpu: true, work_group_size: 4096, ..PAPER_DEVICE };
+    let cause = |name: &str, triangles, local_size| {
+        let strategy = preset(name).unwrap().strategy;
+        let workload = Workload { local_size, stack_size: 64, ..workload(triangles, 8) };
+        Requirements::check(&strategy, &workload, &limits).unwrap_err().cause
+    };
+    assert_eq!(cause("tile", 1, [64, 64]), Cause::LargeGroup, "a thread's stack");
+    assert_eq!(cause("wide", 1, [64, 64]), Cause::LargeGroup, "a thread's stack");
+    assert_eq!(cause("local-vectors", 1, [24, 24]), Cause::LargeGroup, "__local memory");
+    assert_eq!(cause("compounded", 207, [16, 16]), Cause::LargeGroup, "__local memory");
+    // The scene alone exceeds this memory.
+    assert_eq!(cause("local-triangles", 473, [16, 16]), Cause::Size);
+    assert_eq!(cause("compounded", 473, [16, 16]), Cause::Size);
+}
+
+#[test]
 fn every_preset_fits_one_triangle() {
     for preset in PRESETS {
         let mut workload = workload(1, 8);

@@ -25,7 +25,7 @@ const CLEAR: &str = "\x1b[0m\x1b[2J";
 /// The terminal at standard output, or a file that will be shown on a terminal.
 pub struct Terminal {
     out: Stdout,
-    /// The size of pictures: pixels across and down. It stays the same if the terminal becomes larger or smaller.
+    /// The size of the last picture or, before the first picture, the size for which the terminal has room.
     size: [u32; 2],
     /// Characters across and down.
     cells: [u16; 2],
@@ -82,14 +82,15 @@ impl Terminal {
         }
     }
 
-    /// Returns the size of pictures: pixels across and down.
-    pub fn size(&self) -> [u32; 2] {
-        self.size
+    /// Returns the size of a picture that fills the terminal, pixels across and down.
+    pub fn room(&self) -> [u32; 2] {
+        room(self.graphics, self.cells, self.cell_pixels)
     }
 
-    /// Returns the part of the picture, from its upper left corner, for which the terminal has room.
+    /// Returns the part of the picture, from its upper left corner, for which the terminal has room. This is the whole
+    /// picture, unless the terminal has become smaller since the picture was cast.
     fn visible(&self) -> [u32; 2] {
-        let room = room(self.graphics, self.cells, self.cell_pixels);
+        let room = self.room();
         [0, 1].map(|axis| self.size[axis].min(room[axis]))
     }
 
@@ -155,6 +156,7 @@ impl Screen for Terminal {
         self.enter()?;
         let end = if self.is_interactive { "\r\n" } else { "\n" };
         let home = if self.is_interactive { "\x1b[H" } else { "" };
+        self.size = picture.dimensions().into();
         let visible = self.visible();
         let picture = if picture.dimensions() == (visible[0], visible[1]) {
             Cow::Borrowed(picture)
@@ -191,6 +193,7 @@ impl Screen for Terminal {
             self.resized(cells, cell_pixels);
             self.write(CLEAR)?;
         }
+        input.room = Some(self.room());
         input.pointer = self.pointer;
         input.closed |= self.is_gone;
         Ok(input)
@@ -341,13 +344,13 @@ mod tests {
     }
 
     #[test]
-    fn a_smaller_terminal_shows_the_upper_left_part_of_the_picture() {
+    fn a_smaller_terminal_shows_the_upper_left_part_of_a_picture_until_the_next_one() {
         let mut terminal = terminal(Graphics::Kitty);
         terminal.line = "told".to_owned();
         terminal.resized([60, 11], None);
         assert_eq!(
-            (terminal.size(), terminal.visible(), terminal.line.as_str()),
-            ([800, 460], [600, 200], "")
+            (terminal.room(), terminal.visible(), terminal.line.as_str()),
+            ([600, 200], [600, 200], "")
         );
         let mut input = Input::default();
         let mut pointed = |at| {
@@ -355,11 +358,12 @@ mod tests {
             terminal.pointer
         };
         assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
-        // A larger terminal does not change the picture either.
+        assert_eq!(terminal.input().expect("no input").room, Some([600, 200]));
+        // A larger terminal has room for a larger picture, but shows the last one until then.
         terminal.resized([100, 40], Some([20, 40]));
         assert_eq!(
-            (terminal.size(), terminal.visible(), terminal.cell_pixels),
-            ([800, 460], [800, 460], [20, 40])
+            (terminal.room(), terminal.visible(), terminal.cell_pixels),
+            ([2000, 1560], [800, 460], [20, 40])
         );
     }
 
@@ -379,7 +383,7 @@ mod tests {
     fn drags_are_counted_in_heights_of_the_picture() {
         let mut terminal = terminal(Graphics::Kitty);
         // The last line is left for text.
-        assert_eq!(terminal.size(), [800, 460]);
+        assert_eq!(terminal.room(), [800, 460]);
         let mut input = Input::default();
         let mut mouse = |kind, at| {
             terminal.mouse(&mut input, kind, at);
@@ -411,7 +415,7 @@ mod tests {
         assert_eq!((input.wheel, pixels.pointer), (0.0, None), "the last line is no part of the picture");
         let mut blocks = terminal(Graphics::Blocks);
         blocks.mouse(&mut input, MouseEventKind::Moved, [2, 3]);
-        assert_eq!((blocks.size(), blocks.pointer), ([80, 46], Some([2, 6])));
+        assert_eq!((blocks.room(), blocks.pointer), ([80, 46], Some([2, 6])));
         assert_eq!(blocks.input().expect("no input").pointer, Some([2, 6]));
     }
 }

@@ -14,9 +14,10 @@ const REMEDY: &str = "--terminal shows the scene in this terminal instead; `rayc
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
 
-/// A window of the picture's size.
+/// A window, which opens at the first picture's size.
 pub struct Window {
     window: minifb::Window,
+    /// The size of the picture that is shown, pixels across and down.
     size: [u32; 2],
     /// The keys that were typed.
     keys: Receiver<Key>,
@@ -41,7 +42,8 @@ impl Window {
             )
             .with_help(REMEDY));
         }
-        let options = WindowOptions { scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
+        let options =
+            WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
         let [width, height] = size.map(|side| side as usize);
         let mut window = minifb::Window::new(title, width, height, options).map_err(|error| {
             Error::input(format!("the window cannot be opened: {error}")).with_help(format!(
@@ -50,7 +52,12 @@ impl Window {
         })?;
         let (sender, keys) = channel();
         window.set_input_callback(Box::new(Typed::new(sender)));
-        Ok(Self { window, size, keys, pixels: vec![0; width * height], dragged: None, looked: false })
+        Ok(Self { window, size, keys, pixels: Vec::new(), dragged: None, looked: false })
+    }
+
+    /// Returns the window's size. It has at least one pixel.
+    fn room(&self) -> [u32; 2] {
+        <[usize; 2]>::from(self.window.get_size()).map(|side| side.clamp(1, u32::MAX as usize) as u32)
     }
 
     fn pointer(&self) -> Option<[u32; 2]> {
@@ -78,6 +85,8 @@ impl Window {
 
 impl Screen for Window {
     fn show(&mut self, picture: &RgbImage) -> Result<()> {
+        self.size = picture.dimensions().into();
+        self.pixels.resize(picture.len() / 3, 0);
         let parts = self.pixels.par_chunks_mut(TOGETHER).zip(picture.par_chunks(3 * TOGETHER));
         parts.for_each(|(pixels, bytes)| {
             for (pixel, [red, green, blue]) in pixels.iter_mut().zip(bytes.as_chunks().0) {
@@ -107,6 +116,7 @@ impl Screen for Window {
             orbit,
             pan,
             wheel: self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
+            room: Some(self.room()),
             pointer: self.pointer(),
             redraws: false,
             closed: !self.window.is_open(),

@@ -3,7 +3,7 @@
 use super::super::spare_scene;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, frame_key, save_frame};
-use crate::output::{Choice, Target};
+use crate::output::Target;
 use crate::scene::Display;
 use crate::shard::Shard;
 use crate::words::counted;
@@ -18,8 +18,12 @@ pub struct Frames {
 
 /// Parses `3..7`, or `3` for one frame.
 pub fn parse(text: &str) -> std::result::Result<Frames, String> {
-    let (first, last) = text.split_once("..").unwrap_or((text, text));
-    let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
+    let (first, last) = match text.split_once("..") {
+        // Rust writes this range as `3..=7`.
+        Some((first, last)) => (first, last.strip_prefix('=').unwrap_or(last)),
+        None => (text, text),
+    };
+    let number = |part: &str| part.parse::<u32>().ok().filter(|number| *number > 0);
     match (number(first), number(last)) {
         (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
         _ => Err("expected the first and last frame number, such as 1..30; numbers start at 1".to_owned()),
@@ -58,9 +62,10 @@ impl Frames {
 /// Numbered picture files: the path `turn/dragon.png` gives the files `turn/dragon-0001.png` and so on.
 #[derive(Debug)]
 pub struct Numbered {
-    path: PathBuf,
+    /// The path from which the files' names follow.
+    pattern: Target,
     digits: usize,
-    choice: Choice,
+    force: bool,
     wanted: Frames,
 }
 
@@ -69,20 +74,18 @@ impl Numbered {
     /// none of the files that are written may be a file of the scene.
     pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
         let digits = count.to_string().len().max(4);
-        let choice = Choice::new(force, "-o FILE");
-        let numbered = Self { path: target.path().to_owned(), digits, choice, wanted };
+        let numbered = Self { pattern: target.clone(), digits, force, wanted };
         numbered.target(wanted.first).check_folder()?;
         wanted.numbers().try_for_each(|number| spare_scene(&numbered.target(number)))?;
         Ok(numbered)
     }
 
-    fn file(&self, number: u32) -> PathBuf {
-        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-        self.path.with_file_name(format!("{stem}-{number:0digits$}.png", digits = self.digits))
+    fn target(&self, number: u32) -> Target {
+        self.pattern.with_ending(&format!("-{number:0digits$}.png", digits = self.digits))
     }
 
-    fn target(&self, number: u32) -> Target {
-        Target::new(self.file(number), self.choice)
+    fn file(&self, number: u32) -> PathBuf {
+        self.target(number).path().to_owned()
     }
 
     /// Returns the files' names, for messages.
@@ -104,11 +107,11 @@ impl Numbered {
             let exists = file.exists();
             match frame_key(&file) {
                 Some(found) if found == key(number)? => continue,
-                Some(_) if !self.choice.force => return Err(other(&file, number)),
+                Some(_) if !self.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
             }
             // The check permits every file that raycl made, even a still picture that took an hour to cast.
-            if exists && !self.choice.force {
+            if exists && !self.force {
                 return Err(still(&file));
             }
             missing.push(number);
@@ -141,6 +144,7 @@ fn still(file: &Path) -> Error {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::output::Choice;
 
     #[test]
     fn shards_have_each_frame_once_and_about_as_many() {
@@ -156,8 +160,8 @@ mod tests {
     #[test]
     fn one_frame_has_one_name_and_several_are_named_by_their_ends() {
         let named = |first, last| {
-            let choice = Choice::new(false, "-o FILE");
-            Numbered { path: "turn/a.png".into(), digits: 4, choice, wanted: Frames { first, last } }.name()
+            let pattern = Target::new("turn/a.png", Choice::new(false, "-o FILE"));
+            Numbered { pattern, digits: 4, force: false, wanted: Frames { first, last } }.name()
         };
         assert_eq!(named(3, 3), "turn/a-0003.png");
         assert_eq!(named(1, 3), "turn/a-0001.png to turn/a-0003.png");
@@ -190,7 +194,7 @@ mod tests {
         assert_eq!((frames.len(), parse("7").map(Frames::len)), (3, Ok(1)));
         assert_eq!(parse("3..=5"), Ok(frames));
         assert!(frames.within(5).is_ok() && frames.within(4).is_err());
-        for wrong in ["", "0..4", "5..3", "..", "a..b", "1..", "-1..2"] {
+        for wrong in ["", "0..4", "5..3", "..", "a..b", "1..", "-1..2", "3..==5", "=3..5", "=3"] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
     }
