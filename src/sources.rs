@@ -132,7 +132,7 @@ impl Sources {
     }
 
     /// Returns a file's path if it comes from the folder.
-    fn own_path(&self, name: &str) -> Option<String> {
+    pub fn own_path(&self, name: &str) -> Option<String> {
         let Self::Folder(folder) = self else { return None };
         let path = folder.join(name);
         path.exists().then(|| path.display().to_string())

@@ -201,6 +201,8 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
         let render = ["render", "scene.toml", "--device", &device, "--strategy", strategy];
         let render = [&render[..], &["--local-size", "8", "--cl-dir", &cl]].concat();
         has(&place.mistake(&render, 2), &[file, told, "docs/own-kernels.md"]);
+        // The remedy names this command. It prints the program although the program does not compile.
+        has(&place.output(&["kernel", strategy, "--cl-dir", &cl]), &[file, "__kernel "]);
         let run = ["run", "test.toml", "--device", &device, "--out", "out", "--quiet", "--cl-dir", &cl];
         place.raycl(&run).output().expect("raycl starts");
         let records = place.json_lines("out/records.jsonl");

@@ -119,6 +119,15 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() {
     let ground = Ground::new();
     (1..=3).for_each(|shard| ground.shard(&format!("{shard}/3")));
+    for attempt in ground.attempts() {
+        let written =
+            |name: &str| attempt.join(name).metadata().and_then(|file| file.modified()).expect("a time");
+        assert!(
+            written("pulse") <= written("end.json"),
+            "an ended attempt has changed: {}",
+            attempt.display()
+        );
+    }
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();

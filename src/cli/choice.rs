@@ -113,7 +113,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            let others: Vec<&str> = axes.iter().copied().filter(|other| *other != part).collect();
+            // Other presets are left out, since a strategy has one.
+            let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
         (Err(_), _) => "name a preset first, then axes with their values: --strategy deferred,width=4".to_owned(),
@@ -347,10 +348,14 @@ mod tests {
             ("naive,local-vectors", "a strategy has one preset, and 'local-vectors' is another one"),
             ("width=4,naive", "name the preset first: --strategy naive,width=4"),
             ("width=4,naive,culling=none", "name the preset first: --strategy naive,width=4,culling=none"),
+            ("width=4,naive,wide", "name the preset first: --strategy naive,width=4"),
         ] {
             let error = parse_strategy(text).expect_err(text);
             assert!(error.to_string().contains("does not have the form axis=value"), "{error}");
             assert!(error.remedy().starts_with(help), "{}", error.remedy());
+            if let Some(named) = error.remedy().strip_prefix("name the preset first: --strategy ") {
+                assert!(parse_strategy(named).is_ok(), "{named}");
+            }
         }
         for text in ["deferred,width=4,width=8", "width=4, width = 8"] {
             let error = parse_strategy(text).expect_err(text);

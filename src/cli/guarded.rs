@@ -84,9 +84,8 @@ fn without_broken(
     }
     let cause = drivers_doing(status).unwrap_or_default();
     if broken.is_empty() {
-        return Err(
-            kernels_doing(status, cl_dir).unwrap_or_else(|| no_driver_alone(status, &cause, opens_window))
-        );
+        return Err(kernels_doing(status, cl_dir, opens_window)
+            .unwrap_or_else(|| no_driver_alone(status, &cause, opens_window, &good)));
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -99,7 +98,7 @@ fn without_broken(
     let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(kernels_doing(status, cl_dir).unwrap_or_else(|| {
+        Some(cause) => Err(kernels_doing(status, cl_dir, opens_window).unwrap_or_else(|| {
             Error::run(format!("{cause}, even without the drivers that were left out"))
                 .with_help("another driver fails too: try another device with --device, or update the driver")
         })),
@@ -107,8 +106,8 @@ fn without_broken(
 }
 
 /// Returns the error if a process crashed that used kernel files of the user; `None` if it used none, or did not crash.
-/// `cl_dir` is the folder of these files.
-fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>) -> Option<Error> {
+/// `cl_dir` is the folder of these files. If the process opens a window, the window's library may have crashed instead.
+fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
     let files = sources.changed_paths(&sources.own_files().unwrap_or_default());
@@ -120,24 +119,35 @@ fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>) -> Option<Error> {
             "raycl's child process crashed: {name} (signal {signal}); --cl-dir adds or changes {}",
             some_of(&files)
         ))
-        .with_help(OWN_KERNELS),
+        .with_help(if opens_window { window_or(OWN_KERNELS) } else { OWN_KERNELS.to_owned() }),
     )
 }
 
-/// Returns the error if every driver works when it is loaded alone. `cause` is how the process ended. If the process
-/// crashed and opens a window, the window's library may have crashed: the crate minifb frees memory twice if it finds
-/// that a display's pixels do not have 32 bits.
-fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool) -> Error {
-    let other = otherwise(address_space_limit());
-    let advice = full_disk_advice().into_iter().chain([other]).collect::<Vec<_>>().join("; or ");
+/// Returns the error if every one of these drivers works when it is loaded alone. `cause` is how the process ended. If
+/// the process crashed and opens a window, the window's library may have crashed: the crate minifb frees memory twice if
+/// it finds that a display's pixels do not have 32 bits.
+fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
+    let advice = advice_for(drivers, full_disk_advice());
     match crash(status).filter(|_| opens_window) {
         Some((signal, name)) => Error::run(format!(
             "raycl's child process crashed, in its window or in a driver: {name} (signal {signal})"
         ))
-        .with_help(format!("{WINDOW}; if the window opened, {advice}")),
+        .with_help(window_or(&advice)),
         None => Error::run(format!("{cause}, although each driver alone lists its devices without failing"))
             .with_help(advice),
     }
+}
+
+/// Returns the remedies after a crash of a process that opens a window: those of the window, then `advice`.
+fn window_or(advice: &str) -> String {
+    format!("{WINDOW}; if the window opened, {advice}")
+}
+
+/// Returns the advice for the user if every one of these drivers works when it is loaded alone. `full_disk` is the
+/// advice if the disk of PoCL's folder is full, which disturbs no other driver.
+fn advice_for(drivers: &[Driver], full_disk: Option<String>) -> String {
+    let of_pocl = full_disk.filter(|_| drivers.iter().any(Driver::is_pocl));
+    of_pocl.into_iter().chain([otherwise(address_space_limit())]).collect::<Vec<_>>().join("; or ")
 }
 
 /// Returns the advice for the user if every driver works when it is loaded alone. In a small address space, drivers can
@@ -307,7 +317,7 @@ mod tests {
     fn a_crash_of_a_process_that_opens_a_window_is_not_blamed_on_a_driver_alone() {
         let told = |status, opens_window| {
             let error =
-                no_driver_alone(ExitStatus::from_raw(status), "a driver did not answer", opens_window);
+                no_driver_alone(ExitStatus::from_raw(status), "a driver did not answer", opens_window, &[]);
             (error.to_string(), error.remedy().to_owned())
         };
         let (message, remedy) = told(11, true);
@@ -322,12 +332,21 @@ mod tests {
     }
 
     #[test]
+    fn a_full_disk_of_pocls_folder_is_told_only_if_pocl_is_among_the_drivers() {
+        let advice =
+            |name: &str| advice_for(&[Driver::Library(name.into())], Some("the disk is full".into()));
+        let other = otherwise(address_space_limit());
+        assert_eq!(advice("libpocl.so.2"), format!("the disk is full; or {other}"));
+        assert_eq!(advice("libnvidia-opencl.so.1"), other);
+    }
+
+    #[test]
     fn a_crash_with_kernel_files_of_the_user_is_blamed_on_these_files_first() {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(folder.path().join("cast")).expect("a folder");
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
         write("cast/shade.cl", &Sources::Embedded.read("cast/shade.cl").expect("a kernel file"));
-        let told = |folder: Option<&Path>| kernels_doing(ExitStatus::from_raw(11), folder);
+        let told = |folder: Option<&Path>| kernels_doing(ExitStatus::from_raw(11), folder, false);
         // A copy of a built-in file is not to blame.
         assert!(told(None).is_none() && told(Some(folder.path())).is_none());
         write("cast/entry.cl", "// mine\n");
@@ -338,8 +357,16 @@ mod tests {
         for part in ["out of bounds", "barriers", "`bytes_per_ray`", "without --cl-dir", "oclgrind"] {
             assert!(error.remedy().contains(part), "{part}: {}", error.remedy());
         }
+        // The window's library may have crashed.
+        let in_window =
+            kernels_doing(ExitStatus::from_raw(11), Some(folder.path()), true).expect("a message");
+        assert_eq!(in_window.to_string(), error.to_string());
+        assert_eq!(in_window.remedy(), format!("{WINDOW}; if the window opened, {OWN_KERNELS}"));
         // A driver that does not answer is no crash.
-        assert!(kernels_doing(ExitStatus::from_raw(HUNG << 8), Some(folder.path())).is_none());
+        for opens_window in [false, true] {
+            let hung = ExitStatus::from_raw(HUNG << 8);
+            assert!(kernels_doing(hung, Some(folder.path()), opens_window).is_none());
+        }
     }
 
     #[test]

@@ -70,7 +70,7 @@ pub fn run(args: Args) -> Result<()> {
     let device = args.device.as_deref().map(|pattern| one_device(Some(pattern), &sources)).transpose()?;
     let builtins = device.as_ref().map_or_else(Builtins::default, |device| device.info.builtins());
     let workload = workload(&args, &strategy, device.as_ref())?;
-    let spec = ProgramSpec::new(&sources, &strategy, &workload, builtins)?;
+    let spec = ProgramSpec::unchecked(&sources, &strategy, &workload, builtins)?;
     let program = match &device {
         Some(device) => on_device(device, &strategy, &workload, &spec)?,
         None => preprocess(&spec.source, &spec.options, &BTreeMap::new())?,

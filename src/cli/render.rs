@@ -323,17 +323,18 @@ fn spare_scene(target: &Target) -> Result<()> {
     target.check_unread("a file of the scene", |path| INPUTS.contains(path))
 }
 
-/// Returns whether the command may replace a file. Numbered pictures replace files only with `--force`.
-fn may_replace(args: &Args) -> bool {
-    args.motion.moves() && args.force || targets(args).iter().any(|target| target.path().exists())
+/// Returns whether a moving picture may replace a file. `frames` is the number of frames of the scene's animation.
+fn may_replace(args: &Args, frames: u32) -> bool {
+    args.motion.moves() && motion::may_replace(args, frames)
 }
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
-/// of the picture is a file of the scene, even if only a later frame uses it.
+/// of the picture is a file of the scene. For moving pictures, the files that only later frames use count too. For a
+/// still picture, they would have to be read each time that the picture is rendered again, and may be large.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
-    if may_replace(args)
-        && let Some(animation) = &mut loaded.animation
+    if let Some(animation) = &mut loaded.animation
+        && may_replace(args, animation.frames)
     {
         animation.find_files();
     }
@@ -442,6 +443,38 @@ mod tests {
         let files = |words: &[&str]| written(&args(words));
         assert_eq!(files(&["a.toml"]), ["a.png"].map(PathBuf::from));
         assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
+    }
+
+    /// The files of later frames are read early only if a file may be replaced, since this may take long.
+    #[test]
+    fn a_file_may_be_replaced_only_if_it_exists_and_a_numbered_picture_only_with_force() {
+        let place = tempfile::tempdir().expect("a folder");
+        let replaces = |name: &str, more: &str| {
+            let output = place.path().join(name).display().to_string();
+            let words: Vec<&str> =
+                ["a.toml", "-o", &output].into_iter().chain(more.split_whitespace()).collect();
+            may_replace(&args(&words), 3)
+        };
+        let all = [("f.png", "--force"), ("f.png", "--animate --force"), ("f.apng", "--animate")];
+        assert!(all.iter().all(|(name, more)| !replaces(name, more)));
+        for name in ["f.png", "f.apng"] {
+            std::fs::write(place.path().join(name), "").expect("a file");
+        }
+        assert_eq!(all.map(|(name, more)| replaces(name, more)), [false, false, true]);
+        std::fs::write(place.path().join("f-0002.png"), "").expect("a file");
+        for (more, expected) in [
+            ("--animate --force", true),
+            ("--animate", false),
+            ("--animate --force --frames 3", false),
+            ("--animate --force --frames 2..9", false),
+            ("--animate --force --shard 1/3", false),
+            ("--animate --force --shard 2/3", true),
+            ("--turntable 2 --force", true),
+            ("--turntable 1 --force", false),
+        ] {
+            assert_eq!(replaces("f.png", more), expected, "{more}");
+        }
+        assert!(!may_replace(&args(&["a.toml", "--animate", "--force", "-o", "-"]), 3));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
 use crate::record::journals::RECORDS;
-use crate::record::{Repaired, no_results, repair};
+use crate::record::{Repaired, no_results, refuse_closed, repair};
 use crate::shard::{Attempt, ShardPlan, State, status};
 use serde_json::{Value, json};
 use std::collections::HashSet;
@@ -37,6 +37,9 @@ pub fn run(args: Args) -> Result<()> {
     if args.json { super::print_json(&found.json()) } else { super::print(found.text()) }
 }
 
+/// The remedy for a folder in which this process may not create files.
+const CLOSED: &str = "change the folder's permissions, or repair a copy";
+
 /// What a repair found.
 struct Found {
     /// The journals that were damaged, with the paths of their folders.
@@ -53,7 +56,7 @@ impl Found {
         if !has_shards && !folder.join(RECORDS).is_file() {
             return Err(no_results(folder));
         }
-        let _lock = Lock::take(folder)?;
+        let _lock = lock_of(folder)?;
         let mut found = Self { repaired: repair(folder)?, running: Vec::new() };
         if has_shards {
             let stopped = stopped(folder, between);
@@ -66,6 +69,9 @@ impl Found {
 
     /// Repairs the journals of an attempt, unless it is running.
     fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
+        if is_stopped {
+            refuse_closed(&attempt, CLOSED)?;
+        }
         match is_stopped.then(|| Lock::take(&attempt)) {
             Some(Ok(_lock)) => self.repaired.extend(repair(&attempt)?),
             // The attempt is counting, or another process holds its lock.
@@ -104,6 +110,12 @@ impl Found {
             "running": self.running.iter().map(shown).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Takes the lock of a folder in which this process may create files.
+fn lock_of(folder: &Path) -> Result<Lock> {
+    refuse_closed(folder, CLOSED)?;
+    Lock::take(folder)
 }
 
 /// Returns the names of the attempts that have ended or were lost. A lock does not show this on a file system without
@@ -150,6 +162,21 @@ mod tests {
         drop(running);
         assert!(of(out).unwrap().text().starts_with(&second));
         assert_eq!(of(out).unwrap().text(), "no line is damaged");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_in_which_no_file_can_be_created_is_the_users_mistake() {
+        // Not even the superuser can create files in /proc/sys.
+        let closed = || PathBuf::from("/proc/sys");
+        let mut found = Found { repaired: Vec::new(), running: Vec::new() };
+        for error in [lock_of(&closed()).err().unwrap(), found.repair(closed(), true).unwrap_err()] {
+            assert_eq!((error.exit_code(), error.remedy()), (2, CLOSED));
+            let message = error.to_string();
+            assert!(message.starts_with("the folder '/proc/sys' cannot be written to ("), "{message}");
+        }
+        found.repair(closed(), false).unwrap();
+        assert_eq!(found.running, [closed()]);
     }
 
     /// On a file system without locks, only its counter shows that an attempt is running.

@@ -76,12 +76,17 @@ pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
     cache_advice().or_else(|| chosen_advice(std::env::var_os(CHOSEN).as_deref()))
 }
 
+/// The value of this variable with which every version of PoCL lists the CPU. PoCL 3.1 does not know the newer name
+/// `cpu`.
+const EVERY_CPU: &str = "pthread";
+
 /// Returns advice if the environment variable has a value. Then PoCL lists no other devices, even if the value is empty.
+/// Returns `None` for the value that the advice would name: something else is then the cause.
 fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
-    let value = value?.display();
+    let value = value.filter(|value| *value != EVERY_CPU)?.display();
     Some(format!(
         "PoCL lists only the devices that the environment variable {CHOSEN} names; its value is '{value}': \
-         unset {CHOSEN}, or set it to pthread"
+         unset {CHOSEN}, or set it to {EVERY_CPU}"
     ))
 }
 
@@ -268,7 +273,9 @@ mod tests {
 
     #[test]
     fn a_variable_that_leaves_pocl_without_devices_is_told() {
-        assert_eq!(chosen_advice(None), None);
+        for value in [None, Some("pthread".as_ref())] {
+            assert_eq!(chosen_advice(value), None);
+        }
         for value in ["nonsense", ""] {
             let told = chosen_advice(Some(value.as_ref())).expect("advice");
             assert!(told.contains(&format!("POCL_DEVICES names; its value is '{value}': unset")), "{told}");

@@ -31,6 +31,17 @@ impl std::fmt::Display for Driver {
     }
 }
 
+impl Driver {
+    /// Returns whether the name of the driver's library is one of PoCL's.
+    pub fn is_pocl(&self) -> bool {
+        let library = match self {
+            Self::Icd(file) => std::fs::read(file).unwrap_or_default(),
+            Self::Library(name) => name.as_bytes().to_vec(),
+        };
+        String::from_utf8_lossy(&library).contains("pocl")
+    }
+}
+
 /// Returns every driver that is installed or named in the environment.
 pub fn installed() -> Vec<Driver> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
@@ -109,6 +120,21 @@ mod tests {
         assert_eq!(found(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         let library = Driver::Library("libone.so.1".into());
         assert_eq!(found(Some(Path::new("libone.so.1")), folder.path()), [library]);
+    }
+
+    #[test]
+    fn pocl_is_known_by_the_name_of_its_library() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let icd = |text: &str| {
+            let file = folder.path().join("a.icd");
+            std::fs::write(&file, text).expect("a file");
+            Driver::Icd(file).is_pocl()
+        };
+        assert!(icd("/usr/lib/libpocl.so.2\n") && !icd("libnvidia-opencl.so.1\n"));
+        assert!(
+            Driver::Library("libpocl.so".into()).is_pocl() && !Driver::Library("libone.so".into()).is_pocl()
+        );
+        assert!(!Driver::Icd(folder.path().join("missing.icd")).is_pocl());
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub struct OutFolder {
 
 impl OutFolder {
     /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's place, or
-    /// if this process may not create files in the folder.
+    /// if this process may not make the folder or create files in it.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -219,9 +219,12 @@ mod tests {
     #[test]
     fn a_folder_in_which_no_file_can_be_created_is_refused_before_any_work() {
         // Not even the superuser can create files in /proc/sys.
-        let error = OutFolder::open(Path::new("/proc/sys"), KEEP).err().unwrap();
-        assert_eq!((error.exit_code(), error.remedy()), (2, "`--out DIR` writes elsewhere"));
-        assert!(error.to_string().starts_with("the folder '/proc/sys' cannot be written to ("), "{error}");
+        for (path, start) in [("/proc/sys", ""), ("/proc/sys/new", "cannot make /proc/sys/new: ")] {
+            let error = OutFolder::open(Path::new(path), KEEP).err().unwrap();
+            assert_eq!((error.exit_code(), error.remedy()), (2, "`--out DIR` writes elsewhere"));
+            let expected = format!("{start}the folder '/proc/sys' cannot be written to (");
+            assert!(error.to_string().starts_with(&expected), "{error}");
+        }
     }
 
     #[test]

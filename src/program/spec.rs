@@ -30,6 +30,19 @@ impl ProgramSpec {
         workload: &Workload,
         builtins: Builtins,
     ) -> Result<Self> {
+        let mut spec = Self::unchecked(sources, strategy, workload, builtins)?;
+        spec.source += &check_of_staging(sources, strategy, &spec.files)?;
+        Ok(spec)
+    }
+
+    /// Makes the same input without the lines at which a compiler stops if a file of the user disagrees with its
+    /// header. `raycl kernel` prints this program, since the remedy for such an error is to look at it.
+    pub fn unchecked(
+        sources: &Sources,
+        strategy: &Strategy,
+        workload: &Workload,
+        builtins: Builtins,
+    ) -> Result<Self> {
         let names = strategy.family().defines(|fact| strategy.holds_of(fact, workload));
         let value = |name| {
             let value = value_of(name, strategy, workload, builtins);
@@ -47,8 +60,7 @@ impl ProgramSpec {
             chain: Chain::default(),
         };
         joiner.add(strategy.family().entry)?;
-        let (mut source, files) = (joiner.text, joiner.files);
-        source += &check_of_staging(sources, strategy, &files)?;
+        let (source, files) = (joiner.text, joiner.files);
         Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 

@@ -12,8 +12,6 @@ use std::collections::HashMap;
 pub(super) struct Control {
     key: String,
     standing: Standing,
-    /// The mean of the control point's level (the logarithm of its time) over all blocks.
-    mean_level: f64,
     /// Whether the record that has this control point is the control point itself.
     is_itself: bool,
 }
@@ -22,36 +20,31 @@ pub(super) struct Control {
 /// rounds.
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
-    let mut levels: HashMap<String, Vec<f64>> = HashMap::new();
     for record in records.iter().filter(|record| record.control.as_ref() == Some(&record.key)) {
         let Some(place) = &record.place else { continue };
         blocks.insert(place.together, place.standing.clone());
-        levels.entry(record.key.clone()).or_default().push(place.standing.level());
     }
     for record in records {
         let (Some(place), Some(key)) = (&mut record.place, &record.control) else { continue };
-        let Some((standing, levels)) = blocks.get(&place.together).zip(levels.get(key)) else { continue };
-        let mean_level = levels.iter().sum::<f64>() / levels.len() as f64;
+        let Some(standing) = blocks.get(&place.together) else { continue };
         let is_itself = record.key == *key;
-        place.control = Some(Control { key: key.clone(), standing: standing.clone(), mean_level, is_itself });
+        place.control = Some(Control { key: key.clone(), standing: standing.clone(), is_itself });
     }
 }
 
 impl Place {
-    /// Returns the level (the logarithm of a time) by which a record is ranked. If blocks share a control point, the
-    /// control point's level in the record's block is subtracted, and its mean level over all blocks is added. The
-    /// speeds of the blocks' machines then cancel.
+    /// Returns the level (the logarithm of a time) by which a record is ranked within its family. If the record's block
+    /// has a control point, the control point's level in this block is subtracted. The speeds of the blocks' machines
+    /// then cancel.
     pub(super) fn level(&self) -> f64 {
-        let shift =
-            self.control.as_ref().map_or(0.0, |control| control.mean_level - control.standing.level());
-        self.standing.level() + shift
+        let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
+        self.standing.level() - of_control
     }
 
-    /// Returns whether the levels of this record and of `other` can be compared: the two records were measured in the
-    /// same rounds, or their blocks share a control point.
-    pub(super) fn has_levels_of(&self, other: &Self) -> bool {
-        let controls = self.control.as_ref().zip(other.control.as_ref());
-        self.together == other.together || controls.is_some_and(|(own, others)| own.key == others.key)
+    /// Returns the name of the record's family. Only the levels of records of one family can be compared: the blocks of
+    /// these records share a control point or, without a control point, the records were measured in the same rounds.
+    pub(super) fn family(&self) -> String {
+        self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
     /// Returns the ratio of this record's time to that of `other`, computed from their ratios to the control
@@ -101,6 +94,16 @@ mod tests {
         assert!((found.middle - 1.25).abs() < 1e-9 && found.low > 1.2 && found.high < 1.3, "{found:?}");
         let ranking = ranking([&records[1], &records[3]]);
         assert_eq!(ranking.winners[0].name, "wide");
+    }
+
+    /// The control point failed in the third block, so this block's points are compared with others by their medians.
+    #[test]
+    fn a_block_without_the_control_point_leaves_the_order_of_the_other_blocks() {
+        let lone = Record { control: None, ..block("tile", 6.5, 2) };
+        let records = judged([&of_two_machines()[..], &[lone]].concat());
+        let ranked = ranking([&records[1], &records[3], &records[4]]).ranked;
+        let names: Vec<_> = ranked.iter().map(|record| record.name.as_str()).collect();
+        assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
     /// The quotient of the control point's ratio to itself, which is exactly 1, and another point's ratio to the

@@ -10,7 +10,7 @@ use crate::device::DeviceKind;
 use crate::measure::{
     BetweenRuns, Interval, MIN_SAMPLES, Paired, PairedSample, Ranking, Relative, Standing, median_of,
 };
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
 const TIE: f64 = 0.01;
@@ -311,14 +311,20 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties with it. A
 /// record ties if the samples do not show that it takes more than 1% longer. A record with too few samples has no rank.
 ///
-/// Levels can be compared only if the records were measured in the same rounds, or if their blocks share a control
-/// point. Otherwise, the records are ranked by their medians, of which [`ratio`] then computes ratios.
+/// Only levels of one family can be compared ([`Place::family`]). The ratio of two records of different families is that
+/// of their medians (see [`ratio`]). The levels of each family are therefore shifted by a constant, so that their mean is
+/// that of the logarithms of the family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
-    let places: Vec<&Place> = measured.iter().filter_map(|record| record.place.as_ref()).collect();
-    let by_level = places.windows(2).all(|two| two[0].has_levels_of(two[1]));
-    let level = |place: &Place| if by_level { place.level() } else { place.median_ms.middle.ln() };
-    let levels = measured.into_iter().map(|record| (record, record.place.as_ref().map(level)));
+    let mut families: HashMap<String, Vec<f64>> = HashMap::new();
+    for place in measured.iter().filter_map(|record| record.place.as_ref()) {
+        families.entry(place.family()).or_default().push(place.median_ms.middle.ln() - place.level());
+    }
+    let mean_of = |all: &Vec<f64>| all.iter().sum::<f64>() / all.len() as f64;
+    let shifts: HashMap<&str, f64> =
+        families.iter().map(|(family, all)| (family.as_str(), mean_of(all))).collect();
+    let level = |place: &Place| Some(place.level() + shifts.get(place.family().as_str())?);
+    let levels = measured.into_iter().map(|record| (record, record.place.as_ref().and_then(level)));
     let ties = |record: &Record, best: &Record| {
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
     };

@@ -84,15 +84,21 @@ pub fn refuse_file(folder: &Path) -> Result<()> {
     }))
 }
 
-/// Fails with this remedy if a folder exists, but this process may not create files in it.
+/// Fails with this remedy if this process may not create files in a folder. If the folder does not exist, it would have
+/// to be made: then fails if this process may not create files in the closest folder above it that exists.
 pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
-    if !folder.is_dir() {
-        return Ok(());
-    }
-    may_write(folder).map_err(|error| {
-        let message = format!("the folder '{}' cannot be written to ({})", folder.display(), error.kind());
+    let Some(found) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
+    may_write(found).map_err(|error| {
+        let reason = format!("the folder '{}' cannot be written to ({})", found.display(), error.kind());
+        let exists = found == or_current(folder);
+        let message = if exists { reason } else { format!("cannot make {}: {reason}", folder.display()) };
         Error::input(message).with_help(remedy)
     })
+}
+
+/// Returns `.` if a path is empty, else the path.
+fn or_current(path: &Path) -> &Path {
+    if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
 /// Returns the error of a folder that cannot be made, with this remedy. It is a mistake of the user if the folder's
@@ -246,6 +252,23 @@ mod tests {
             assert_eq!((error.exit_code(), error.remedy()), (2, "elsewhere"));
             let message = error.to_string();
             assert!(message.starts_with("the folder '/proc/sys' cannot be written to ("), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_would_have_to_be_made_is_refused_if_the_closest_folder_above_it_is_closed() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(refuse_closed(&folder.path().join("new/inner"), "").is_ok());
+        // The path `new` has an empty path above it, which means the current folder.
+        let above = Path::new("new").ancestors().map(or_current);
+        assert_eq!(above.collect::<Vec<_>>(), ["new", "."].map(Path::new));
+        if cfg!(target_os = "linux") {
+            for made in ["/proc/sys/new", "/proc/sys/new/inner"] {
+                let error = refuse_closed(Path::new(made), "elsewhere").unwrap_err();
+                assert_eq!((error.exit_code(), error.remedy()), (2, "elsewhere"));
+                let expected = format!("cannot make {made}: the folder '/proc/sys' cannot be written to (");
+                assert!(error.to_string().starts_with(&expected), "{error}");
+            }
         }
     }
 

@@ -80,7 +80,8 @@ impl Animation {
         })
     }
 
-    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS) contains them.
+    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS) contains all pictures among them. Meshes of
+    /// later frames are not read if they cannot name pictures.
     pub(crate) fn find_files(&mut self) {
         // The file of frame 1 has been read.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
@@ -186,11 +187,13 @@ impl Animation {
 }
 
 /// Refuses a track of an angle of the camera if the file itself or another track sets the camera's position, because
-/// the angle would have no effect. A position that an option sets is not refused: it replaces the file's camera.
+/// the angle would have no effect. The file's own position does not count if a track replaces the whole camera. A
+/// position that an option sets is not refused: it replaces the file's camera.
 fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result<()> {
     let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
     let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
-    let is_placed = file.get("camera").is_some_and(|camera| camera.get("position").is_some());
+    let is_replaced = tracks.iter().any(|track| track.path.get_ref() == "camera");
+    let is_placed = !is_replaced && file.get("camera").is_some_and(|camera| camera.get("position").is_some());
     if !is_placed && !tracks.iter().any(Track::places_camera) {
         return Ok(());
     }
@@ -306,6 +309,14 @@ mod tests {
             assert_eq!(crate::error::line_of(&text, error.span.unwrap().offset()), 9);
         }
         assert!(load(&file("look_at = [0, 0, 0]", ""), &[]).is_ok());
+        // An earlier track replaces the camera of the file.
+        let after = |camera: &str| {
+            let values = format!("values = [{{ {camera} }}, {{ {camera} }}]");
+            let whole = format!("[[animation.track]]\npath = \"camera\"\n{values}\n[[animation.track]]");
+            file(place, "").replace("[[animation.track]]", &whole)
+        };
+        assert_ne!(load(&after("look_at = [0, 0, 0]"), &[]).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
+        assert!(load(&after(place), &[]).is_err(), "the track sets a position");
         // A value of an option replaces the camera of the file.
         let eye = Value::Array([0, 0, 9].map(Value::from).to_vec());
         let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];

@@ -171,11 +171,25 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
         let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at };
         let header = reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)?;
         for other in files {
-            reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?)?;
+            let checked = reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?);
+            checked.map_err(|error| match sources.own_path(&other) {
+                Some(_) => error,
+                // The user cannot edit a built-in file.
+                None => taken(&path, &named.name, &other),
+            })?;
         }
         Ok(header)
     };
     all.iter().map(read).collect()
+}
+
+/// Returns the error about a file of the user that has the name of a built-in value, and whose folder comes before the
+/// folder of the built-in header.
+fn taken(path: &str, name: &str, built_in: &str) -> Error {
+    Error::input(format!(
+        "{path}: '{name}' is the name of a built-in value, whose header is in cl/{built_in}"
+    ))
+    .with_help("choose another file name")
 }
 
 /// Refuses values whose names cannot be written in `--strategy`, in TOML and in records.
@@ -583,5 +597,24 @@ mod tests {
             assert!(error.to_string().contains(&place), "{error}");
             assert!(error.to_string().ends_with("is in cl/cast/intersect/watertight.cl"), "{error}");
         }
+    }
+
+    #[test]
+    fn a_new_file_before_a_built_in_header_needs_another_name() {
+        let (file, built_in) = ("cast/intersect/edge_planes.cl", "tile_cpu/intersect/edge_planes.cl");
+        let text = Sources::Embedded.read("cast/intersect/moller_trumbore.cl").unwrap();
+        let error = refused_of(&[(file, &text)]);
+        let said = format!(
+            "{file}: 'edge-planes' is the name of a built-in value, whose header is in cl/{built_in}"
+        );
+        assert!(error.to_string().ends_with(&said), "{error}");
+        assert_eq!((error.exit_code(), error.remedy()), (2, "choose another file name"));
+        // A file of the user in the place of the built-in one can be edited.
+        let own = Sources::Embedded.read(built_in).unwrap();
+        let error = refused_of(&[(file, &text), (built_in, &own)]);
+        assert!(
+            error.to_string().contains(&format!("{built_in}, line 1: 'meaning' is a key of a header")),
+            "{error}"
+        );
     }
 }

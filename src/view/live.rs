@@ -35,7 +35,7 @@ pub struct Live {
     sources: Sources,
     loaded: Loaded,
     scene: Arc<Scene>,
-    /// The picture's size when the scene was read, for which the scene's camera was placed.
+    /// The first picture's size, for which the scene's camera is placed.
     framed: [u32; 2],
     device: Device,
     queue: Queue,
@@ -291,7 +291,9 @@ impl Live {
     /// everything stays as it was.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
-        let loaded = self.subject.load(true, self.dressed)?;
+        let [width, height] = self.framed;
+        let framed = Subject { width, height, ..self.subject.clone() };
+        let loaded = framed.load(true, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
         let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
         let way = self.way();
@@ -299,7 +301,6 @@ impl Live {
             ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info))?;
         self.show = show(&self.queue, &sources, &self.device.info)?;
         (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
-        self.framed = self.subject.size();
         (self.prepared, self.caster) = ready;
         self.sum.restart();
         Ok(())
@@ -406,6 +407,16 @@ mod tests {
                 assert!(is_near, "{fov_is_vertical} {size:?}: {x} {y}, not {expected:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_scene_that_is_read_again_keeps_what_a_picture_of_another_size_shows() {
+        let mut live = live(&[], 1);
+        live.resize([80, 20]).expect("another size");
+        let before = live.view(&Pose::START);
+        live.reload().expect("the same scene");
+        assert!(before.0.fov_is_vertical && live.size() == [80, 20]);
+        assert_eq!(live.view(&Pose::START), before);
     }
 
     use super::super::tests::live;

@@ -171,6 +171,7 @@ impl<S: Screen> Viewer<S> {
             None => self.screen.show(&picture)?,
         }
         self.shown = Some(picture);
+        self.redraws = false;
         Ok(())
     }
 
@@ -246,6 +247,8 @@ impl<S: Screen> Viewer<S> {
     /// If the screen has become larger or smaller, casts pictures of its new size from now on.
     fn fit(&mut self, room: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.room, room);
+        // A window system may clear a window that changes its size.
+        self.redraws |= known.is_some() && known != room;
         let changed = room.filter(|size| known != room && *size != self.live.size());
         if let Some(size) = changed {
             self.tried(|live| live.resize(size));

@@ -92,6 +92,14 @@ impl Motion {
     }
 }
 
+/// Returns whether rendering the frames may replace a file. `frames` is the number of frames of the scene's animation.
+pub fn may_replace(args: &Args, frames: u32) -> bool {
+    let count = args.motion.turntable.unwrap_or(frames);
+    let wanted = args.motion.asked(count).and_then(|all| args.motion.share(all));
+    // Without frames, nothing is written; `run` tells a wrong range.
+    wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
+}
+
 /// Reports that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     let text = format!(

@@ -15,7 +15,7 @@ use crate::output::{Choice, refuse_other_folders};
 use crate::peak::Peak;
 use crate::program::Sources;
 use crate::record::journals::RECORDS;
-use crate::record::{Environment, Record};
+use crate::record::{Environment, Record, refuse_closed};
 use crate::shard::{
     About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, watch_launcher,
 };
@@ -43,6 +43,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let experiment = distinct_scenes(experiment)?;
     let header = header(&experiment, &sources[0], shard.of)?;
     refuse_others(&out, args.force)?;
+    refuse_closed(&out, "choose another folder with --out DIR")?;
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -128,6 +129,8 @@ impl Part<'_> {
         let pulse = Pulse::start(&attempt.folder)?;
         let mut listener = observer(self.args.quiet, self.args.verbose);
         let found = self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
+        // The last count must be in the folder before it is marked as ended; others may copy the folder from then on.
+        drop(pulse);
         attempt.ended(&match &found {
             Ok(_) => End::Done,
             Err(Error::Interrupted { .. }) => End::Interrupted,
@@ -240,6 +243,22 @@ mod tests {
         let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
         let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
         assert!(error.to_string().contains("can only be compared on one machine"), "{error}");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_cannot_be_made_is_refused_before_the_devices_are_listed() {
+        let place = tempfile::tempdir().expect("a folder");
+        let (config, root) = (place.path().join("a.toml"), env!("CARGO_MANIFEST_DIR"));
+        let lines = "question = '?'\nexpectation = '!'\nstrategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [4]";
+        std::fs::write(&config, format!("{lines}\nscenes = ['{root}/scenes/triangle.toml']\n"))
+            .expect("a file");
+        // Not even the superuser can make folders in /proc/sys.
+        let args = Args::of(config, Path::new("/proc/sys/out"), &["no such device".to_owned()], &[]);
+        let error = run(&args, Asked::Given(Shard { number: 1, of: 4 })).expect_err("the folder is closed");
+        assert_eq!((error.exit_code(), error.remedy()), (2, "choose another folder with --out DIR"));
+        let expected = "cannot make /proc/sys/out: the folder '/proc/sys' cannot be written to (";
+        assert!(error.to_string().starts_with(expected), "{error}");
     }
 
     /// The plan has three shards for two groups of points, so a group is divided among shards. One of these shards also

@@ -164,8 +164,13 @@ fn points_of_several_sessions_are_ranked_by_the_medians_of_which_their_ratios_ar
     let ratios = ranked.iter().map(|record| ratio(record, ranked[0]).expect("enough samples").middle);
     assert!(ratios.clone().all(|ratio| ratio >= 1.0), "{:?}", ratios.collect::<Vec<_>>());
     // Samples of the same rounds are paired, and their points are ranked by the means.
-    let records = judged([session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])]);
-    assert_eq!(ranking(&records).ranked[0].name, "wide");
+    let same = [session("wide", 0, [1.2; 3]), session("naive", 0, [1.0, 1.0, 4.0])];
+    assert_eq!(ranking(&judged(same.clone())).ranked[0].name, "wide");
+    // A point of another session does not change this order.
+    let records = judged([&same[..], &[session("tile", 3, [5.0; 3])]].concat());
+    let ranked = ranking(&records).ranked;
+    let names: Vec<_> = ranked.iter().map(|record| record.name.as_str()).collect();
+    assert_eq!(names, ["wide", "naive", "tile"]);
 }
 
 /// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing

@@ -48,13 +48,45 @@ impl<'a> Run<'a> {
     }
 
     /// Returns the command that measures the points that the page lacks, with more options. The page's folder contains
-    /// the run's folder.
+    /// the run's folder. The command repeats the run's devices and changed values; otherwise, it would measure another
+    /// plan, and the page would hide the records of this one.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
-        let out: Vec<_> = option("--out", page).iter().map(|word| quote(word)).collect();
-        format!("raycl reproduce {} --resume{more}", out.join(" "))
+        let environment = &self.folder.environment;
+        let words = option("--out", page).into_iter().chain(devices(environment)).chain(changes(environment));
+        let words: Vec<_> = words.map(|word| quote(&word)).collect();
+        format!("raycl reproduce {} --resume{more}", words.join(" "))
     }
+}
+
+/// Returns the options `--device` in the command line of a run's environment.
+fn devices(environment: &Value) -> Vec<String> {
+    let words = texts(environment, "command_line");
+    let given = words.iter().enumerate().filter_map(|(place, word)| match *word {
+        "--device" => words.get(place + 1).copied(),
+        joined => joined.strip_prefix("--device="),
+    });
+    given.flat_map(|name| option("--device", name)).collect()
+}
+
+/// Returns an option `--set` for each value that a run changed. The environment has these values as lines of TOML.
+fn changes(environment: &Value) -> Vec<String> {
+    let lines = texts(environment, "overrides");
+    lines.iter().flat_map(|line| option("--set", line.replacen(" = ", "=", 1))).collect()
+}
+
+/// Returns the texts of a list in a run's environment; none if the list does not exist.
+fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
+    environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+}
+
+/// Returns the command that measures what the page lacks about a device; `None` without runs. If the measurement of one
+/// of the device's points was not completed, the command measures such points again.
+pub fn completion(runs: &[Run<'_>], device: &str) -> Option<String> {
+    let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
+    let is_retried = groups.flat_map(|group| &group.records).any(|record| is_incomplete(record));
+    Some(runs.first()?.completion(if is_retried { " --retry-failed" } else { "" }))
 }
 
 /// The part of a run that belongs to one device.

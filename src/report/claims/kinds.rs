@@ -4,7 +4,7 @@ use super::claim_data::{ClaimData, is_incomplete, side};
 use super::point::Point;
 use super::sure::Ratio;
 use super::table::{FastestTest, LocalSize, Memory, Pass, Preset, Test};
-use super::verdict::{Line, Verdict};
+use super::verdict::{Data, Line, Verdict};
 use crate::device::LaneOperations;
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
@@ -60,8 +60,12 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let verdict = |(_, ratio): &&(&Record, Ratio)| ratio.verdict(&(test.by..=f64::INFINITY));
     let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
+    let (untimed, decides) = (without_time(&others), "a complete run of the points without a time");
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
-        return found.missing(&format!("a point to compare with {}{}", test.is, exceptions(found, test)));
+        let compared = format!("point to compare with {}{}", test.is, exceptions(found, test));
+        let Some(untimed) = untimed else { return found.missing(&format!("a {compared}")) };
+        let text = format!("no {compared} has a time: {untimed}");
+        return Line { data: Data::Incomplete, ..Line::unclear(text, found.complete(decides)) };
     };
     let part = match ratios.len() {
         1 => "the only other one".to_owned(),
@@ -69,10 +73,9 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     };
     let name = format!("{}, {part},", side(&test.is, other));
     let line = ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY);
-    match without_time(&others) {
+    match untimed {
         Some(untimed) if line.verdict == Verdict::Held => {
-            let decides = found.complete("a complete run of the points without a time");
-            Line::unclear(format!("{}; without a time: {untimed}", line.text), decides)
+            Line::unclear(format!("{}; without a time: {untimed}", line.text), found.complete(decides))
         }
         _ => line,
     }

@@ -12,7 +12,7 @@ mod sure;
 mod table;
 mod verdict;
 
-pub use claim_data::Run;
+pub use claim_data::{Run, completion};
 pub use sure::Ratio;
 pub use table::{Row, table};
 pub use verdict::{Line, Verdict};
@@ -168,6 +168,22 @@ mod tests {
     }
 
     #[test]
+    fn a_command_repeats_the_devices_and_the_changed_values_of_the_run() {
+        let words =
+            ["raycl", "reproduce", "--device", "gpu", "--device=my cpu", "--set", "image_sizes=[[8,5]]"];
+        let overrides = ["image_sizes = [[8,5]]", "question = \"a = b?\""];
+        let environment = serde_json::json!({"command_line": words, "overrides": overrides});
+        let folder = Folder { environment, path: "out/figure-6".into(), ..Folder::default() };
+        let told = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
+        let options =
+            "--device gpu --device 'my cpu' --set 'image_sizes=[[8,5]]' --set 'question=\"a = b?\"'";
+        assert_eq!(
+            told.decides(),
+            [format!("the missing record: `raycl reproduce --out out {options} --resume`")]
+        );
+    }
+
+    #[test]
     fn of_several_runs_that_cannot_test_a_claim_the_one_that_lacks_least_is_told() {
         let [own, other] =
             ["figure-6", "figure-8"].map(|label| Folder { label: label.into(), ..Folder::default() });
@@ -309,6 +325,14 @@ mod tests {
         assert!(open.decides()[0].ends_with("--resume --retry-failed`"), "{open:?}");
         let several = told("4x4", &[crashed.clone(), wrong]);
         assert!(several.lines[0].text.ends_with(" and 1 more"), "{several:?}");
+        let only = claim(
+            &fastest("4x4", "by = 1.05"),
+            &[&[&sizes(&[(4, 10.0)])[..], std::slice::from_ref(&crashed)].concat()],
+        );
+        let no_time =
+            "no point to compare with naive at 4 x 4 on teapot has a time: naive at 6 x 6 (crashed)";
+        assert_eq!((only.verdict, only.lines[0].text.as_str()), (Verdict::Unclear, no_time));
+        assert!(only.decides()[0].ends_with("--resume --retry-failed`"), "{only:?}");
         assert_eq!(told("16x16", &[crashed]).verdict, Verdict::NotHeld, "one faster point is enough");
         assert_eq!(told("4x4", &[infeasible("gpu", "naive", 6, "why")]).verdict, Verdict::Held);
     }

@@ -5,7 +5,7 @@ use super::with_most;
 use crate::measure::Ranking;
 use crate::memory::readable;
 use crate::record::{Group, HOST, Record, by, duration, file_name, median, percent, ranking};
-use crate::report::claims::{Ratio, Run};
+use crate::report::claims::{Ratio, Run, completion};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
 use crate::report::view;
@@ -82,7 +82,7 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut V
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
         contests.map(|contest| names(&contest.ranking.all()).len()).max().unwrap_or(0)
     };
-    let Some(run) = with_most(runs, 2, kinds) else { return unknown(runs) };
+    let Some(run) = with_most(runs, 2, kinds) else { return unknown(runs, device) };
     let own = run.groups.iter().filter(|group| group.device == device && group.device != HOST);
     let mut contests: Vec<Contest<'_>> =
         own.map(Contest::of).filter(|contest| names(&contest.ranking.all()).len() > 1).collect();
@@ -105,9 +105,9 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut V
     }
 }
 
-fn unknown(runs: &[Run<'_>]) -> Answer {
-    let command =
-        runs.first().map_or(String::new(), |run| format!("; `{}` measures them", run.completion("")));
+fn unknown(runs: &[Run<'_>], device: &str) -> Answer {
+    let remedy = |command: String| format!("; `{command}` measures them");
+    let command = completion(runs, device).map_or(String::new(), remedy);
     let line = format!("not known, because no run has several memory strategies{command}");
     Answer { strategy: line.clone(), size: line.clone(), why: line.clone(), sure: line, plots: Vec::new() }
 }
@@ -272,8 +272,8 @@ fn sure(contest: &Contest<'_>) -> String {
 mod tests {
     use super::*;
     use crate::program::CompiledKernel;
-    use crate::record::fixtures::{few, judged, measured};
-    use crate::record::{Folder, groups};
+    use crate::record::fixtures::{few, infeasible, judged, measured};
+    use crate::record::{Folder, Outcome, groups};
 
     fn of(records: &[Record]) -> Answer {
         let folder = Folder::default();
@@ -306,6 +306,9 @@ mod tests {
         let found = answer(&Run::of(&folder, groups(&records)), "gpu", "", &mut Vec::new());
         let words = "has several memory strategies; `raycl reproduce --out out --resume` measures them";
         assert!(found.sure.ends_with(words), "{}", found.sure);
+        let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "private", 4, "why") };
+        let again = of(&[measured("gpu", "naive", 4, 9.1), crashed]);
+        assert!(again.sure.ends_with(" --resume --retry-failed` measures them"), "{}", again.sure);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use super::curves::curves_of;
 use super::predicted::predicted;
 use crate::error::Result;
-use crate::report::claims::Run;
+use crate::report::claims::{Run, completion};
 use crate::report::gallery::{Picture, Pictures};
 use crate::report::plot::Plot;
 use crate::toml_error::toml_error;
@@ -70,7 +70,7 @@ pub fn figure(
         number => curves_of(number, runs, device, suffix).unwrap_or_default(),
     };
     let is_missing = shown.is_empty() && plots.is_empty();
-    let missing = runs.first().filter(|_| is_missing).map_or(String::new(), |run| run.completion(""));
+    let missing = completion(runs, device).filter(|_| is_missing).unwrap_or_default();
     Figure { about, pictures: shown, plots, rows, missing }
 }
 

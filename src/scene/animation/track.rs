@@ -3,10 +3,12 @@
 use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
 use crate::error::Result;
+use crate::filetype::MeshFormat;
 use crate::scene::document::Document;
 use crate::scene::overrides;
 use crate::scene::setting::TrackValue;
 use crate::words::counted;
+use std::path::Path;
 use toml::{Spanned, Value};
 
 /// Largest number of names and indices in a track's path; `object.0.face_normals.0.0` has five.
@@ -98,12 +100,12 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the frames at which a value of this track begins; none if all values are numbers, because numbers name
-    /// no file.
+    /// Returns the frames at which a value of this track begins; none if no value can name a picture, not even through
+    /// another file.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
-        let may_name_files = !self.values.iter().all(|value| is_numeric(value.get_ref()));
+        let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
         // Keyframes at equal distances can lie between frames.
-        self.at.iter().filter(move |_| may_name_files).map(|at| at.ceil() as u32)
+        self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
     /// Returns what messages about a frame need to know of the value that the track sets. They contain the track's path
@@ -129,6 +131,12 @@ impl Track {
     fn last_keyframe(&self, frame: f64) -> usize {
         self.at.partition_point(|at| *at <= frame).saturating_sub(1)
     }
+}
+
+/// Returns whether a value is numeric or the name of a mesh in a format that cannot name other files.
+fn names_no_picture(value: &Value) -> bool {
+    let format = value.as_str().and_then(|name| MeshFormat::from_ending(Path::new(name)));
+    is_numeric(value) || matches!(format, Some(MeshFormat::Stl | MeshFormat::Ply))
 }
 
 /// The help in an error about values that cannot be interpolated.
@@ -228,6 +236,24 @@ mod tests {
         }
         let ends = [0, 1, 16, 20].map(|frame| track.value(frame));
         assert_eq!(ends, [0.0, 0.0, 50.0, 50.0].map(Value::Float));
+    }
+
+    #[test]
+    fn files_are_searched_for_pictures_unless_no_value_can_name_one() {
+        let steps = |names: [&str; 2]| {
+            let track = Track {
+                number: 0,
+                path: Spanned::new(0..0, "object.0.mesh".to_owned()),
+                at: vec![1.0, 2.5],
+                values: names.map(|name| Spanned::new(0..0, Value::from(name))).into(),
+                interpolation: Interpolation::Step,
+            };
+            track.steps().collect::<Vec<_>>()
+        };
+        assert!(steps(["a.stl", "b.PLY"]).is_empty() && steps(["a.ply.gz", "b.stl.gz"]).is_empty());
+        for names in [["a.stl", "b.obj"], ["a.glb", "b.stl"], ["a.exr", "b.exr"], ["a.stl", "stl"]] {
+            assert_eq!(steps(names), [1, 3], "{names:?}");
+        }
     }
 
     #[test]

@@ -115,6 +115,9 @@ impl Terminal {
         self.cell_pixels = cell_pixels.unwrap_or(self.cell_pixels);
         // The line of text is written again, on the new last line.
         self.line.clear();
+        // What was under the pointer is now elsewhere.
+        self.pointer = None;
+        self.dragged = None;
     }
 
     fn write(&mut self, text: &str) -> Result<()> {
@@ -360,10 +363,11 @@ mod tests {
         assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
         assert_eq!(terminal.input().expect("no input").room, Some([600, 200]));
         // A larger terminal has room for a larger picture, but shows the last one until then.
+        terminal.pointer = Some([594, 189]);
         terminal.resized([100, 40], Some([20, 40]));
         assert_eq!(
-            (terminal.room(), terminal.visible(), terminal.cell_pixels),
-            ([2000, 1560], [800, 460], [20, 40])
+            (terminal.room(), terminal.visible(), terminal.cell_pixels, terminal.pointer),
+            ([2000, 1560], [800, 460], [20, 40], None)
         );
     }
 

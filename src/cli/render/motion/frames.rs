@@ -70,14 +70,20 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// Returns the numbered files whose names follow from the path of `target`. The folder of this path must exist, and
-    /// none of the files that are written may be a file of the scene.
-    pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
-        let digits = count.to_string().len().max(4);
-        let numbered = Self { pattern: target.clone(), digits, force, wanted };
-        numbered.target(wanted.first).check_folder()?;
-        wanted.numbers().try_for_each(|number| spare_scene(&numbered.target(number)))?;
-        Ok(numbered)
+    /// Returns the numbered files whose names follow from the path of `target`.
+    pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Self {
+        Self { pattern: target.clone(), digits: count.to_string().len().max(4), force, wanted }
+    }
+
+    /// Checks that the files' folder exists, and that none of the files is a file of the scene, which has been loaded.
+    pub fn check(&self) -> Result<()> {
+        self.target(self.wanted.first).check_folder()?;
+        self.wanted.numbers().try_for_each(|number| spare_scene(&self.target(number)))
+    }
+
+    /// Returns whether a file may be replaced: one of the files exists, and `--force` is given.
+    pub fn may_replace(&self) -> bool {
+        self.force && self.wanted.numbers().any(|number| self.file(number).exists())
     }
 
     fn target(&self, number: u32) -> Target {
@@ -173,7 +179,8 @@ mod tests {
         let choice = Choice::new(false, "-o FILE");
         let of = |folder: &str, count| {
             let target = Target::new(place.path().join(folder).join("a.png"), choice);
-            let numbered = Numbered::new(&target, false, Frames { first: 7, last: 7 }, count)?;
+            let numbered = Numbered::new(&target, false, Frames { first: 7, last: 7 }, count);
+            numbered.check()?;
             Ok::<_, Error>(numbered.file(7).strip_prefix(place.path()).unwrap().display().to_string())
         };
         assert_eq!([of("", 9999), of("", 10_000)].map(Result::unwrap), ["a-0007.png", "a-00007.png"]);

@@ -57,11 +57,25 @@ impl Sink {
         if target.is_standard_output() {
             return Ok(Self::Movie(Movie::y4m(target, size, rate)));
         }
-        if target.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("apng")) {
+        if is_apng(&target) {
             spare_scene(&target)?;
             return Ok(Self::Movie(Movie::apng(target, size, rate, wanted.len())));
         }
-        Ok(Self::Numbered(Numbered::new(&target, args.force, wanted, count)?))
+        let numbered = Numbered::new(&target, args.force, wanted, count);
+        numbered.check()?;
+        Ok(Self::Numbered(numbered))
+    }
+
+    /// Returns whether writing the frames `wanted`, out of `count` frames, may replace a file.
+    pub fn may_replace(args: &Args, wanted: Frames, count: u32) -> bool {
+        let target = target(args);
+        if target.is_standard_output() {
+            return false;
+        }
+        if is_apng(&target) {
+            return target.path().exists();
+        }
+        Numbered::new(&target, args.force, wanted, count).may_replace()
     }
 
     /// Returns the names of the files, for messages.
@@ -91,6 +105,11 @@ impl Sink {
             Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
         }
     }
+}
+
+/// Returns whether the frames are written to one animated picture.
+fn is_apng(target: &Target) -> bool {
+    target.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("apng"))
 }
 
 /// Returns the error for a number of frames per second that is given with numbered pictures, which have no such number.
