@@ -157,6 +157,19 @@ impl Sources {
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
+    /// Returns an error of the preprocessor with the file's path instead of the file's name, with which its message
+    /// begins. `files` are the names of the program's files.
+    pub fn with_path(&self, error: Error, files: &[String]) -> Error {
+        error.placed(|message| {
+            let located = files.iter().find_map(|file| {
+                let place =
+                    message.strip_prefix(file.as_str()).filter(|place| place.starts_with(", line "))?;
+                Some(format!("{}{place}", self.path_of(file)))
+            });
+            Error::input(located.unwrap_or(message))
+        })
+    }
+
     /// Returns the sorted names of all files built into the binary.
     pub fn names() -> Vec<&'static str> {
         let mut names = Vec::new();
@@ -311,6 +324,26 @@ mod tests {
         // PoCL names the definition of a macro in this way.
         let log = "error: cast/b.cl:1:2 <Spelling=cast/a.cl:7:1>: no";
         assert_eq!(with_paths(log, path), "error: cast/b.cl:1:2 <Spelling=mine/cast/a.cl:7:1>: no");
+    }
+
+    #[test]
+    fn a_mistake_that_the_preprocessor_finds_begins_with_the_files_path() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.cl"), "#else\n").unwrap();
+        let sources = Sources::Folder(folder.path().to_owned());
+        let files = ["a.cl", "cast/shade.cl"].map(str::to_owned);
+        let own = folder.path().join("a.cl").display().to_string();
+        for (message, expected) in [
+            ("a.cl, line 1: no", format!("{own}, line 1: no")),
+            (
+                "cast/shade.cl, line 7: a.cl, line 1: no",
+                "cl/cast/shade.cl, line 7: a.cl, line 1: no".to_owned(),
+            ),
+            ("-D A: no", "-D A: no".to_owned()),
+        ] {
+            let told = sources.with_path(Error::input(message).with_help("remedy"), &files);
+            assert_eq!((told.to_string(), told.remedy()), (expected, "remedy"));
+        }
     }
 
     #[test]

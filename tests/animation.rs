@@ -126,6 +126,10 @@ fn a_single_picture_is_the_first_frame_and_says_so() {
     animate(&place, &["--frames", "1"]);
     assert_eq!(pixels(&place, "one.png"), pixels(&place, "scene-0001.png"));
     assert!(!place.path("scene-0002.png").exists());
+    // A picture shows all of an animation of one frame.
+    let whole = self::place("[animation]\nframes = 1\n");
+    let said = whole.output(&[&usual, &SIZE[..]].concat());
+    assert!(!said.contains("--animate"), "{said}");
 }
 
 #[test]
@@ -379,7 +383,10 @@ fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_told() {
     // If the camera has no direction at one frame, the message comes when this frame is reached.
     let blind = track("path = \"camera.position\"\nvalues = [[0, 0.5, 0], [2, 0.5, 0]]");
     let said = place(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
-    has(&said, &["looks at the same point", "scene.toml at frame 5", "track `camera.position` at frame 5"]);
+    has(
+        &said,
+        &["looks at the same point", "at frame 5: the camera is at", "track `camera.position` at frame 5"],
+    );
     let place = place(TRACKS);
     for (options, message) in [
         (&["--turntable", "3"][..], "cannot be used with"),

@@ -267,6 +267,15 @@ fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
     assert_eq!(place.text("out/records.jsonl"), format!("{record}\n{record}\n"));
     assert_eq!(place.text("out/records.jsonl.damaged-1"), text);
     has(&place.output(&["repair", "out"]), &["no line is damaged"]);
+    // Files that are no journals cannot be repaired.
+    std::fs::write(place.path("out/peak.json"), "no rates").expect("a file");
+    let damaged =
+        ["out/peak.json does not contain peak rates: ", "line 1", "; delete the file; then `raycl run"];
+    let reported = place.raycl(&["report", "out"]).output().expect("raycl starts");
+    has(&String::from_utf8_lossy(&reported.stderr), &damaged);
+    let repaired = place.output(&["repair", "out"]);
+    has(&repaired, &damaged);
+    assert!(!repaired.contains("no line is damaged"), "{repaired}");
     has(&place.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
 }
 

@@ -234,10 +234,10 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
         let place = Place::new();
         let folder = place.kernels(file, "\n\n", &format!("\n{line}\n"));
         let message = place.mistake(&["kernel", "naive", "--cl-dir", &folder], 2);
-        has(&message, &[&format!("{file}, line {at}: {said}"), "help: "]);
+        has(&message, &[&format!(" {folder}/{file}, line {at}: {said}"), "help: "]);
     }
     let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
-    has(&message, &["common/lanes.cl, line ", "32 work-items", "help: "]);
+    has(&message, &["cl/common/lanes.cl, line ", "32 work-items", "help: "]);
     has(&Place::new().mistake(&["kernel", "navie"], 2), &["naive"]);
     has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["is not allowed"]);
 }

@@ -218,7 +218,7 @@ fn a_folder_holds_what_differs() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let kernels = place.kernels("common/store_radiance.cl", "", "#error \"mine\"\n");
     let message = place.mistake(&["kernel", "naive", "--cl-dir", &kernels], 2);
-    has(&message, &["common/store_radiance.cl, line 1: #error \"mine\""]);
+    has(&message, &["kernels/common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
 /// Every axis whose values are kernel files accepts an additional value: here, a copy of a built-in value under another

@@ -173,6 +173,22 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     has(&ground.place.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
 }
 
+/// The parts of several machines were copied together, but neither the same plan nor the kinds of device.
+#[test]
+fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
+    let ground = Ground::new();
+    ["1/2", "2/2"].iter().for_each(|shard| ground.shard(shard));
+    let plan = ground.place.text("out/shards.json");
+    let mut plan: serde_json::Value = serde_json::from_str(&plan).expect("JSON");
+    plan["blocks"][0]["number"] = 99.into();
+    ground.place.write("out/shards.json", &plan.to_string());
+    has(&ground.merge(), &["note: The plan in shards.json is not that of 2 attempts (shard-00001."]);
+    std::fs::remove_dir_all(ground.place.path("out/kinds")).expect("a folder");
+    let said = ground.place.mistake(&["merge", "out"], 2);
+    has(&said, &["no file in out/kinds lists the points of 12 records of 2 attempts (shard-00001."]);
+    assert_eq!(ground.records("out/records.jsonl").len(), POINTS, "the merged results stay");
+}
+
 #[test]
 fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let ground = Ground::new();
@@ -193,6 +209,46 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     ground.place.output(&words);
     ground.merge();
     ground.is_whole();
+}
+
+/// A user merges in another folder than that of the attempts, and without the variable that selected their device.
+#[test]
+fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_device() {
+    let ground = Ground::new();
+    succeeds(run(ground.command("1/2", "1", &[]).env("RAYCL_DEVICE", "gpu")));
+    let out = ground.place.path("out").display().to_string();
+    let mut merge = ground.place.raycl(&["merge", &out, "--quiet"]);
+    let merged = merge.current_dir("/").assert().code(1).get_output().clone();
+    let said = String::from_utf8(merged.stderr).expect("UTF-8");
+    let line = said.lines().find(|line| line.contains("raycl run")).expect("a command");
+    has(line, &["(cd ", "&& raycl run test.toml --quiet --asleep 1 --device gpu --out ", " --shard 2/2)"]);
+    let mut shell = Command::new("sh");
+    let raycl = format!("raycl() {{ '{}' \"$@\"; }}", env!("CARGO_BIN_EXE_raycl"));
+    shell.args(["-c", &format!("{raycl}\n{line}")]).current_dir("/").env_remove("RAYCL_DEVICE");
+    shell.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS).env("RAYCL_MOVED_SAMPLES", "keep");
+    shell.env("RAYCL_LOCK_DIR", ground.place.path(".locks"));
+    succeeds(run(&mut shell));
+    ground.merge();
+    ground.is_whole();
+}
+
+/// Nobody can create files in /proc/sys, not even the superuser.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_merge_into_a_folder_that_may_not_be_written_to_is_the_users_mistake() {
+    let said = Place::new().mistake(&["merge", "/proc/sys"], 2);
+    has(&said, &["the folder '/proc/sys' cannot be written to", "merge a copy of it"]);
+    assert!(!said.contains("--out"), "{said}");
+}
+
+#[test]
+fn shards_that_are_not_merged_are_answered_with_the_merge() {
+    let ground = Ground::new();
+    ground.shard("1/2");
+    for command in [&["report", "out"][..], &["compare", "out", "out"]] {
+        let said = ground.place.mistake(command, 2);
+        has(&said, &["out holds shards that are not merged yet", "first merge them: raycl merge out"]);
+    }
 }
 
 #[test]
@@ -426,6 +482,15 @@ fn slurm_scripts_are_printed_and_none_submitted() {
     );
     let said = ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
     has(&said, &["#SBATCH --exclusive"]);
+    // The device need not be named by the option.
+    let usual = ["run", "test.toml", "--out", "out", "--sbatch", "4"];
+    let said = ground.place.output(&[&usual[..], &["--set", "devices=['h200']"]].concat());
+    let mut default = ground.place.raycl(&usual);
+    let output = default.env("RAYCL_DEVICE", "h200").assert().success().get_output().clone();
+    for said in [said, String::from_utf8_lossy(&output.stdout).into_owned()] {
+        has(&said, &["#SBATCH --gres=gpu:1"]);
+        assert!(!said.contains("--exclusive"), "{said}");
+    }
     assert!(!ground.place.path("out").exists(), "nothing was written");
 }
 

@@ -14,6 +14,9 @@ use std::time::SystemTime;
 
 /// Prefix of the names of unfinished files. A process is writing such a file, or was killed while writing it.
 const UNFINISHED: &str = ".unfinished-";
+/// The least space that a file takes on most disks: a block. An entry counts as at least this many bytes, so the limit
+/// of the cache's size also limits the number of its entries.
+const BLOCK_BYTES: u64 = 4096;
 
 /// A folder of entries. Without a folder, nothing is stored.
 #[derive(Clone, Debug, Default)]
@@ -55,7 +58,7 @@ impl Cache {
         self.folder.as_deref()
     }
 
-    /// Returns the limit of the total size of all entries, in bytes.
+    /// Returns the limit of the total size of all entries, in bytes. A small entry counts as `BLOCK_BYTES`.
     pub fn limit_bytes(&self) -> u64 {
         self.limit_bytes
     }
@@ -89,7 +92,7 @@ impl Cache {
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
-        let fits = bytes.len() as u64 <= self.limit_bytes;
+        let fits = space_bytes(bytes.len() as u64) <= self.limit_bytes;
         if !fits || folder::make(folder).is_err() || folder::trusted(folder).is_none() {
             return false;
         }
@@ -117,12 +120,17 @@ impl Cache {
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {
-            left_bytes += entry.bytes;
+            left_bytes += space_bytes(entry.bytes);
             if left_bytes > self.limit_bytes {
                 let _ = std::fs::remove_file(&entry.path);
             }
         }
     }
+}
+
+/// Returns what an entry of this size counts towards the limit.
+fn space_bytes(bytes: u64) -> u64 {
+    bytes.max(BLOCK_BYTES)
 }
 
 /// Removes entries; returns the number and size of the removed entries. An entry that is already gone is no error:
@@ -226,7 +234,7 @@ mod tests {
 
     #[test]
     fn what_was_not_used_for_longest_goes_first() {
-        let (_place, cache) = cache(1_000);
+        let (_place, cache) = cache(3 * BLOCK_BYTES);
         let day = Duration::from_secs(86_400);
         for (key, days) in [("a", 3), ("b", 1), ("c", 2)] {
             assert!(cache.put("program", key, &[0; 200]));
@@ -237,15 +245,22 @@ mod tests {
         assert!(cache.put("program", "d", &[0; 200]));
         let kept = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
         assert_eq!(kept, [true, true, false, true]);
-        assert!(!cache.put("program", "e", &[0; 2_000]), "larger than the cache may be");
+        assert!(!cache.put("program", "e", &[0; 20_000]), "larger than the cache may be");
     }
 
     #[test]
     fn entries_that_fill_the_limit_stay() {
         let (_place, large) = cache(10_000);
-        assert!(large.put("program", "a", &[0; 200]));
+        assert!(large.put("program", "a", &[0; 5_000]));
         let (_place, full) = cache(2 * large.entries()[0].bytes);
-        assert!(["a", "b"].iter().all(|key| full.put("program", key, &[0; 200])));
+        assert!(["a", "b"].iter().all(|key| full.put("program", key, &[0; 5_000])));
+        assert_eq!(full.entries().len(), 2);
+    }
+
+    #[test]
+    fn a_small_entry_counts_as_the_block_that_it_takes_on_a_disk() {
+        let (_place, full) = cache(2 * BLOCK_BYTES);
+        assert!((0..5).all(|key| full.put("program", &key.to_string(), b"small")));
         assert_eq!(full.entries().len(), 2);
     }
 
@@ -341,9 +356,9 @@ mod tests {
     #[test]
     fn an_entry_may_be_as_large_as_the_cache() {
         let (_place, large) = cache(10_000);
-        assert!(large.put("program", "a", &[0; 200]));
+        assert!(large.put("program", "a", &[0; 5_000]));
         let bytes = large.entries()[0].bytes;
         let [(_full, full), (_small, small)] = [bytes, bytes - 1].map(cache);
-        assert_eq!([full, small].map(|cache| cache.put("program", "a", &[0; 200])), [true, false]);
+        assert_eq!([full, small].map(|cache| cache.put("program", "a", &[0; 5_000])), [true, false]);
     }
 }

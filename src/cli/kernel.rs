@@ -72,9 +72,10 @@ pub fn run(args: Args) -> Result<()> {
     let workload = workload(&args, &strategy, device.as_ref())?;
     let spec = ProgramSpec::unchecked(&sources, &strategy, &workload, builtins)?;
     let program = match &device {
-        Some(device) => on_device(device, &strategy, &workload, &spec)?,
-        None => preprocess(&spec.source, &spec.options, &BTreeMap::new())?,
+        Some(device) => on_device(device, &strategy, &workload, &spec),
+        None => preprocess(&spec.source, &spec.options, &BTreeMap::new()),
     };
+    let program = program.map_err(|error| sources.with_path(error, &spec.files))?;
     if args.canonical {
         return super::print(canonical(&program.text()).trim_end());
     }

@@ -1,12 +1,12 @@
 //! `raycl merge`: merges the shards of an experiment into one folder of results.
 
-use super::measured::refuse_failed;
+use super::measured::failures;
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
 use crate::record::journals::{RECORDS, SUMMARY};
-use crate::record::{Folder, Record, renew_intervals, summary_terminal};
+use crate::record::{Folder, Record, refuse_closed, renew_intervals, summary_terminal};
 use crate::report;
-use crate::shard::{Merged, Missing, ShardPlan, Status, merge, no_shards, status};
+use crate::shard::{Merged, Missing, MissingKind, ShardPlan, Status, merge, no_shards, status};
 use crate::words::{counted, counted_are};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -59,6 +59,9 @@ pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
     }
+    if args.out.is_dir() {
+        refuse_closed(&args.out, "merge as a user who may write to this folder, or merge a copy of it")?;
+    }
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
     // A point's 95% interval depends on all launches (worker processes), but the process that measured a shard had only
@@ -99,32 +102,48 @@ fn counts(merged: &Merged) -> String {
     )
 }
 
-/// Returns an error if points of the experiment are missing or failed.
+/// Returns an error if points of the experiment are missing or failed. Its help names the commands that measure these
+/// points.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")
             .with_help("start the shards: raycl run CONFIG --shard 1/N --out OUT"));
     }
+    let (mut said, mut help) = (Vec::new(), Vec::new());
     if !missing.is_empty() {
-        let said = missing.kinds.iter().map(|kind| {
-            let first = kind.points.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
-            let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
-            let more = if kind.points.len() > 3 { ", ..." } else { "" };
-            format!(
-                "{}: {} of {} points, of shard{} {shards} ({first}{more}):\n  {}",
-                kind.device,
-                kind.points.len(),
-                kind.of,
-                if kind.shards.len() == 1 { "" } else { "s" },
-                kind.command
-            )
-        });
-        let took_part = missing.took_part.iter().map(|names| format!("devices with results: {names}"));
-        let lines: Vec<String> = said.chain(took_part).collect();
-        let help = format!("these commands measure the missing points\n{}", lines.join("\n"));
-        return Err(Error::run(format!("{} missing", counted_are(missing.count(), "point"))).with_help(help));
+        said.push(format!("{} missing", counted_are(missing.count(), "point")));
+        help.push("these commands measure the missing points".to_owned());
+        help.extend(missing.kinds.iter().map(told));
+        help.extend(missing.took_part.iter().map(|names| format!("devices with results: {names}")));
     }
-    refuse_failed(records, format!("{} gives the reason for each point", out.join(SUMMARY).display()))
+    if let Some(failed) = failures(records) {
+        said.push(failed);
+        let summary = out.join(SUMMARY);
+        help.push(format!("{} gives the reason for each point that failed", summary.display()));
+    }
+    if !missing.failed.is_empty() {
+        help.push("these commands measure the failed points again".to_owned());
+        help.extend(missing.failed.iter().map(told));
+    }
+    match said.is_empty() {
+        true => Ok(()),
+        false => Err(Error::run(said.join("; ")).with_help(help.join("\n"))),
+    }
+}
+
+/// Describes the missing or failed points of a kind of device, with the command that measures them.
+fn told(kind: &MissingKind) -> String {
+    let first = kind.points.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+    let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+    let more = if kind.points.len() > 3 { ", ..." } else { "" };
+    format!(
+        "{}: {} of {} points, of shard{} {shards} ({first}{more}):\n  {}",
+        kind.device,
+        kind.points.len(),
+        kind.of,
+        if kind.shards.len() == 1 { "" } else { "s" },
+        kind.command
+    )
 }
 
 /// Prints the state of each attempt, that is, of each process that was started to measure a shard.
@@ -156,7 +175,7 @@ fn json(one: &Status) -> serde_json::Value {
 mod tests {
     use super::*;
     use crate::record::Outcome;
-    use crate::shard::{Beat, MissingKind, State};
+    use crate::shard::{Beat, State};
 
     #[test]
     fn an_attempt_in_json_has_its_name_its_state_and_its_counters() {
@@ -229,6 +248,39 @@ mod tests {
         let (said, remedy) = refused(&Missing::default(), &records);
         assert_eq!(said, "1 of 4 points failed");
         assert!(remedy.contains("out/summary.md"), "{remedy}");
+    }
+
+    #[test]
+    fn failed_points_are_told_beside_missing_ones_with_the_command_that_measures_them_again() {
+        let kind = |point: &str, shard: u32, command: &str| MissingKind {
+            device: "gpu".into(),
+            points: vec![point.to_owned()],
+            of: 9,
+            shards: vec![shard],
+            command: command.to_owned(),
+        };
+        let failed = vec![kind("b", 3, "raycl again")];
+        let missing = Missing { kinds: vec![kind("a", 2, "raycl run")], failed, ..Missing::default() };
+        let records =
+            [Outcome::Measured, Outcome::Crashed].map(|outcome| Record { outcome, ..Record::default() });
+        let (said, remedy) = refused(&missing, &records);
+        assert_eq!(said, "1 point is missing; 1 of 2 points failed");
+        let of_failed = [
+            "out/summary.md gives the reason for each point that failed",
+            "these commands measure the failed points again",
+            "gpu: 1 of 9 points, of shard 3 (b):",
+            "  raycl again",
+        ];
+        let lines: Vec<&str> = remedy.lines().collect();
+        let of_missing = [
+            "these commands measure the missing points",
+            "gpu: 1 of 9 points, of shard 2 (a):",
+            "  raycl run",
+        ];
+        assert_eq!(lines, [&of_missing[..], &of_failed[..]].concat());
+        let (said, remedy) = refused(&Missing { kinds: Vec::new(), ..missing }, &records);
+        assert_eq!(said, "1 of 2 points failed");
+        assert_eq!(remedy.lines().collect::<Vec<_>>(), of_failed);
     }
 
     #[test]

@@ -342,7 +342,7 @@ fn load(args: &Args) -> Result<Loaded> {
         targets(args).iter().try_for_each(spare_scene)?;
     }
     if !args.motion.animates()
-        && let Some(animation) = loaded.animation.take()
+        && let Some(animation) = loaded.animation.take().filter(|animation| animation.frames > 1)
     {
         let frames = counted(animation.frames as usize, "frame");
         loaded.notes.push(format!("the picture shows the first of {frames}: --animate renders all"));

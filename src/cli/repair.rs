@@ -1,10 +1,11 @@
-//! `raycl repair`: removes damaged lines from a folder's journals.
+//! `raycl repair`: removes damaged lines from a folder's journals, and names other files that cannot be read.
 
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
+use crate::peak::Peak;
 use crate::record::journals::RECORDS;
-use crate::record::{Repaired, no_results, refuse_closed, repair};
-use crate::shard::{Attempt, ShardPlan, State, status};
+use crate::record::{CurrentPlan, Repaired, no_results, refuse_closed, repair};
+use crate::shard::{Attempt, Kind, ShardPlan, State, status};
 use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -29,9 +30,11 @@ pub struct Args {
 }
 
 /// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and records of
-/// control points. A copy of the original of each changed file stays in its folder. If the folder is that of an
-/// experiment in shards, the journals of all attempts are repaired too, except those of attempts that may be running.
-/// If an attempt has not reported its end, this takes five seconds, in which its counter shows whether it is running.
+/// control points. A copy of the original of each changed file stays in its folder. Files of other types, such as
+/// plan.json, cannot be repaired: if such a file cannot be read, the command says what to do. If the folder is that of
+/// an experiment in shards, the journals of all attempts are repaired too, except those of attempts that may be
+/// running. If an attempt has not reported its end, this takes five seconds, in which its counter shows whether it is
+/// running.
 pub fn run(args: Args) -> Result<()> {
     let found = Found::of(&args.folder, BETWEEN)?;
     if args.json { super::print_json(&found.json()) } else { super::print(found.text()) }
@@ -44,6 +47,8 @@ const CLOSED: &str = "change the folder's permissions, or repair a copy";
 struct Found {
     /// The journals that were damaged, with the paths of their folders.
     repaired: Vec<Repaired>,
+    /// Why files that are no journals cannot be read, with their remedies.
+    unreadable: Vec<Error>,
     /// The folders of attempts that are still running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
 }
@@ -57,7 +62,8 @@ impl Found {
             return Err(no_results(folder));
         }
         let _lock = lock_of(folder)?;
-        let mut found = Self { repaired: repair(folder)?, running: Vec::new() };
+        let mut found =
+            Self { repaired: repair(folder)?, unreadable: unreadable(folder), running: Vec::new() };
         if has_shards {
             let stopped = stopped(folder, between);
             for attempt in Attempt::all(folder) {
@@ -73,7 +79,10 @@ impl Found {
             refuse_closed(&attempt, CLOSED)?;
         }
         match is_stopped.then(|| Lock::take(&attempt)) {
-            Some(Ok(_lock)) => self.repaired.extend(repair(&attempt)?),
+            Some(Ok(_lock)) => {
+                self.repaired.extend(repair(&attempt)?);
+                self.unreadable.extend(unreadable(&attempt));
+            }
             // The attempt is counting, or another process holds its lock.
             None | Some(Err(Error::Input(_))) => self.running.push(attempt),
             Some(Err(error)) => return Err(error),
@@ -81,7 +90,7 @@ impl Found {
         Ok(())
     }
 
-    /// Formats what was found for a person, one line for each journal and each running attempt.
+    /// Formats what was found for a person, one line for each journal, each other file and each running attempt.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());
@@ -90,6 +99,7 @@ impl Found {
             )
         };
         let mut lines: Vec<String> = self.repaired.iter().map(line).collect();
+        lines.extend(self.unreadable.iter().map(|error| format!("{error}; {}", error.remedy())));
         lines.extend(lines.is_empty().then(|| "no line is damaged".to_owned()));
         let running = |folder: &PathBuf| {
             format!("{}: not repaired, since the attempt is still running", folder.display())
@@ -105,11 +115,21 @@ impl Found {
             let [file, copy] = [file, copy].map(shown);
             json!({ "file": file, "copy": copy, "damaged": damaged, "kept": kept })
         };
+        let problem = |error: &Error| json!({ "message": error.to_string(), "remedy": error.remedy() });
         json!({
             "repaired": self.repaired.iter().map(one).collect::<Vec<_>>(),
+            "unreadable": self.unreadable.iter().map(problem).collect::<Vec<_>>(),
             "running": self.running.iter().map(shown).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Returns why files of a folder that are no journals cannot be read: the plan, the peak rates, and the kinds of device
+/// of an experiment in shards. Other commands refuse a folder with such a file. Of the kinds' files, only the first one
+/// that cannot be read is told.
+fn unreadable(folder: &Path) -> Vec<Error> {
+    let errors = [CurrentPlan::read(folder).err(), Peak::kept_in(folder).err(), Kind::all(folder).err()];
+    errors.into_iter().flatten().collect()
 }
 
 /// Takes the lock of a folder in which this process may create files.
@@ -164,12 +184,43 @@ mod tests {
         assert_eq!(of(out).unwrap().text(), "no line is damaged");
     }
 
+    #[test]
+    fn other_files_that_cannot_be_read_are_told_with_their_remedies() {
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        std::fs::write(out.join(RECORDS), "").unwrap();
+        let of = || Found::of(out, Duration::ZERO).unwrap();
+        assert_eq!(of().text(), "no line is damaged");
+        std::fs::create_dir(out.join("kinds")).unwrap();
+        let files = ["plan.json", "peak.json", "kinds/gpu-1.jsonl"].map(|file| out.join(file));
+        files.iter().for_each(|file| std::fs::write(file, "rubbish\n").unwrap());
+        let (text, json) = (of().text(), of().json());
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), files.len(), "{text}");
+        for (place, file) in files.iter().enumerate() {
+            let file = file.display().to_string();
+            let [message, remedy] = ["message", "remedy"].map(|key| json["unreadable"][place][key].as_str());
+            assert!(message.unwrap().contains(&file), "{json}");
+            assert_eq!(lines[place], format!("{}; {}", message.unwrap(), remedy.unwrap()));
+        }
+        // The file of an attempt is told too, since the merge would refuse it.
+        files.iter().for_each(|file| std::fs::remove_file(file).unwrap());
+        std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
+            .unwrap();
+        let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
+        attempt.ended(&End::Interrupted).unwrap();
+        let rates = attempt.folder.join("peak.json");
+        std::fs::write(&rates, "rubbish\n").unwrap();
+        let text = of().text();
+        assert!(text.starts_with(&format!("{} does not contain", rates.display())), "{text}");
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_folder_in_which_no_file_can_be_created_is_the_users_mistake() {
         // Not even the superuser can create files in /proc/sys.
         let closed = || PathBuf::from("/proc/sys");
-        let mut found = Found { repaired: Vec::new(), running: Vec::new() };
+        let mut found = Found { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
         for error in [lock_of(&closed()).err().unwrap(), found.repair(closed(), true).unwrap_err()] {
             assert_eq!((error.exit_code(), error.remedy()), (2, CLOSED));
             let message = error.to_string();

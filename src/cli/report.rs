@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::output::{Choice, OutFolder};
+use crate::peak::Peak;
 use crate::printer::plain;
 use crate::record::Folder;
 use crate::report;
@@ -61,8 +62,15 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
 }
 
-/// Prints how many damaged lines of the folder's journals are left out.
+/// Prints how many damaged lines of the folder's journals are left out, and whether its peak rates cannot be read.
 fn tell_damage(folder: &Folder, quiet: bool) {
-    let notes = folder.damage.iter().filter(|_| !quiet);
-    notes.for_each(|note| crate::printer::tell(format!("note: {}: {}", folder.path.display(), plain(note))));
+    if quiet {
+        return;
+    }
+    for note in &folder.damage {
+        crate::printer::tell(format!("note: {}: {}", folder.path.display(), plain(note)));
+    }
+    if let Err(error) = Peak::kept_in(&folder.path) {
+        crate::printer::tell(format!("note: {error}; {}", error.remedy()));
+    }
 }

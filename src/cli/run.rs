@@ -377,11 +377,16 @@ pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
 
 /// Returns the devices to measure on.
 fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
-    let named = !args.device.is_empty() || !experiment.devices.is_empty();
+    let named = names_devices(args, experiment);
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
     let found = places(&infos, &patterns(args, experiment));
     let found = found.map_err(|error| if named { error } else { settings::blame_device(error) })?;
     found.into_iter().map(|place| devices[place].chosen()).collect()
+}
+
+/// Returns whether an argument or the config names devices.
+fn names_devices(args: &Args, experiment: &Experiment) -> bool {
+    !args.device.is_empty() || !experiment.devices.is_empty()
 }
 
 /// Returns the words by which devices are selected: those from the arguments, else from the config, else from the
@@ -405,6 +410,10 @@ fn foresee(args: &Args) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
+    if args.resume {
+        // The run itself would refuse a damaged file.
+        Peak::kept_in(&out)?;
+    }
     let past = if args.resume { Past::in_folder(&out)? } else { Past::default() };
     let expected = foreseen(&run, &out, &past)?;
     let points = dry_run(&run, &past)?;

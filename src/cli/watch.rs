@@ -6,6 +6,7 @@ use crate::reader::{folder_of, in_canonical_folder};
 use crate::scene::Inputs;
 use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
+use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -30,6 +31,10 @@ pub struct Watched {
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<Folder>,
+    /// The number of folders that were given. In `folders`, the folders of files that have been read follow them.
+    given: usize,
+    /// The folders of files that have been read, which are watched by themselves or with a given folder.
+    of_inputs: BTreeSet<PathBuf>,
     inputs: &'static Inputs,
 }
 
@@ -70,7 +75,8 @@ impl Watched {
         for folder in &mut folders {
             folder.watch(&mut watcher).map_err(failed)?;
         }
-        Ok(Self { changes, changed_at: None, watcher, folders, inputs })
+        let (given, of_inputs) = (folders.len(), BTreeSet::new());
+        Ok(Self { changes, changed_at: None, watcher, folders, given, of_inputs, inputs })
     }
 
     /// Returns whether a file has changed since the function last returned true, and no file has changed for the time
@@ -91,14 +97,17 @@ impl Watched {
                 self.changed_at = Some(Instant::now());
             }
         }
-        for path in self.inputs.folders() {
-            if !self.folders.iter().any(|watched| watched.covers(&path)) {
-                let mut folder = Folder::new(path, RecursiveMode::NonRecursive);
+        // No two of these folders are equal, so each new one is compared with the given folders only.
+        let of_inputs = self.inputs.folders();
+        for path in of_inputs.difference(&self.of_inputs) {
+            if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {
+                let mut folder = Folder::new(path.clone(), RecursiveMode::NonRecursive);
                 // If a folder cannot be watched, the other folders are still watched.
                 let _ = folder.watch(&mut self.watcher);
                 self.folders.push(folder);
             }
         }
+        self.of_inputs = of_inputs;
     }
 
     /// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes
@@ -297,6 +306,21 @@ mod tests {
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
         change_until(&texture, || seen.try_recv().is_ok());
+    }
+
+    #[test]
+    fn a_folder_of_files_that_were_read_is_added_once_and_not_beside_a_given_folder() {
+        static INPUTS: Inputs = Inputs::new();
+        let [scene, other] = [0; 2].map(|_| tempfile::tempdir().expect("a folder"));
+        let given = [(scene.path().to_owned(), RecursiveMode::NonRecursive)];
+        let mut watched = Watched::new(&given, &[], &INPUTS).expect("it watches");
+        for place in [scene.path().join("a.png"), other.path().join("b.png"), other.path().join("c.png")] {
+            INPUTS.add(&place);
+            watched.follow();
+        }
+        let other = other.path().canonicalize().expect("a folder");
+        assert_eq!(watched.folders.iter().skip(1).map(|folder| &folder.path).collect::<Vec<_>>(), [&other]);
+        assert_eq!((watched.given, watched.of_inputs.len()), (1, 2));
     }
 
     #[test]

@@ -60,13 +60,10 @@ impl Document {
 
     /// Deserialises the document as a `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        // Each override is padded with spaces, so that its spans lie after those of the file and of all earlier
-        // overrides.
-        let padded: Vec<_> = self.overrides.iter().map(|over| " ".repeat(over.start) + &over.line).collect();
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
-        for (layer, over) in padded.iter().zip(&self.overrides) {
-            let layer = DeTable::parse(layer).map_err(|error| self.syntax(&error, over.start))?;
-            merge_tables(table.get_mut(), layer.into_inner())
+        for over in &self.overrides {
+            let layer = DeTable::parse(&over.line).map_err(|error| self.syntax(&error, over.start))?;
+            merge_tables(table.get_mut(), moved_table(layer.into_inner(), over.start))
                 .map_err(|(span, message)| self.error(span, message, "no such index"))?;
         }
         from_table(table).map_err(|error| self.misfit(&error))
@@ -103,10 +100,11 @@ impl Document {
         error.placed(|message| self.error(span, message, label))
     }
 
+    /// Returns the error for text that is not TOML. The text is the file, or the override whose spans begin at `start`.
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
-        let span = error.span().unwrap_or(start..start);
-        self.error(span, format!("this is not TOML: {}", error.message().trim()), "here")
-            .with_help(Wanted::Experiment.read())
+        let Range { start: from, end: to } = error.span().unwrap_or(0..0);
+        let message = format!("this is not TOML: {}", error.message().trim());
+        self.error(start + from..start + to, message, "here").with_help(Wanted::Experiment.read())
     }
 
     /// Rewrites serde's error in plain words.
@@ -189,6 +187,31 @@ fn resolve(value: &mut Value, key: &str) {
     }
 }
 
+/// Adds `distance` to all spans in the table of an override, which was parsed by itself.
+fn moved_table(table: DeTable<'_>, distance: usize) -> DeTable<'_> {
+    table.into_iter().map(|(key, value)| (moved(key, distance), moved_value(value, distance))).collect()
+}
+
+/// Adds `distance` to all spans in a value.
+fn moved_value(value: Spanned<DeValue<'_>>, distance: usize) -> Spanned<DeValue<'_>> {
+    let value = moved(value, distance);
+    let span = value.span();
+    let inner = match value.into_inner() {
+        DeValue::Table(table) => DeValue::Table(moved_table(table, distance)),
+        DeValue::Array(items) => {
+            DeValue::Array(items.into_iter().map(|item| moved_value(item, distance)).collect())
+        }
+        other => other,
+    };
+    Spanned::new(span, inner)
+}
+
+/// Adds `distance` to the span of a value, without the spans inside the value.
+fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
+    let Range { start, end } = value.span();
+    Spanned::new(start + distance..end + distance, value.into_inner())
+}
+
 /// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are replaced.
 /// [`merge`] also merges a table into an array if the table's keys are indices.
 fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
@@ -236,4 +259,30 @@ fn no_index(name: &str, count: usize) -> String {
         _ => format!("the indices are 0 to {}", count - 1),
     };
     format!("'{name}' has {}; {indices}", counted(count, "element"))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn spans_inside_an_override_lie_in_that_override() {
+        #[derive(serde::Deserialize)]
+        struct Read {
+            list: Vec<Spanned<i64>>,
+            table: BTreeMap<String, Spanned<i64>>,
+        }
+        let overrides =
+            [("list", "[1, 22]"), ("table", "{ key = 3 }")].map(|(key, value)| (key.into(), value.into()));
+        let document = Document::new("a.toml".into(), "list = []\n".into(), &overrides).unwrap();
+        let read: Read = document.read().unwrap();
+        let shown = |span: Range<usize>| {
+            let (name, line, start) = document.part(&span);
+            (name, line, &line[span.start - start..span.end - start])
+        };
+        assert_eq!(shown(read.list[1].span()), ("--set", "list = [1, 22]", "22"));
+        assert_eq!(shown(read.table["key"].span()), ("--set", "table = { key = 3 }", "3"));
+    }
 }

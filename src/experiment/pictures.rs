@@ -1,7 +1,7 @@
 //! The pictures of a run, under `images/`.
 
 use crate::error::Result;
-use crate::image::{Radiance, save, save_rgb8, to_rgb8, to_rgba8};
+use crate::image::{Radiance, picture_reader, save, save_rgb8, to_rgb8, to_rgba8};
 use crate::output::Target;
 use crate::record::file_name;
 use crate::scene::Display;
@@ -54,11 +54,12 @@ impl Pictures {
     /// name.
     fn place(&self, names: &[&str], shown: &RgbaImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
-        let free = |path: &String| match image::open(self.folder.join(path)) {
-            // A file that is missing or cannot be read contains no other picture.
-            Err(_) => true,
-            Ok(there) => there.to_rgba8() == *shown,
+        let read = |path: &String| {
+            let bytes = std::fs::read(self.folder.join(path)).ok()?;
+            picture_reader(&bytes, None).ok()?.decode().ok()
         };
+        // A file that is missing or cannot be read contains no other picture.
+        let free = |path: &String| read(path).is_none_or(|there| there.to_rgba8() == *shown);
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 

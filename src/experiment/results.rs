@@ -10,12 +10,14 @@ use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
-    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
-    cannot_make, own_folder, read_lines_if_any, read_records, refuse_closed, renew_intervals, sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, cannot_make,
+    own_folder, read_lines_if_any, read_records, refuse_closed, remove_left_overs, renew_intervals,
+    sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A folder of results: the plan, the journals, the pictures, the environment, and at the end the summaries, the
 /// report and the plots. docs/format.md documents each file.
@@ -126,7 +128,8 @@ impl Results {
         let lock = Lock::take(folder)?;
         let [records, samples, rounds, anchors] =
             [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
-        remove_left_overs(folder);
+        // No other run writes to the folder while this one holds the lock.
+        remove_left_overs(folder, Duration::ZERO);
         keep_environment(folder, environment)?;
         let mut results = Self {
             folder: folder.to_owned(),
@@ -318,17 +321,6 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
         std::fs::rename(&path, &free).map_err(|error| Error::unwritable(&free, &error))?;
     }
     environment.write(&path)
-}
-
-/// Removes temporary files of a run that was killed. Files that cannot be removed do no harm.
-fn remove_left_overs(folder: &Path) {
-    for folder in [folder.to_owned(), folder.join(IMAGES)] {
-        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(TEMPORARY_PREFIX) {
-                let _ = std::fs::remove_file(entry.path());
-            }
-        }
-    }
 }
 
 #[cfg(test)]

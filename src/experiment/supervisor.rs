@@ -55,6 +55,33 @@ pub struct Death {
     pub last_words: String,
 }
 
+/// Adds up how long a worker has not replied. A wait counts at most twice its intended length: if it takes longer, raycl
+/// itself was stopped (by Ctrl-Z, or by a scheduler that suspends jobs), and its workers too.
+pub struct Quiet {
+    limit: Duration,
+    so_far: Duration,
+}
+
+impl Quiet {
+    /// Makes a sum of 0, with the longest time for a reply.
+    pub fn within(limit: Duration) -> Self {
+        Self { limit, so_far: Duration::ZERO }
+    }
+
+    /// Waits for a reply for a short time, at the end of which the caller can check for an interruption.
+    pub fn wait(&mut self, worker: &mut dyn Worker) -> Wait {
+        let start = Instant::now();
+        let found = worker.wait(LOOK_UP.min(self.limit));
+        self.so_far += start.elapsed().min(2 * LOOK_UP);
+        found
+    }
+
+    /// Returns whether the worker has had the longest time.
+    pub fn is_over(&self) -> bool {
+        self.so_far >= self.limit
+    }
+}
+
 /// Why there was no reply.
 enum Loss {
     Died(Death),
@@ -296,16 +323,16 @@ impl<'a> Supervisor<'a> {
     }
 
     fn wait(&self, worker: &mut dyn Worker, patient: bool) -> Result<std::result::Result<Reply, Loss>> {
-        let start = Instant::now();
+        let mut quiet = Quiet::within(self.limit);
         loop {
-            match worker.wait(LOOK_UP.min(self.limit)) {
+            match quiet.wait(worker) {
                 Wait::Reply(reply) => return Ok(Ok(reply)),
                 // An interruption may end workers too, and such a death is not the point's fault.
                 Wait::Dead(death) => {
                     self.stop_if_interrupted()?;
                     return Ok(Err(Loss::Died(death)));
                 }
-                Wait::Silence if start.elapsed() >= self.limit => return Ok(Err(Loss::HungFor(self.limit))),
+                Wait::Silence if quiet.is_over() => return Ok(Err(Loss::HungFor(self.limit))),
                 Wait::Silence if !patient => self.stop_if_interrupted()?,
                 Wait::Silence => {}
             }

@@ -1,5 +1,6 @@
 //! Reads and writes picture files; a file is written completely or not at all.
 
+use super::decode::{decoder_message, picture_reader};
 use super::encode::{exr, hdr, jpeg, png, shown_png};
 use super::hdr_header::{HdrExposure, with_usual_signature};
 use super::{Radiance, to_rgb8};
@@ -8,7 +9,7 @@ use crate::memory::Available;
 use crate::output::{Target, mark};
 use crate::reader::{self, names_a_folder};
 use crate::scene::Display;
-use image::{DynamicImage, ImageDecoder, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageError, RgbImage};
 use std::path::{Path, PathBuf};
 
 /// A file format, recognised by its extension.
@@ -114,16 +115,14 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let bytes = reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(|error| unreadable(&error))?;
     let bytes = with_usual_signature(bytes);
     let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
-    let mut picture = image::ImageReader::new(std::io::Cursor::new(bytes));
-    if let Ok(format) = image::ImageFormat::from_path(path) {
-        picture.set_format(format);
-    }
-    let mut picture = picture.with_guessed_format().map_err(|error| unreadable(&error))?;
+    let by_name = image::ImageFormat::from_path(path).ok();
+    let mut picture = picture_reader(&bytes, by_name).map_err(|why| unreadable(&why))?;
     // The crate's usual limit, 512 MiB, has nothing to do with the memory of this machine.
     picture.no_limits();
-    let decoder = picture.into_decoder().map_err(|error| unreadable(&error))?;
+    let damaged = |error: ImageError| unreadable(&decoder_message(error));
+    let decoder = picture.into_decoder().map_err(damaged)?;
     room_for(&decoder, path, &available())?;
-    let picture = DynamicImage::from_decoder(decoder).map_err(|error| unreadable(&error))?;
+    let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
     let is_radiance = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let values = if is_radiance { Values::Radiance } else { Values::Displayed };
     Ok((radiance(picture, exposure), values))
@@ -495,9 +494,14 @@ mod tests {
         let (read, values) = read_picture(&path).unwrap();
         assert_eq!((read.width, read.height, read.pixels), (7, 5, image.pixels));
         assert_eq!(values, Values::Radiance);
-        let text = folder.path().join("text.png");
+        let [text, palette, cut] =
+            ["text.png", "palette.png", "cut.jpg"].map(|name| folder.path().join(name));
         std::fs::write(&text, "no picture").unwrap();
-        for path in [text, folder.path().join("missing.png")] {
+        std::fs::write(&palette, crate::image::ODD_PALETTE).unwrap();
+        let (_whole_folder, whole) = saved("whole.jpg", &gradient(64, 64));
+        let whole = std::fs::read(whole).unwrap();
+        std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+        for path in [text, palette, cut, folder.path().join("missing.png")] {
             let error = read_picture(&path).unwrap_err();
             assert!(
                 error.exit_code() == 2 && error.to_string().contains("cannot read the picture"),

@@ -1,5 +1,6 @@
 //! The header of Radiance HDR pictures.
 
+use super::decode::decoder_message;
 use image::codecs::hdr::HdrDecoder;
 use std::io::Cursor;
 
@@ -34,7 +35,8 @@ impl HdrExposure {
             return Ok(Self([1.0; 3]));
         }
         let decoder = HdrDecoder::new(Cursor::new(bytes));
-        let header = decoder.map_err(|error| format!("cannot be decoded ({error})"))?.metadata();
+        let damaged = |error| format!("cannot be decoded ({})", decoder_message(error));
+        let header = decoder.map_err(damaged)?.metadata();
         let exposure = positive("EXPOSURE", header.exposure.unwrap_or(1.0))?;
         let (red, green, blue) = header.color_correction.unwrap_or((1.0, 1.0, 1.0));
         let correction = |value: f32| positive("COLORCORR", value);

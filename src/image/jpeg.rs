@@ -14,12 +14,12 @@ const MOST_BLOCKS: usize = u16::MAX as usize;
 /// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. This many rows are enough work
 /// for a task of its own.
 const BAND_ROWS: usize = 16;
-const MARKER: u8 = 0xff;
+pub(super) const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
 const FIRST_RESTART: u8 = 0xd0;
 const RESTARTS: usize = 8;
-const START_OF_SCAN: u8 = 0xda;
-const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
+pub(super) const START_OF_SCAN: u8 = 0xda;
+pub(super) const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
 const RESTART_INTERVAL: u8 = 0xdd;
 
 /// Returns the bytes of a JPEG file with the picture.

@@ -2,6 +2,7 @@
 
 mod colour;
 mod compare;
+mod decode;
 mod display;
 mod encode;
 mod file;
@@ -15,6 +16,9 @@ pub use colour::viridis;
 pub use compare::{
     RELATIVE_LIMIT, alpha_difference, dark_floor, difference_image, psnr_db, relative_difference,
 };
+#[cfg(test)]
+pub use decode::ODD_PALETTE;
+pub use decode::{decoder_message, picture_reader};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8};
 pub use file::{
     Values, check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8,

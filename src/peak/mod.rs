@@ -10,7 +10,7 @@ pub use measure::measure;
 pub use operations::operations_per_test;
 pub use traffic::Traffic;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shortened};
 use crate::measure::Summary;
 use crate::reader::{self, Kind};
 use crate::record::{Record, write_whole};
@@ -21,6 +21,9 @@ use std::path::Path;
 pub const FILE: &str = "peak.json";
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
+/// The help in the error message about a folder of results whose peak rates cannot be read.
+const MEASURED_AGAIN: &str = "delete the file; then `raycl run CONFIG --peak --resume` measures the rates again, or \
+    `raycl reproduce --resume` if that command wrote the folder";
 /// The name of the file with the peak rates in folders that older versions of raycl wrote.
 const OLD_FILE: &str = "limits.json";
 
@@ -97,26 +100,21 @@ impl Peak {
     pub fn read(path: &Path) -> Result<Vec<Self>> {
         let text = reader::text(path, Kind::Peaks)
             .map_err(|error| Error::unreadable("peak rates", path, &error, WRITTEN_BY))?;
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum File {
-            Several(Vec<Peak>),
-            One(Box<Peak>),
-        }
-        match serde_json::from_str(&text) {
-            Ok(File::Several(several)) => Ok(several),
-            Ok(File::One(one)) => Ok(vec![*one]),
-            Err(_) => {
-                let error = Error::input(format!("{} does not contain peak rates", path.display()));
-                Err(error.with_help(WRITTEN_BY))
-            }
-        }
+        // An untagged enum would accept both forms too, but its error would not say what is wrong, nor in which line.
+        let read = match text.trim_start().starts_with('[') {
+            true => serde_json::from_str(&text),
+            false => serde_json::from_str(&text).map(|one| vec![one]),
+        };
+        read.map_err(|error| {
+            let message = format!("{} does not contain peak rates: {error}", path.display());
+            Error::input(shortened(message)).with_help(WRITTEN_BY)
+        })
     }
 
     /// Reads the rates in a folder of results; empty if they were not measured.
     pub fn kept_in(folder: &Path) -> Result<Vec<Self>> {
         let kept = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
-        kept.map_or(Ok(Vec::new()), |path| Self::read(&path))
+        kept.map_or(Ok(Vec::new()), |path| Self::read(&path).map_err(|error| error.with_help(MEASURED_AGAIN)))
     }
 
     /// Writes a list for several devices.
@@ -216,6 +214,24 @@ mod tests {
         for wrong in ["", "{}", "[1]", "{\"device\": 3}"] {
             std::fs::write(&path, wrong).unwrap();
             assert_eq!(Peak::read(&path).unwrap_err().exit_code(), 2, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_told_with_its_line_and_a_folders_own_file_with_its_remedy() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        for (wrong, told) in [
+            ("no rates", "expected ident at line 1 "),
+            ("[\n  {\"device\": 3}\n]", "invalid type: integer `3`, expected a string at line 2 "),
+            ("{\n\"device\": \"a\"\n}", "missing field `platform` at line 3 "),
+        ] {
+            std::fs::write(&path, wrong).unwrap();
+            let [given, kept] = [Peak::read(&path), Peak::kept_in(folder.path())].map(Result::unwrap_err);
+            let expected = format!("{} does not contain peak rates: {told}", path.display());
+            assert!(given.to_string().starts_with(&expected), "{given}");
+            assert_eq!(given.to_string(), kept.to_string());
+            assert_eq!((given.remedy(), kept.remedy()), (WRITTEN_BY, MEASURED_AGAIN));
         }
     }
 

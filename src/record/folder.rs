@@ -4,7 +4,7 @@
 use super::anchors::{AnchorSample, name_devices};
 use super::hosts::hosts_that_differ;
 use super::journal::{FOLDER, read_lines_if_any};
-use super::journals::{ANCHORS, CONTROLS, ENVIRONMENT, RECORDS, ROUNDS, SUMMARY};
+use super::journals::{ANCHORS, CONTROLS, ENVIRONMENT, RECORDS, ROUNDS, SHARDS, SUMMARY};
 use super::plan::CurrentPlan;
 use super::revision::{DIRTY, is_dirty};
 use super::rounds::{RoundLoad, disturbance, moved_processors, preempted};
@@ -14,6 +14,7 @@ use super::types::Record;
 use super::{Lines, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
 use crate::reader;
+use crate::words::{path_word, quote};
 use serde_json::Value;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -143,6 +144,10 @@ impl Folder {
 
 /// Returns the error for a path without a journal of records.
 pub fn no_results(path: &Path) -> Error {
+    if path.join(SHARDS).is_file() {
+        return Error::input(format!("{} holds shards that are not merged yet", path.display()))
+            .with_help(format!("first merge them: raycl merge {}", quote(&path_word(path))));
+    }
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
@@ -226,7 +231,7 @@ fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record>
 
 /// Returns the number of machines on which the records were measured; 0 if the records name none.
 fn hosts(records: &[Record]) -> usize {
-    records.iter().filter_map(|record| record.host.as_ref()).collect::<HashSet<_>>().len()
+    records.iter().flat_map(Record::hosts).collect::<HashSet<_>>().len()
 }
 
 /// Returns the count and then the text `one` (if the count is 1) or `several`; `None` for zero.
@@ -404,6 +409,18 @@ mod tests {
         let error = Folder::read(folder.path()).expect_err("it has no journal").to_string();
         let expected = format!("{} holds no results: records.jsonl is missing", folder.path().display());
         assert_eq!(error, expected);
+    }
+
+    #[test]
+    fn a_folder_of_shards_that_are_not_merged_is_answered_with_the_merge() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("my shards");
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join("shards.json"), "{}").unwrap();
+        let error = Folder::read(&folder).expect_err("it is not merged");
+        let name = folder.display().to_string();
+        assert_eq!(error.to_string(), format!("{name} holds shards that are not merged yet"));
+        assert_eq!(error.remedy(), format!("first merge them: raycl merge '{name}'"));
     }
 
     #[test]

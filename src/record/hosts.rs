@@ -46,10 +46,12 @@ impl AtHost {
 /// Returns the control points with their times on each machine. A control point is measured in
 /// several blocks. The record of one of these measurements is in `records` (from `records.jsonl`);
 /// the others are in `borrowed` (from `controls.jsonl`). A point has the same key on all devices of
-/// one kind.
+/// one kind. Records to which several machines contributed launches are left out.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
-    let is_control =
-        |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
+    let is_control = |record: &&Record| {
+        let is_itself = record.control.as_ref() == Some(&record.key);
+        is_itself && median(record).is_some() && record.hosts().count() <= 1
+    };
     let mut points: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records.iter().chain(borrowed).filter(is_control) {
         points.entry(&record.key).or_default().push(record);
@@ -142,6 +144,13 @@ mod tests {
         assert!(said[0].contains("took 10.00 ms on n1 and 12.00 ms on n2, 1.20 times as long"), "{said:?}");
         let [control] = &controls(&records[..1], &records[1..])[..] else { panic!("one point") };
         assert_eq!(control.hosts.iter().map(|at| at.blocks).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    fn a_control_point_whose_launches_are_of_two_machines_is_of_neither() {
+        let records = judged([on("n1", 10.0, 0), on("n1, n2", 12.0, 1)]);
+        let [control] = &controls(&records, &[])[..] else { panic!("one point") };
+        assert_eq!(control.hosts.iter().map(|at| at.host.as_str()).collect::<Vec<_>>(), ["n1"]);
     }
 
     #[test]

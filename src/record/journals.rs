@@ -12,6 +12,8 @@ pub const ROUNDS: &str = "rounds.jsonl";
 pub const ANCHORS: &str = "anchors.jsonl";
 /// The journal of records of control points that were measured only to make blocks of a plan comparable.
 pub const CONTROLS: &str = "controls.jsonl";
+/// The file with the plan of an experiment that is divided into shards.
+pub const SHARDS: &str = "shards.json";
 /// The file that describes the machine, the drivers and the run's inputs.
 pub const ENVIRONMENT: &str = "environment.json";
 /// The summary of the records in Markdown.

@@ -69,11 +69,11 @@ pub(crate) use terminal::{percent, word};
 pub(crate) use together::{
     anchored, anchored_mean, are_together, fewest, interval, is_below_resolution, launches, mean_relative_to,
     mean_relative_to_earlier, median, ranking, ratio, ratio_apart, ratio_of_means, ratio_of_passes,
-    ratio_to_mean,
+    ratio_to_mean, rounds_of,
 };
 pub use together::{judge, judge_beside_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
-    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_closed, refuse_file, sync_folder,
-    temporary_in, write_new, write_page, write_whole, write_whole_by,
+    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_closed, refuse_file,
+    remove_left_overs, sync_folder, temporary_in, write_new, write_page, write_whole, write_whole_by,
 };

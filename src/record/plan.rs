@@ -92,8 +92,9 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "write this file again with `raycl run --resume`, or delete it: then raycl shows the latest \
-                 record of each point",
+                "write this file again with the command that wrote the folder (`raycl run --resume`, `raycl \
+                 reproduce --resume` or `raycl merge`), or delete it: then raycl shows the latest record of each \
+                 point",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;
@@ -142,6 +143,17 @@ impl CurrentPlan {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_plan_that_cannot_be_read_is_told_with_each_command_that_writes_it_again() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(FILE), "rubbish").unwrap();
+        let error = CurrentPlan::read(folder.path()).unwrap_err();
+        assert!(error.to_string().starts_with("cannot read ") && error.exit_code() == 2, "{error}");
+        for command in ["raycl run --resume", "raycl reproduce --resume", "raycl merge"] {
+            assert!(error.remedy().contains(&format!("`{command}`")), "{}", error.remedy());
+        }
+    }
 
     #[test]
     fn a_record_gets_every_name_of_the_plan_and_keeps_its_measurements() {

@@ -4,6 +4,7 @@ use super::together::{fewest, interval, is_below_resolution, median, ranking};
 use super::types::Record;
 use crate::measure::{BELOW_RESOLUTION, Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
+use std::collections::HashMap;
 
 /// Records that are compared with each other: those of one scene, image size and device.
 #[derive(Clone, Debug)]
@@ -21,19 +22,21 @@ pub struct Group<'a> {
 
 /// Returns the groups in the order in which they first occur. If a group has two records with the
 /// same key, the later record is used.
-pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
-    let mut groups: Vec<Group<'_>> = Vec::new();
+pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
+    let named = |record: &'a Record| (record.scene.as_str(), record.image_size, record.device.as_str());
+    let identity = |record: &'a Record| (named(record), record.key.as_str());
+    // Of records with the same identity, the map has the last one.
+    let last: HashMap<_, &Record> = records.iter().map(|record| (identity(record), record)).collect();
+    let mut indices: HashMap<_, usize> = HashMap::new();
+    let mut groups: Vec<Group<'a>> = Vec::new();
     for record in records {
-        let (scene, image_size, device) = (record.scene.as_str(), record.image_size, record.device.as_str());
-        let same = |group: &&mut Group<'_>| {
-            (group.scene, group.image_size, group.device) == (scene, image_size, device)
-        };
-        match groups.iter_mut().find(same) {
-            Some(group) => {
-                group.records.retain(|other| other.key != record.key);
-                group.records.push(record);
-            }
-            None => groups.push(Group { scene, image_size, device, records: vec![record] }),
+        let index = *indices.entry(named(record)).or_insert(groups.len());
+        if index == groups.len() {
+            let (scene, image_size, device) = named(record);
+            groups.push(Group { scene, image_size, device, records: Vec::new() });
+        }
+        if std::ptr::eq(last[&identity(record)], record) {
+            groups[index].records.push(record);
         }
     }
     for group in &mut groups {

@@ -210,10 +210,14 @@ pub(crate) fn fewest(record: &Record) -> usize {
 
 /// Returns the number of those samples for which `counts` is true, in the launch that has the fewest of them.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
-    let samples = || record.sample_launches.iter().zip(&record.samples_ms).filter(|(_, ms)| counts(**ms));
-    let of = |launch: &u32| samples().filter(|(other, _)| *other == launch).count();
+    // A launch of which no sample counts has 0 samples, so all launches are entered first.
+    let mut of_launches: HashMap<u32, usize> =
+        record.sample_launches.iter().map(|launch| (*launch, 0)).collect();
+    for (launch, ms) in record.sample_launches.iter().zip(&record.samples_ms) {
+        *of_launches.entry(*launch).or_default() += usize::from(counts(*ms));
+    }
     let all = || record.samples_ms.iter().filter(|ms| counts(**ms)).count();
-    record.sample_launches.iter().map(of).min().unwrap_or_else(all)
+    of_launches.into_values().min().unwrap_or_else(all)
 }
 
 /// Returns whether a measured record has enough samples, but no rank, because times of 0 are among them: its frames
@@ -243,9 +247,15 @@ pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
 
+/// Returns a hash that is equal for all records that were measured in the same rounds; `None` if the record has no
+/// position.
+pub(crate) fn rounds_of(record: &Record) -> Option<blake3::Hash> {
+    Some(record.place.as_ref()?.together)
+}
+
 /// Returns whether two records were measured in the same rounds.
 pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
-    one.place.as_ref().zip(other.place.as_ref()).is_some_and(|(one, other)| one.together == other.together)
+    rounds_of(one).zip(rounds_of(other)).is_some_and(|(one, other)| one == other)
 }
 
 /// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name.
@@ -354,13 +364,11 @@ fn beyond_a_tie(part: f64) -> f64 {
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let between: Vec<BetweenRuns> = records.iter().map(between_runs).collect();
-    let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
-    launches.dedup();
-    let of = |launch: &u32| {
-        let own: Vec<_> = samples.iter().filter(|sample| sample.launch == *launch).copied().collect();
-        Paired::of(&own, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
+    let launches = samples.chunk_by(|one, other| one.launch == other.launch);
+    let of = |launch: &[PairedSample]| {
+        Paired::of(launch, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
     };
-    median_of(&launches.iter().filter_map(of).collect::<Vec<_>>())
+    median_of(&launches.filter_map(of).collect::<Vec<_>>())
 }
 
 /// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences

@@ -91,7 +91,8 @@ pub struct Record {
     /// kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine that measured the point, if several machines measured the experiment.
+    /// The machine that measured the point, if several machines measured the experiment. If several machines measured
+    /// launches of the point, their names are separated by `, `.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
     /// The attempt that measured the point, if the folder was merged from several attempts.
@@ -310,6 +311,11 @@ pub fn schema() -> serde_json::Value {
 }
 
 impl Record {
+    /// Returns the machines that measured the point; none if the record names no machine.
+    pub fn hosts(&self) -> impl Iterator<Item = &str> {
+        self.host.iter().flat_map(|names| names.split(", "))
+    }
+
     /// Returns whether the record is no failure, and would be the same at any other moment. A point that lacked memory
     /// may fit when other programs, or other points of the run, hold less memory.
     pub fn is_final(&self) -> bool {

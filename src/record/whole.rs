@@ -1,10 +1,13 @@
 //! Writes files completely or not at all. Also has checks for the paths in a folder of results: the folder may come
 //! from a stranger, and its paths must not lead out of the folder or to a device file.
 
+use super::journals::IMAGES;
 use crate::error::{Error, Result, is_forbidden};
 use crate::reader::{folder_of, may_write};
+use std::fs::DirEntry;
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
+use std::time::Duration;
 use tempfile::NamedTempFile;
 
 /// Prefix of the names of temporary files. A run that is killed may leave temporary files behind.
@@ -136,6 +139,25 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
     }
 }
 
+/// Removes the temporary files in a folder of results that nobody has changed for `age`. A process that was killed left
+/// them behind. Files that cannot be removed do no harm.
+pub fn remove_left_overs(folder: &Path, age: Duration) {
+    let is_old = |entry: &DirEntry| {
+        let changed = entry.metadata().and_then(|file| file.modified());
+        // The clock of a file server may be ahead of this machine's clock.
+        changed.is_ok_and(|changed| changed.elapsed().unwrap_or_default() >= age)
+    };
+    // A link may lead out of the folder.
+    let inner = [IMAGES, "plots", "exports"].map(|name| folder.join(name)).into_iter();
+    for folder in inner.filter(|folder| !folder.is_symlink()).chain([folder.to_owned()]) {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(TEMPORARY_PREFIX) && is_old(&entry) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
 const LINK: &str = "it is a link, which may lead out of the folder";
 
 /// Fails if `path` is a pipe or a device, since reading it may never end.
@@ -180,6 +202,24 @@ fn readable(_: &mut tempfile::Builder<'_, '_>) {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_temporary_files_that_are_old_enough_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let now = std::time::SystemTime::now();
+        let hour = Duration::from_secs(3600);
+        std::fs::create_dir(folder.path().join(IMAGES)).unwrap();
+        let files = [".raycl-old", "images/.raycl-old", ".raycl-new", "records.jsonl"];
+        for (name, changed) in files.into_iter().zip([now - 2 * hour, now - 2 * hour, now, now - 2 * hour]) {
+            let file = std::fs::File::create(folder.path().join(name)).unwrap();
+            file.set_modified(changed).unwrap();
+        }
+        let left = || files.map(|name| folder.path().join(name).exists());
+        remove_left_overs(folder.path(), hour);
+        assert_eq!(left(), [false, false, true, true]);
+        remove_left_overs(folder.path(), Duration::ZERO);
+        assert_eq!(left(), [false, false, false, true]);
+    }
 
     #[test]
     #[cfg(unix)]

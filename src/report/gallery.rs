@@ -1,6 +1,7 @@
 //! Reads pictures from folders of results, to embed them in a page.
 
 use super::merged::Origins;
+use crate::image::picture_reader;
 use crate::reader;
 use crate::record::{Record, by};
 use base64::Engine as _;
@@ -89,7 +90,7 @@ impl Pictures {
 
     /// Returns a small version of a picture as a `data:` URL.
     pub fn thumbnail(&mut self, folder: &Path, path: &str) -> Option<String> {
-        let picture = image::load_from_memory(&self.file(folder, path)?.bytes).ok()?;
+        let picture = picture_reader(&self.file(folder, path)?.bytes, None).ok()?.decode().ok()?;
         let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
         let small = picture.thumbnail(THUMBNAIL, height.max(1)).to_rgb8();
         let mut bytes = Cursor::new(Vec::new());
@@ -334,6 +335,15 @@ mod tests {
         let bytes = STANDARD.decode(address.strip_prefix("data:image/png;base64,").unwrap()).unwrap();
         let small = image::load_from_memory(&bytes).unwrap();
         assert_eq!((small.width(), small.height()), (THUMBNAIL, THUMBNAIL / 4));
+    }
+
+    #[test]
+    fn a_damaged_picture_has_no_thumbnail() {
+        let place = folder(&["a.png"]);
+        std::fs::write(place.path().join("b.png"), crate::image::ODD_PALETTE).unwrap();
+        let mut pictures = Pictures::default();
+        let has = |name: &str| pictures.thumbnail(place.path(), name).is_some();
+        assert_eq!(["a.png", "b.png"].map(has), [true, false]);
     }
 
     #[test]

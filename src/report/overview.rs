@@ -7,6 +7,13 @@ use super::words::{Looks, series_name, tip};
 use crate::record::{Group, HOST, Record, by, interval, median};
 use std::collections::HashMap;
 
+/// Up to this number of devices, each pair of devices has its own plot. The number of pairs grows with the square of
+/// the number of devices, so if there are more devices, each one is compared with the first one only.
+const MOST_WITH_ALL_PAIRS: usize = 8;
+
+/// A device, and its records, sorted by rank within each group.
+type OfDevice<'a> = (&'a str, Vec<&'a Record>);
+
 /// Plots the best time of every strategy and baseline, scene by scene, for every device that has several scenes or
 /// image sizes.
 pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
@@ -104,28 +111,49 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Plots one device's times against another device's times, for the points that both measured. Each
-/// pair of devices has its own plot.
+/// Plots one device's times against another device's times, for the points that both measured. Each pair of devices has
+/// its own plot; of more than `MOST_WITH_ALL_PAIRS` devices, only each pair with the first device.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
-    let devices = devices(groups);
+    // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
+    let of = |device| -> OfDevice<'_> {
+        let own = groups.iter().filter(|group| group.device == device);
+        (device, own.flat_map(|group| group.ranking().all()).collect())
+    };
+    let all: Vec<OfDevice<'_>> = devices(groups).into_iter().map(of).collect();
+    let compared = if all.len() > MOST_WITH_ALL_PAIRS { 1 } else { all.len() };
     let mut plots = Vec::new();
-    for (place, one) in devices.iter().enumerate() {
-        for other in &devices[place + 1..] {
-            plots.extend(pair(groups, looks, one, other, plots.len()));
+    for (place, one) in all.iter().enumerate().take(compared) {
+        for other in &all[place + 1..] {
+            plots.extend(pair(looks, one, other, plots.len()));
         }
     }
     plots
 }
 
-fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usize) -> Option<Plot> {
-    let of = |device: &str| -> Vec<&Record> {
-        groups.iter().filter(|group| group.device == device).flat_map(|group| group.ranking().all()).collect()
-    };
+/// Returns a note if [`device_against_device`] does not plot all pairs of devices.
+pub fn left_out(groups: &[Group<'_>]) -> Option<String> {
+    let devices = devices(groups);
+    (devices.len() > MOST_WITH_ALL_PAIRS).then(|| {
+        format!(
+            "There are {} devices. The plots \"Device against device\" therefore compare each device only with the \
+             first one, {}. Up to {MOST_WITH_ALL_PAIRS} devices, every pair has a plot.",
+            devices.len(),
+            devices[0]
+        )
+    })
+}
+
+fn pair(
+    looks: &Looks,
+    (one, records): &OfDevice<'_>,
+    (other, other_records): &OfDevice<'_>,
+    place: usize,
+) -> Option<Plot> {
     let point =
         |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);
-    let others: HashMap<_, _> = of(other).into_iter().map(|record| (point(record), record)).collect();
+    let others: HashMap<_, _> = other_records.iter().map(|record| (point(record), *record)).collect();
     let mut series: Vec<Series> = Vec::new();
-    for record in of(one) {
+    for record in records {
         let Some(match_) = others.get(&point(record)) else { continue };
         let (Some(x), Some(y)) = (median(record), median(match_)) else { continue };
         let tip = format!("{}\n{one}: {}\n{other}: {}", record.scene, tip(record), tip(match_));
@@ -179,6 +207,22 @@ mod tests {
         };
         assert!(has_bar([none("a"), wide("b")]));
         assert!(!has_bar([wide("a"), none("b")]));
+    }
+
+    #[test]
+    fn of_many_devices_each_is_compared_with_the_first_only_and_a_note_says_so() {
+        let of = |count: usize| {
+            let devices = (0..count).map(|number| format!("gpu {number:02}"));
+            let records = judged(devices.map(|name| measured(&name, "naive", 8, 10.0)).collect::<Vec<_>>());
+            let groups = groups(&records);
+            let plots = device_against_device(&groups, &Looks::of(&groups));
+            (plots.len(), left_out(&groups))
+        };
+        assert_eq!(of(MOST_WITH_ALL_PAIRS), (28, None));
+        let (plots, note) = of(40);
+        assert_eq!(plots, 39);
+        let note = note.expect("a note");
+        assert!(note.contains("40 devices") && note.contains("gpu 00"), "{note}");
     }
 
     #[test]

@@ -118,7 +118,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
-            notes: notes(folders),
+            notes: notes(folders).into_iter().chain(overview::left_out(&groups)).collect(),
             counts: counts(&records, &groups),
             answers,
             overview,

@@ -18,11 +18,15 @@ const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests.
 pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<Plot> {
-    let of_folder = |(label, folder): (String, &Folder)| {
-        let peaks = Peak::kept_in(&folder.path).unwrap_or_default();
-        peaks.into_iter().map(move |peak| (format!("{} ({label})", peak.device), peak))
-    };
-    let peaks: Vec<(String, Peak)> = labels(folders).into_iter().zip(folders).flat_map(of_folder).collect();
+    let (mut peaks, mut unreadable): (Vec<(String, Peak)>, Vec<String>) = (Vec::new(), Vec::new());
+    for (label, folder) in labels(folders).into_iter().zip(folders) {
+        match Peak::kept_in(&folder.path) {
+            Ok(kept) => {
+                peaks.extend(kept.into_iter().map(|peak| (format!("{} ({label})", peak.device), peak)));
+            }
+            Err(error) => unreadable.push(format!("{error}; {}.", error.remedy())),
+        }
+    }
     let of_device = |(place, device): (usize, &str)| {
         let own = groups.iter().filter(|group| group.device == device);
         let records: Vec<(&Group<'_>, &Record)> = own
@@ -31,16 +35,18 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         // In records, the name of a device may be followed by the name of its folder of results.
         let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
-        roofline(&records, looks, device, peak, numbered("roofline", place))
+        roofline(&records, looks, device, (peak, &unreadable), numbered("roofline", place))
     };
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
 }
 
+/// Returns the plot of a device with its peak rates, if they are known; `unreadable` says which files of peak rates
+/// cannot be read.
 fn roofline(
     records: &[(&Group<'_>, &Record)],
     looks: &Looks,
     device: &str,
-    peak: Option<&Peak>,
+    (peak, unreadable): (Option<&Peak>, &[String]),
     name: String,
 ) -> Option<Plot> {
     let mut series: Vec<Series> = Vec::new();
@@ -72,7 +78,7 @@ fn roofline(
         diagonal: false,
         series,
     };
-    Some(Plot::of(name, caption(peak.is_some(), records.len() - shown), &chart))
+    Some(Plot::of(name, caption(peak.is_some(), unreadable, records.len() - shown), &chart))
 }
 
 /// Returns the mark of a record; `None` unless its ray-triangle tests per second, and the
@@ -140,11 +146,16 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     known.enumerate().map(roof).collect()
 }
 
-fn caption(with_roofs: bool, left_out: usize) -> String {
-    let roofs = if with_roofs {
-        "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof gets its data from caches or another memory."
-    } else {
-        "The device's rates were not measured with these records, so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` measures these rates; DIR is the folder of results."
+fn caption(with_roofs: bool, unreadable: &[String], left_out: usize) -> String {
+    let roofs = match (with_roofs, unreadable) {
+        (true, _) => "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof \
+                      gets its data from caches or another memory."
+            .to_owned(),
+        (false, []) => "The device's rates were not measured with these records, so the plot has no roofs. `raycl \
+                        peak --out DIR/peak.json` or `raycl run CONFIG --peak` measures these rates; DIR is the \
+                        folder of results."
+            .to_owned(),
+        (false, some) => format!("The plot has no roofs: {}", some.join(" ")),
     };
     let left_out = match left_out {
         0 => String::new(),
@@ -212,6 +223,17 @@ mod tests {
             assert!(with.svg.contains(part), "{part}: {}", with.svg);
         }
         assert!(!with.caption.contains("no roofs"), "{}", with.caption);
+    }
+
+    #[test]
+    fn a_file_of_rates_that_cannot_be_read_is_told_in_the_caption() {
+        let place = tempfile::tempdir().unwrap();
+        std::fs::write(place.path().join(crate::peak::FILE), "no rates").unwrap();
+        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
+        let caption = &plots(vec![record("naive", Some(1e9))], &[folder])[0].caption;
+        let told = format!("The plot has no roofs: {}/peak.json does not contain", place.path().display());
+        assert!(caption.contains(&told) && caption.contains("; delete the file; then"), "{caption}");
+        assert!(!caption.contains("were not measured"), "{caption}");
     }
 
     #[test]

@@ -174,7 +174,9 @@ impl Animation {
             );
             return Error::fault(message);
         };
-        let told = toml_error(&document.name, &document.text, &found, KEYS);
+        // A line's number in this text is not that of the file's line.
+        let name = format!("{} at frame {frame}", document.name);
+        let told = toml_error(&name, &document.text, &found, KEYS);
         let starts = |with: &[&str]| with.iter().any(|start| found.message().starts_with(start));
         let of_path = starts(&["unknown field", "missing field"]);
         let span = if of_path { track.path.span() } else { track.value_span(frame) };
@@ -335,6 +337,43 @@ mod tests {
             format!("{} at frame 3: the background is transparent in some frames only", name.display());
         assert_eq!(animation.check(1..=3).unwrap_err().to_string(), expected);
         assert_eq!(animation.check(3..=3).unwrap_err().to_string(), expected, "the first frame differs");
+    }
+
+    /// Frame 1 is part of the file itself, so a mistake that the file has without its tracks is told like any other.
+    #[test]
+    fn places_in_frame_1_are_lines_of_the_file_and_tracks_are_told_only_beside_their_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let object = "[[object]]\nvertices = [[0, 0, -2], [1, 0, -2], [0, 1, -2]]\nfaces = [[0, 1, 2]]\n";
+        let track = "[animation]\nframes = 3\n[[animation.track]]\n";
+        let turning = "path = \"object.0.rotation\"\nvalues = [[0, 0, 0], [0, 90, 0]]\n";
+        let write = |text: &str| std::fs::write(&path, format!("{object}{text}")).unwrap();
+        write(&format!("{track}{turning}"));
+        let notes = load_scene(&path).unwrap().notes;
+        let dark = format!("{}:8: no light: ", path.display());
+        assert!(notes.iter().any(|note| note.starts_with(&dark)), "{notes:?}");
+
+        write(&format!("[sky]\nhorizon = 1\n{track}{turning}"));
+        let error = load_scene(&path).unwrap_err();
+        assert!(error.in_a_line().starts_with(&format!("{}:", path.display())), "{}", error.in_a_line());
+        assert!(!format!("{} {}", error.in_a_line(), error.remedy()).contains("at frame"), "{error:?}");
+
+        let camera = "[camera]\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
+        let blind = "path = \"camera.position\"\nvalues = [[0, 0, 0], [0, 0, 3]]\n";
+        write(&format!("{camera}{track}{turning}[[animation.track]]\n{blind}"));
+        let error = load_scene(&path).unwrap_err();
+        let told = format!("changed: {}:14: track `camera.position` at frame 1", path.display());
+        assert!(error.in_a_line().starts_with(&format!("{}:6: the camera", path.display())), "{error:?}");
+        assert!(error.remedy().ends_with(&told), "{}", error.remedy());
+
+        write(&format!(
+            "{camera}{track}{}",
+            blind.replace("[[0, 0, 0], [0, 0, 3]]", "[[0, 0, 3], [0, 0, 0]]")
+        ));
+        let loaded = load_scene(&path).unwrap();
+        let error = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err();
+        let told = format!("{}:6: at frame 3: the camera is at", path.display());
+        assert!(error.in_a_line().starts_with(&told), "{}", error.in_a_line());
     }
 
     #[test]

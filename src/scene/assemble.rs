@@ -21,6 +21,7 @@ use crate::error::Result;
 use camera::{base_camera, camera};
 use framing::Ball;
 use glam::{DVec3, Vec3};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// The default shadow bias, as a fraction of the scene's diagonal.
@@ -182,6 +183,9 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
         }
         mesh.append(file.mesh);
     }
+    // Notes on a mesh that several objects use appear once.
+    let mut known = HashSet::new();
+    notes.retain(|note| known.insert(note.clone()));
     if mesh.triangles.is_empty() {
         return Err(document
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")

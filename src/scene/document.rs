@@ -33,6 +33,8 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
+    /// The frame of an animation that the text describes; 1 for a document that is not one frame.
+    frame: u32,
     /// The values that were set, and the file's own text; `None` if no values were set.
     changed: Option<Changed>,
     /// The path and the open file of a mesh that is given without a scene file; `None` for a scene file, and after the
@@ -63,6 +65,7 @@ impl Document {
             stem: stem(path),
             bare,
             quotes,
+            frame: 1,
             changed: None,
             held: RefCell::new(held),
         };
@@ -139,9 +142,14 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// Adds the names of all settings to the remedy of an error whose mistake lies in no setting.
-    pub fn with_settings(&self, error: Error) -> Error {
-        let Some(told) = self.changed.as_ref().and_then(Changed::told) else { return error };
+    /// Adds the names of all settings, and of tracks that may have caused the mistake, to the remedy of an error whose
+    /// mistake lies in no setting and in no track, but in the part `span` of the text.
+    pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
+        // Frame 1 is built before all other frames, so only tracks can make another frame wrong. In frame 1, the file
+        // itself can be wrong: then tracks of other parts of the scene have nothing to do with the mistake.
+        let near = (self.frame == 1).then_some(span);
+        let told = self.changed.as_ref().and_then(|changed| changed.told(&self.text, near));
+        let Some(told) = told else { return error };
         let remedy = format!("{}; {told}", error.remedy());
         error.with_help(remedy)
     }
@@ -153,8 +161,9 @@ impl Document {
         let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
         let (file, original) = (self.name.clone(), self.original().to_owned());
         Self {
-            name: format!("{} at frame {frame}", self.name),
+            name: self.name.clone(),
             text,
+            frame,
             changed: Some(Changed { settings, tracks, file, original }),
             folder: self.folder.clone(),
             stem: self.stem.clone(),
@@ -171,7 +180,8 @@ impl Document {
             let is_key = error.message().starts_with("unknown field");
             format!("{expected}{}", if is_key { ", but found another key" } else { "" })
         };
-        let found = match self.origin(&error.span().unwrap_or(0..0)) {
+        let span = error.span().unwrap_or(0..0);
+        let found = match self.origin(&span) {
             // The setting is the user's own text, so the message may quote its value.
             Origin::Setting(setting) => {
                 return error_in(&setting, &told.message).with_help(told.remedy(KEYS));
@@ -187,12 +197,17 @@ impl Document {
                 Error::input(format!("{}: expected {}", self.name, expected())).with_help(KEYS)
             }
         };
-        self.with_settings(found)
+        self.with_settings(&span, found)
     }
 
     /// Adds a location in this document to an error that has no location.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
+    }
+
+    /// Adds the frame to a message about a mistake that frame 1 does not have.
+    fn at_this_frame(&self, message: String) -> String {
+        if self.frame > 1 { format!("at frame {}: {message}", self.frame) } else { message }
     }
 
     /// Returns an error with a location in this document.
@@ -207,14 +222,17 @@ impl Document {
         let found = match self.origin(&span) {
             Origin::Setting(setting) => return error_in(&setting, message).with_help(KEYS),
             Origin::File(span) if self.quotes => {
+                let message = self.at_this_frame(message);
                 Error::in_file(&self.name, self.original(), span, message, label).with_help(KEYS)
             }
             Origin::File(span) => {
                 Error::withheld(&self.name, line_of(self.original(), span.start), &expected)
             }
-            Origin::Unknown => Error::input(format!("{}: {message}", self.name)).with_help(KEYS),
+            Origin::Unknown => {
+                Error::input(format!("{}: {}", self.name, self.at_this_frame(message))).with_help(KEYS)
+            }
         };
-        self.with_settings(found)
+        self.with_settings(&span, found)
     }
 }
 

@@ -11,6 +11,7 @@ mod covered;
 mod document;
 mod enclosed;
 mod facing;
+mod few_notes;
 mod files;
 mod framing;
 mod inputs;

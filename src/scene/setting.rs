@@ -140,14 +140,33 @@ impl Changed {
         }
     }
 
-    /// Returns a sentence that names all values that were set, for the help in an error about a mistake that is in none
-    /// of them; `None` if there are none.
-    pub fn told(&self) -> Option<String> {
+    /// Returns a sentence that names the values that were set, for the help in an error about a mistake that is in none
+    /// of them; `None` if there are none. `text` is the document with all values. The sentence names all settings. If
+    /// the range `near` of `text` is given, the sentence names only those tracks that set a value in the same part of
+    /// the scene.
+    pub fn told(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
+        let part = near.map(|span| part_of(text, span));
+        let is_beside = |part: &Vec<String>, track: &TrackValue| {
+            !part.is_empty() && part.iter().zip(track.path.split('.')).all(|(one, other)| one == other)
+        };
+        let is_named = |track: &&TrackValue| part.as_ref().is_none_or(|part| is_beside(part, track));
         let settings = self.settings.iter().map(Change::Setting);
-        let all = settings.chain(self.tracks.iter().map(Change::Track));
+        let all = settings.chain(self.tracks.iter().filter(is_named).map(Change::Track));
         let shown: Vec<_> = all.map(|change| shortened(self.shown(change))).collect();
         (!shown.is_empty()).then(|| format!("values of the scene were changed: {}", shown.join("; ")))
     }
+}
+
+/// Returns the keys that lead to the part of the scene in which the range `span` of a document's text lies: an element
+/// of a list, such as an object (`object`, `0`), or a value of the whole scene, such as the camera (`camera`). No keys
+/// are returned if the range lies in no value.
+fn part_of(text: &str, span: &Range<usize>) -> Vec<String> {
+    let table = DeTable::parse(text).ok();
+    let place = table.and_then(|table| Place::find(table.get_ref(), span));
+    let mut path = place.map_or(Vec::new(), |place| place.path);
+    let is_in_list = path.get(1).is_some_and(|key| key.parse::<usize>().is_ok());
+    path.truncate(if is_in_list { 2 } else { 1 });
+    path
 }
 
 /// A key or a value of a document.

@@ -2,12 +2,11 @@
 
 use super::{INPUTS, files};
 use crate::filetype::FileType;
-use crate::image::{HdrExposure, with_usual_signature};
+use crate::image::{HdrExposure, decoder_message, picture_reader, with_usual_signature};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use glam::{DQuat, DVec3, Vec3};
-use image::{ImageFormat, ImageReader};
-use std::io::Cursor;
+use image::{DynamicImage, ImageDecoder, ImageFormat};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -107,8 +106,13 @@ impl SkyPicture {
                 _ => "is neither a Radiance HDR nor an OpenEXR".to_owned(),
             });
         };
-        let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
-        let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+        let damaged = |why: String| format!("cannot be decoded ({why})");
+        let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
+        let mut limits = image::Limits::no_limits();
+        limits.max_alloc = Some(DECODING_BYTES);
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(decoder_message).map_err(damaged)?;
+        let size = decoder.dimensions();
         if size.0 == 0 || size.1 == 0 || size.0.max(size.1) > MOST_ACROSS {
             return Err(format!(
                 "has {} x {} texels; expected 1 to {MOST_ACROSS} in each direction",
@@ -116,12 +120,9 @@ impl SkyPicture {
             ));
         }
         files::room_for(size, TEXEL_BYTES, available)?;
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        let mut limits = image::Limits::no_limits();
-        limits.max_alloc = Some(DECODING_BYTES);
-        reader.limits(limits);
         let exposure = HdrExposure::of(bytes)?;
-        let picture = reader.decode().map_err(damaged)?.into_rgb32f();
+        let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
+        let picture = picture.into_rgb32f();
         let texels = picture.pixels().map(|texel| exposure.radiance(texel.0)).collect();
         Ok(FileTexels::of([size.0, size.1], texels))
     }
@@ -162,6 +163,7 @@ impl SkyPicture {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use std::io::Cursor;
 
     #[test]
     fn texels_are_read_in_rows_and_none_is_negative() {

@@ -37,6 +37,14 @@ pub struct About {
     pub devices: Vec<String>,
     /// The command line, starting with the program.
     pub command: Vec<String>,
+    /// The folder in which the command was started; null if its path is not known or not UTF-8, and in files of earlier
+    /// versions.
+    pub folder: Option<String>,
+    /// The word of the variable `RAYCL_DEVICE` or of the user's settings that selected the devices; null if the command
+    /// or the config names the devices, if all devices are used, and in files of earlier versions.
+    pub device: Option<String>,
+    /// The hash of the blocks of the plan that the attempt used; null in files of earlier versions.
+    pub plan: Option<String>,
 }
 
 /// The end of an attempt.
@@ -74,6 +82,7 @@ impl About {
             hang_limit_s,
             devices,
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+            folder: std::env::current_dir().ok().and_then(|folder| folder.to_str().map(str::to_owned)),
             ..Self::default()
         };
         own.started_by(&|name| std::env::var(name).ok(), Host::read().name)
@@ -249,5 +258,6 @@ mod tests {
         assert_eq!((about.shard, about.of, about.process), (3, 16, std::process::id()));
         assert_eq!((about.devices, about.hang_limit_s), (vec!["a gpu".to_owned()], 12.5));
         assert!(!about.host.is_empty() && !about.command[0].is_empty());
+        assert_eq!(about.folder.map(PathBuf::from), std::env::current_dir().ok());
     }
 }

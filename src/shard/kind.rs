@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The name of the folder in which each kind has its file.
-const FOLDER: &str = "kinds";
+pub(super) const FOLDER: &str = "kinds";
 
 /// A kind of device: all devices that have the same platform, name and driver, and are equal in every other property
 /// that affects times. The host's processors are a kind of device too.
@@ -64,9 +64,10 @@ impl Kind {
             .filter(|path| path.extension().is_some_and(|ending| ending == "jsonl"))
             .collect();
         files.sort();
-        // Such a file has one line, so damage to it would hide all points of the kind.
+        // Such a file has one line, so damage to it, or the loss of the line, would hide all points of the kind.
         let lines = |path: &PathBuf| -> Result<Vec<Self>> {
-            Ok(read_lines(path)?.refuse_if_all_damaged(path)?.lines)
+            let lines = read_lines(path)?.refuse_if_all_damaged(path)?.lines;
+            if lines.is_empty() { Err(no_points(path)) } else { Ok(lines) }
         };
         let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
@@ -101,6 +102,15 @@ impl Kind {
     }
 }
 
+/// Returns the error for a kind's file without a whole line.
+fn no_points(path: &Path) -> Error {
+    let message =
+        format!("{} has no complete line, but must list the points of a kind of device", path.display());
+    Error::input(message).with_help(
+        "copy the file again from the machine that wrote it; if it is lost, delete it, and the next shard on a device of this kind writes it again",
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,6 +142,21 @@ mod tests {
         let found: Vec<_> = kinds.iter().map(|kind| (kind.device.as_str(), kind.points[0].point)).collect();
         assert_eq!(found, [("host", 2), ("asleep (1)", 1)]);
         assert!(Kind::all(&out.join("nothing")).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_kinds_file_without_a_line_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = Kind::file(folder.path(), "gpu", "x");
+        let kind = Kind { device: "gpu".into(), ..Kind::default() };
+        kind.write(&path).unwrap();
+        let text = std::fs::read(&path).unwrap();
+        for lost in [&[][..], &text[..text.len() - 1]] {
+            std::fs::write(&path, lost).unwrap();
+            let error = Kind::all(folder.path()).unwrap_err();
+            let expected = format!("{} has no complete line", path.display());
+            assert!(error.exit_code() == 2 && error.to_string().starts_with(&expected), "{error}");
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@ struct Told {
     launcher: &'static str,
     /// The process's number, from 0; not used if `number` is set.
     place: u32,
-    /// The number of processes; `None` if the launcher does not set it.
+    /// The number of processes that the launcher started; `None` if the launcher does not set it.
     count: Option<u32>,
     /// The number of this process's element in a Slurm array, if the user gives the number of shards; the shard gets
     /// the same number. Otherwise `None`.
@@ -133,10 +133,12 @@ impl Ranks {
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
-    if count_is_given {
-        return Ok(Some(Told { launcher, place: 0, count: None, number: Some(task) }));
-    }
     let of = |name| number(name, variable);
+    if count_is_given {
+        // An array of one element is a launcher that started a single process.
+        let count = of("SLURM_ARRAY_TASK_COUNT")?;
+        return Ok(Some(Told { launcher, place: 0, count, number: Some(task) }));
+    }
     let (least, most) = (of("SLURM_ARRAY_TASK_MIN")?, of("SLURM_ARRAY_TASK_MAX")?);
     let (step, count) = (of("SLURM_ARRAY_TASK_STEP")?.unwrap_or(1).max(1), of("SLURM_ARRAY_TASK_COUNT")?);
     let (Some(least), Some(count)) = (least, count) else { return Err(no_count(launcher)) };
@@ -156,7 +158,9 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
 impl Told {
     fn shard(&self, of: Option<u32>) -> Result<Shard> {
         let launcher = self.launcher;
-        if let (Some(of), Some(count)) = (of, self.count.filter(|count| Some(*count) != of)) {
+        // If the element's number is the shard's number, the array may have fewer elements than there are shards.
+        let count = self.count.filter(|count| self.number.is_none() && Some(*count) != of);
+        if let (Some(of), Some(count)) = (of, count) {
             let message = format!("--shard auto/{of}, but {launcher} started {count} processes");
             return Err(Error::input(message)
                 .with_help("start one process per shard, or omit the count: --shard auto"));
@@ -280,7 +284,10 @@ mod tests {
         assert_eq!(told(Some(8), &format!("JOB_COMPLETION_INDEX=4 {alone}")), Ok((5, 8)));
         let single =
             "SLURM_ARRAY_TASK_ID=5 SLURM_ARRAY_TASK_MIN=5 SLURM_ARRAY_TASK_MAX=5 SLURM_ARRAY_TASK_COUNT=1";
-        assert_eq!(told(None, &format!("{single} {mpirun}")), Ok((2, 4)), "an array of one element");
+        for of in [None, Some(4)] {
+            assert_eq!(told(of, &format!("{single} {mpirun}")), Ok((2, 4)), "an array of one element");
+        }
+        assert_eq!(told(Some(8), &format!("{single} {alone}")), Ok((5, 8)), "both started one process");
         assert_eq!(told(None, alone), Ok((1, 1)));
     }
 

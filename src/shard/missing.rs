@@ -1,16 +1,21 @@
-//! Compares records with the plan to find what still has to be measured, and the command that measures it.
+//! Compares records with the plan to find what still has to be measured or failed, and the command that measures it.
 
 use super::{Attempt, Kind, ShardPlan};
-use crate::record::HOST;
-use crate::words::{option, quote};
+use crate::record::{HOST, Outcome};
+use crate::words::{option, path_word, quote};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// The missing points of all kinds of device.
+/// The options with which a shard measures failed points again.
+const AGAIN: [&str; 2] = ["--resume", "--retry-failed"];
+
+/// The missing points and the failed points of all kinds of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// Kinds with missing points.
     pub kinds: Vec<MissingKind>,
+    /// Kinds with failed points, which are not missing.
+    pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
     /// The names of the kinds that took part. They are listed only if a selected kind did not take part, since that
@@ -18,19 +23,19 @@ pub struct Missing {
     pub took_part: Option<String>,
 }
 
-/// The missing points of a kind of device.
+/// The missing points, or the failed points, of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
     /// The kind's name, with the differences from other kinds of the same name. If no shard has begun on the kind, the
     /// text is the word that selects the kind.
     pub device: String,
-    /// The kind's points without a record, in a readable form.
+    /// The kind's points without a record, or those that failed, in a readable form.
     pub points: Vec<String>,
     /// The number of points that the plan has for the kind.
     pub of: usize,
-    /// The shards that contain the missing points.
+    /// The shards that contain these points.
     pub shards: Vec<u32>,
-    /// The command that measures all missing points of the kind.
+    /// The command that measures all these points.
     pub command: String,
 }
 
@@ -60,15 +65,17 @@ pub struct Wanted<'a> {
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no shard has
 /// begun on a selected kind, these are all points except casters on the host. A caster on the host is missing only if
 /// it has no record on any kind of host. If no shard with casters on the host has begun, all of these casters are
-/// missing. The commands that measure the points write to the folder `out`.
+/// missing. Also returns the points that failed. The commands that measure the points write to the folder `out`.
+/// `outcome` returns the outcome of the record with a key; `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
     wanted: Wanted<'_>,
     attempts: &[Attempt],
-    has: &dyn Fn(&str) -> bool,
+    outcome: &dyn Fn(&str) -> Option<Outcome>,
 ) -> Missing {
     let Wanted { all, kinds, not_begun } = wanted;
+    let has = |key: &str| outcome(key).is_some();
     let hosts: BTreeSet<usize> = kinds
         .iter()
         .filter(|kind| kind.device == HOST)
@@ -91,22 +98,45 @@ pub fn missing(
         if lacks.is_empty() {
             continue;
         }
-        let label = distinction.filter(|_| !is_host).map_or(String::new(), |what| format!(" ({what})"));
-        let words = started_with(out, Some(kind), attempts);
-        found.push(lacking(plan, format!("{}{label}", kind.device), (&lacks, kind.points.len()), &words));
+        let name = named(kind, distinction.filter(|_| !is_host));
+        let start = Start::of(out, Some(kind), attempts);
+        found.push(lacking(plan, name, (&lacks, kind.points.len()), &start));
     }
     let (of_host, of_device) = divided(plan, all);
     if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
-        let words = started_with(out, None, attempts);
-        found.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &words));
+        let start = Start::of(out, None, attempts);
+        found.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &start));
     }
     found.extend(not_begun.iter().map(|device| {
-        let mut words = without(&started_with(out, None, attempts), "--device");
-        words.extend(["--device".to_owned(), device.clone()]);
-        lacking(plan, device.clone(), (&of_device, of_device.len()), &words)
+        let start = Start::of(out, None, attempts).on(device);
+        lacking(plan, device.clone(), (&of_device, of_device.len()), &start)
     }));
+    let failed = failed(plan, kinds, outcome, &|kind| Start::of(out, Some(kind), attempts).again());
     let took_part = not_begun.first().map(|_| names(all));
-    Missing { kinds: found, nothing_began: all.is_empty(), took_part }
+    Missing { kinds: found, failed, nothing_began: all.is_empty(), took_part }
+}
+
+/// Returns the points of each kind of device that failed. `start` returns the command that measures them again.
+fn failed(
+    plan: &ShardPlan,
+    kinds: &[Kind],
+    outcome: &dyn Fn(&str) -> Option<Outcome>,
+    start: &dyn Fn(&Kind) -> Start,
+) -> Vec<MissingKind> {
+    let is_failed = |key: &str| outcome(key).is_some_and(|outcome| !outcome.is_fine());
+    let of = |(kind, distinction): (&Kind, Option<String>)| {
+        let points = kind.points.iter().filter(|point| is_failed(&point.planned.key));
+        let points: Vec<usize> = points.map(|point| point.point).collect();
+        let counted = (&points[..], kind.points.len());
+        (!points.is_empty()).then(|| lacking(plan, named(kind, distinction), counted, &start(kind)))
+    };
+    kinds.iter().zip(Kind::distinctions(kinds)).filter_map(of).collect()
+}
+
+/// Returns a kind's name with its differences from other kinds of the same name.
+fn named(kind: &Kind, distinction: Option<String>) -> String {
+    let label = distinction.map_or(String::new(), |what| format!(" ({what})"));
+    format!("{}{label}", kind.device)
 }
 
 /// Returns the plan's casters on the host and the plan's other points, as indices. Every kind of device except the host
@@ -127,47 +157,86 @@ fn names(all: &[Kind]) -> String {
     names.join(", ")
 }
 
-/// Describes a kind of device that has no records for the points `lacks`, out of `of` points in all.
-fn lacking(
-    plan: &ShardPlan,
-    device: String,
-    (lacks, of): (&[usize], usize),
-    words: &[String],
-) -> MissingKind {
+/// Describes a kind of device on which the points `lacks` have to be measured, out of `of` points in all.
+fn lacking(plan: &ShardPlan, device: String, (lacks, of): (&[usize], usize), start: &Start) -> MissingKind {
     let shards: BTreeSet<u32> =
         lacks.iter().filter_map(|point| plan.block_of(*point)).map(|block| block.shard).collect();
     MissingKind {
         device,
         points: lacks.iter().filter_map(|point| plan.points.get(*point).cloned()).collect(),
         of,
-        command: command(plan, words, &shards),
+        command: start.of_shards(&shards, plan.header.shards),
         shards: shards.into_iter().collect(),
     }
 }
 
-/// Returns the command line of an attempt on this kind of device or, if there is none, that of the first attempt. The
-/// option `--shard` is removed. The option `--out` names the folder by its present path: the attempt may have been
-/// started in another folder, and its folder may have been moved or copied.
-fn started_with(out: &Path, kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
-    let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
-    let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
-    let command = own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone());
-    let mut words = without_out(&without_shard(&command));
-    words.extend(option("--out", out.display()));
-    words
+/// A command that measures shards, without their numbers.
+struct Start {
+    /// The folder in which the attempt was started, if this is another folder than the current one.
+    folder: Option<PathBuf>,
+    /// The program, the subcommand, the config and the options.
+    words: Vec<String>,
 }
 
-/// Returns the command that runs raycl with these words once for each of the missing shards.
-fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String {
-    let of = plan.header.shards;
-    let words = words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
-    match shards.iter().copied().collect::<Vec<_>>()[..] {
-        [one] => format!("{words} --shard {one}/{of}"),
-        _ => {
-            let numbers = shards.iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
-            format!("for shard in {numbers}; do {words} --shard $shard/{of}; done")
+impl Start {
+    /// Returns the command of an attempt on this kind of device or, if there is none, that of the first attempt. The
+    /// option `--shard` is removed. The option `--out` names the folder by its present path: the attempt's folder may
+    /// have been moved or copied. The command contains the default device that the attempt used, since the variable or
+    /// the settings that named it may be different now.
+    fn of(out: &Path, kind: Option<&Kind>, attempts: &[Attempt]) -> Self {
+        let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
+        let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
+        let about = own.or(abouts.first()).cloned().unwrap_or_default();
+        let current = std::env::current_dir().ok();
+        let folder = about.folder.map(PathBuf::from);
+        // Where the folder does not exist, the user has to choose one.
+        let folder = folder.filter(|folder| folder.is_dir() && current.as_ref() != Some(folder));
+        // In another folder, a relative path would name something else.
+        let absolute = folder.as_ref().and_then(|_| std::path::absolute(out).ok());
+        let mut words = without_out(&without_shard(&open_ended(&about.command)));
+        words.extend(about.device.iter().flat_map(|device| option("--device", device)));
+        words.extend(option("--out", absolute.as_deref().unwrap_or(out).display()));
+        Self { folder, words }
+    }
+
+    /// Returns the command for another device.
+    fn on(self, device: &str) -> Self {
+        let mut words = without(&self.words, "--device");
+        words.extend(option("--device", device));
+        Self { words, ..self }
+    }
+
+    /// Returns the command that measures failed points again.
+    fn again(mut self) -> Self {
+        self.words.retain(|word| !AGAIN.contains(&word.as_str()));
+        self.words.extend(AGAIN.map(str::to_owned));
+        self
+    }
+
+    /// Returns the command line that measures these shards, out of `of` shards in all.
+    fn of_shards(&self, shards: &BTreeSet<u32>, of: u32) -> String {
+        let words = self.words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
+        let command = match shards.iter().copied().collect::<Vec<_>>()[..] {
+            [one] => format!("{words} --shard {one}/{of}"),
+            _ => {
+                let numbers = shards.iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
+                format!("for shard in {numbers}; do {words} --shard $shard/{of}; done")
+            }
+        };
+        match &self.folder {
+            // In a subshell, so that the user's shell stays in its folder.
+            Some(folder) => format!("(cd {} && {command})", quote(&folder.display().to_string())),
+            None => command,
         }
     }
+}
+
+/// Returns a command line without the word `--`, after which no option can be added. The words after it are paths; one
+/// that begins with `-` gets `./` in front.
+fn open_ended(command: &[String]) -> Vec<String> {
+    let mut parts = command.splitn(2, |word| word == "--");
+    let (options, paths) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+    options.iter().cloned().chain(paths.iter().map(|path| path_word(Path::new(path)))).collect()
 }
 
 /// Returns this command line with `raycl` in place of the program's path, and without the option `--shard`.
@@ -242,7 +311,8 @@ mod tests {
 
     /// Returns the missing points of kinds that are all selected.
     fn lacks(kinds: &[Kind], not_begun: &[String], has: &dyn Fn(&str) -> bool) -> Missing {
-        missing(Path::new("o"), &plan(), Wanted { all: kinds, kinds, not_begun }, &[], has)
+        let outcome = |key: &str| has(key).then_some(Outcome::Measured);
+        missing(Path::new("o"), &plan(), Wanted { all: kinds, kinds, not_begun }, &[], &outcome)
     }
 
     #[test]
@@ -277,7 +347,7 @@ mod tests {
     fn casters_on_a_host_that_has_not_begun_are_the_hosts_alone() {
         let all = [kind("gpu", "1", &[1, 2])];
         let wanted = Wanted { all: &all, kinds: &[], not_begun: &["h200".to_owned()] };
-        let found = missing(Path::new("o"), &plan(), wanted, &[], &|_| true);
+        let found = missing(Path::new("o"), &plan(), wanted, &[], &|_| Some(Outcome::Measured));
         let told = |kind: &MissingKind| format!("{} {:?} {:?}", kind.device, kind.points, kind.shards);
         let told: Vec<_> = found.kinds.iter().map(told).collect();
         assert_eq!(told, [r#"host ["a"] [3]"#, r#"h200 ["b", "c"] [3, 7]"#]);
@@ -293,6 +363,70 @@ mod tests {
             without_shard(&words("raycl run a.toml --shard=auto --out o")),
             words("raycl run a.toml --out o")
         );
+    }
+
+    /// Returns the command for shard 3 of 4 after an attempt with this command line in this folder, with results in
+    /// the folder `results` of the current folder.
+    fn repeated(folder: Option<&Path>, device: Option<&str>, words: &[&str], again: bool) -> String {
+        use crate::shard::About;
+        let out = tempfile::tempdir().unwrap();
+        let about = About {
+            folder: folder.map(|folder| folder.display().to_string()),
+            device: device.map(str::to_owned),
+            command: words.iter().map(|word| (*word).to_owned()).collect(),
+            ..About::default()
+        };
+        let attempts = [Attempt::begin(out.path(), &about).unwrap()];
+        let start = Start::of(Path::new("results"), None, &attempts);
+        let start = if again { start.again() } else { start };
+        start.of_shards(&BTreeSet::from([3]), 4)
+    }
+
+    #[test]
+    fn the_command_of_an_attempt_in_another_folder_runs_there_and_writes_to_the_same_place() {
+        let elsewhere = tempfile::tempdir().unwrap();
+        let there = elsewhere.path().join("my configs");
+        let words = ["raycl", "run", "a.toml", "--cl-dir", "cl", "--out", "../o", "--shard", "1/4"];
+        let here = "raycl run a.toml --cl-dir cl --out results --shard 3/4";
+        assert_eq!(repeated(Some(&there), None, &words, false), here, "the folder no longer exists");
+        std::fs::create_dir(&there).unwrap();
+        let current = std::env::current_dir().unwrap();
+        let out = quote(&current.join("results").display().to_string());
+        assert_eq!(
+            repeated(Some(&there), None, &words, false),
+            format!("(cd '{}' && raycl run a.toml --cl-dir cl --out {out} --shard 3/4)", there.display())
+        );
+        for folder in [Some(current.as_path()), None] {
+            assert_eq!(repeated(folder, None, &words, false), here);
+        }
+    }
+
+    #[test]
+    fn the_command_names_the_default_device_and_a_config_that_begins_with_a_dash() {
+        let words = ["raycl", "run", "--out", "o", "--shard", "1/4", "-q", "--", "-g.toml"];
+        let expected = "raycl run -q ./-g.toml --device 'my gpu' --out results --shard 3/4";
+        assert_eq!(repeated(None, Some("my gpu"), &words, false), expected);
+    }
+
+    #[test]
+    fn failed_points_are_not_missing_and_are_measured_again_by_their_shards() {
+        let kinds = [kind(HOST, "amd", &[0]), kind("gpu", "1", &[1, 2]), kind("gpu", "2", &[1, 2])];
+        let outcome = |key: &str| match key {
+            "1 1" => None,
+            "1 2" => Some(Outcome::Crashed),
+            "2 2" => Some(Outcome::Infeasible),
+            _ => Some(Outcome::Measured),
+        };
+        let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
+        let found = missing(Path::new("o"), &plan(), wanted, &[], &outcome);
+        let [failed] = &found.failed[..] else { panic!("{found:?}") };
+        assert_eq!((failed.device.as_str(), &failed.points[..]), ("gpu (1)", &["c".to_owned()][..]));
+        assert_eq!(failed.command, "raycl --out o --resume --retry-failed --shard 7/16");
+        assert_eq!((found.count(), found.kinds[0].points[0].as_str()), (1, "b"));
+        // An attempt that was itself started with these options.
+        let words = ["raycl", "run", "a.toml", "--resume", "--out", "o", "--retry-failed", "--shard=1/4"];
+        let expected = "raycl run a.toml --out results --resume --retry-failed --shard 3/4";
+        assert_eq!(repeated(None, None, &words, true), expected);
     }
 
     #[test]
@@ -352,7 +486,7 @@ mod tests {
         ];
         let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
         let now = Path::new("my results");
-        let found = missing(now, &plan(), wanted, &attempts, &|_| false);
+        let found = missing(now, &plan(), wanted, &attempts, &|_| None);
         let told: Vec<_> =
             found.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
         let expected = [
@@ -363,7 +497,7 @@ mod tests {
         assert_eq!((told, found.count()), (expected.to_vec(), 3));
         let not_begun = ["tpu".to_owned()];
         let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
-        let found = missing(now, &plan(), wanted, &attempts, &|_| true);
+        let found = missing(now, &plan(), wanted, &attempts, &|_| Some(Outcome::Measured));
         assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
     }
 }

@@ -3,14 +3,12 @@
 
 use crate::error::{Error, Result};
 use crate::experiment::Block;
+use crate::record::journals::SHARDS;
 use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The file's name in the folder of results.
-pub const FILE: &str = "shards.json";
-
-/// The data that must be equal for all shards, except for the config's path.
+/// The data that must be equal for all shards, except for the config's path and the version of raycl.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Number of shards.
@@ -25,6 +23,9 @@ pub struct Header {
     pub scenes: Vec<String>,
     /// The hash of the kernels' files, built-in or not; null if a file cannot be read.
     pub kernels: Option<String>,
+    /// The version of raycl that wrote the plan, with the git revision if it is known; null in files of earlier
+    /// versions.
+    pub raycl: Option<String>,
 }
 
 /// The plan of an experiment in shards. The plan's points do not depend on the devices: each kind of device that takes
@@ -55,14 +56,14 @@ impl ShardPlan {
         let text = serde_json::to_vec(&plan).map_err(|error| Error::run(error.to_string()))?;
         std::fs::create_dir_all(out)
             .map_err(|error| cannot_make(out, &error, "choose another folder with --out DIR"))?;
-        if write_new(&out.join(FILE), &text)? {
+        if write_new(&path(out), &text)? {
             return Ok(plan);
         }
         // Another shard wrote its plan first. All shards must use that plan: the two plans may have different blocks,
         // since they may be based on different expected times.
         let first = Self::read(out)?.ok_or_else(|| {
             Error::run(format!(
-                "{FILE} was deleted from {} while this shard started; start the shard again",
+                "{SHARDS} was deleted from {} while this shard started; start the shard again",
                 out.display()
             ))
         })?;
@@ -82,6 +83,12 @@ impl ShardPlan {
         };
         let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
+    }
+
+    /// Returns a hash of the plan's blocks.
+    pub fn hash(&self) -> Result<String> {
+        let blocks = serde_json::to_vec(&self.blocks).map_err(|error| Error::run(error.to_string()))?;
+        Ok(blake3::hash(&blocks).to_hex().to_string())
     }
 
     /// Returns the blocks of a shard.
@@ -115,14 +122,27 @@ impl ShardPlan {
             "{} has a different plan: {what} differs: {there} in the folder, {here} in this command",
             out.display()
         );
-        Err(Error::input(message)
-            .with_help("start every shard with the same command, or choose another folder with --out"))
+        Err(Error::input(message).with_help(format!(
+            "start every shard with the same command{}, or choose another folder with --out",
+            versions(found, wanted)
+        )))
+    }
+}
+
+/// Returns the versions of raycl if they differ, as a part of a help; else an empty text. A version that is not known
+/// differs from no other.
+fn versions(found: &Header, wanted: &Header) -> String {
+    match (&found.raycl, &wanted.raycl) {
+        (Some(there), Some(here)) if there != here => {
+            format!(" and the same raycl (the folder's plan is by raycl {there}, this is raycl {here})")
+        }
+        _ => String::new(),
     }
 }
 
 /// Returns the file's path in a folder.
 pub fn path(out: &Path) -> PathBuf {
-    out.join(FILE)
+    out.join(SHARDS)
 }
 
 /// Returns the beginning of the hash of the kernels' source.
@@ -189,8 +209,28 @@ mod tests {
             let error = open(&other, 1.0).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(what), "{error}");
         }
-        let elsewhere = Header { config: "y.toml".into(), ..header() };
-        assert!(open(&elsewhere, 1.0).is_ok(), "a path decides nothing");
+        let by = Some("0.9.0 (abcdef)".to_owned());
+        let elsewhere = Header { config: "y.toml".into(), raycl: by, ..header() };
+        assert!(open(&elsewhere, 1.0).is_ok(), "a path or a version decides nothing");
+    }
+
+    #[test]
+    fn a_shard_of_another_version_of_raycl_is_told_both_versions() {
+        let by = |raycl: Option<&str>, kernels: &str| Header {
+            kernels: Some(kernels.into()),
+            raycl: raycl.map(str::to_owned),
+            ..header()
+        };
+        let help = |there: Option<&str>, here: Option<&str>| {
+            let plan = ShardPlan { header: by(there, "a"), ..ShardPlan::default() };
+            plan.checked(&by(here, "b"), Path::new("out")).unwrap_err().remedy().to_owned()
+        };
+        let (one, two) = (Some("1.0 (a)"), Some("1.0 (b)"));
+        let both = "start every shard with the same command and the same raycl (the folder's plan is by raycl 1.0 (a), \
+                    this is raycl 1.0 (b)), or choose another folder with --out";
+        assert_eq!(help(one, two), both);
+        let same = "start every shard with the same command, or choose another folder with --out";
+        assert_eq!([help(one, one), help(None, two)], [same, same]);
     }
 
     #[test]

@@ -182,7 +182,7 @@ def check_growth(driver):
 
 def check_environment(driver, command):
     text = driver.find_element(By.ID, "environment").text.lower()
-    for part in (command, "git checkout", "made of", "clocks"):
+    for part in (command, "git checkout", "input files", "clocks"):
         assert part in text, f"the environment has no {part!r}"
 
 

@@ -1,7 +1,7 @@
 //! `raycl run --sbatch N`: prints a shell script that submits N shards and their merge to Slurm. raycl itself submits
 //! no job.
 
-use super::{Args, chosen, default_folder, listed, shard, two_kernels};
+use super::{Args, chosen, default_folder, listed, patterns, shard, two_kernels};
 use crate::cli::print;
 use crate::config;
 use crate::device::{DeviceInfo, DeviceKind};
@@ -13,7 +13,7 @@ use crate::words::{option, path_word};
 use std::path::Path;
 use std::time::Duration;
 
-/// Words in `--device` that select CPUs.
+/// Words that select CPUs.
 const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon"];
 
 /// Prints the shell script for this number of shards. This machine, such as a login node, need not have the devices.
@@ -36,7 +36,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
         shards,
         command: command(args, &out),
         out: path_word(&out),
-        on_gpu: on_gpu.or_else(|| by_words(&args.device)),
+        on_gpu: on_gpu.or_else(|| by_words(&patterns(args, &experiment))),
         longest: longest(&plan),
         is_known: expected.is_known(),
     };
@@ -49,7 +49,7 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// If this machine does not have the devices, guesses from the words of `--device` whether a GPU is selected: a word
+/// If this machine does not have the devices, guesses from the words that select them whether a GPU is selected: a word
 /// that does not name a CPU counts as the name of a GPU. `None` if there is no word other than `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));

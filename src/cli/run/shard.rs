@@ -16,6 +16,7 @@ use crate::peak::Peak;
 use crate::program::Sources;
 use crate::record::journals::RECORDS;
 use crate::record::{Environment, Record, refuse_closed};
+use crate::settings;
 use crate::shard::{
     About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, watch_launcher,
 };
@@ -83,7 +84,15 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
         overrides: experiment.overrides.clone(),
         scenes: experiment.scenes.iter().map(hash).collect::<Result<_>>()?,
         kernels: sources.hash(),
+        raycl: Some(version()),
     })
+}
+
+/// Returns the version of raycl, with the git revision if it is known.
+fn version() -> String {
+    let revision =
+        option_env!("RAYCL_GIT_REVISION").map_or(String::new(), |revision| format!(" ({revision})"));
+    format!("{}{revision}", env!("CARGO_PKG_VERSION"))
 }
 
 /// Makes the plan of the experiment's points, and cuts the plan into shards of about equal expected time.
@@ -123,7 +132,13 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        let about = About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64());
+        // Only a device that neither the command nor the config names has to be noted.
+        let is_named = super::names_devices(self.args, self.run.experiment);
+        let about = About {
+            device: settings::device().filter(|_| !is_named),
+            plan: Some(self.plan.hash()?),
+            ..About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64())
+        };
         let attempt = Attempt::begin(&self.out, &about)?;
         watch_launcher(&attempt, self.asked);
         let pulse = Pulse::start(&attempt.folder)?;

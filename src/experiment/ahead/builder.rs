@@ -1,11 +1,11 @@
 //! The processes that compile programs before points need them.
 
-use super::{LOOK_UP, Order};
+use super::Order;
 use crate::experiment::protocol::{Built, Reply, Request};
-use crate::experiment::supervisor::{Spawner, Wait, Worker};
+use crate::experiment::supervisor::{Quiet, Spawner, Wait, Worker};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A builder: starts the processes that build one program after another.
 pub struct Builder {
@@ -70,12 +70,12 @@ impl Pool {
 impl Patience<'_> {
     /// Returns a process's reply; `None` if the process is dead or hangs, or if the user has ended the run.
     fn wait(&self, worker: &mut dyn Worker) -> Option<Reply> {
-        let start = Instant::now();
+        let mut quiet = Quiet::within(self.limit);
         loop {
-            match worker.wait(LOOK_UP.min(self.limit)) {
+            match quiet.wait(worker) {
                 Wait::Reply(reply) => return Some(reply),
                 Wait::Dead(_) => return None,
-                Wait::Silence if start.elapsed() >= self.limit => return None,
+                Wait::Silence if quiet.is_over() => return None,
                 Wait::Silence if self.interrupted.load(Ordering::Relaxed) => return None,
                 Wait::Silence => {}
             }

@@ -22,6 +22,8 @@ struct Noting {
     at_start: Option<Wait>,
     /// The time limit of every wait for a worker.
     limits: Rc<RefCell<Vec<Duration>>>,
+    /// How long a wait takes that ends without a reply.
+    silence: Duration,
 }
 
 struct Noted {
@@ -52,7 +54,13 @@ impl Worker for Noted {
         self.of.limits.borrow_mut().push(limit);
         match self.next {
             Wait::Reply(Reply::Started) => self.next.clone(),
-            _ => self.of.instead.borrow_mut().pop_front().unwrap_or_else(|| self.next.clone()),
+            _ => {
+                let instead = self.of.instead.borrow_mut().pop_front();
+                if instead == Some(Wait::Silence) {
+                    std::thread::sleep(self.of.silence);
+                }
+                instead.unwrap_or_else(|| self.next.clone())
+            }
         }
     }
 
@@ -236,6 +244,20 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     assert_eq!(supervisor.losses(), 2, "the launch is repeated");
     passes(&mut supervisor, task(2, 0, 0));
     assert_eq!(noting.jobs.borrow().len(), 3, "each hung worker is replaced");
+}
+
+/// A wait that takes much longer than it should means that raycl itself was stopped.
+#[test]
+fn time_in_which_raycl_was_stopped_does_not_count_and_a_worker_that_hangs_is_given_up() {
+    let limit = LOOK_UP * 5 / 2;
+    let (noting, never) = (Noting { silence: limit, ..Noting::default() }, AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, limit);
+    noting.instead.borrow_mut().push_back(Wait::Silence);
+    passes(&mut supervisor, task(0, 0, 0));
+    noting.instead.borrow_mut().extend([Wait::Silence, Wait::Silence]);
+    let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
+    assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
 }
 
 #[test]

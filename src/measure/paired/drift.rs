@@ -1,7 +1,8 @@
 //! Removes from the samples of a launch the drift that all its points share.
 
-use super::sample::PairedSample;
+use super::sample::{PairedSample, by_point};
 use crate::measure::summary::median_of;
+use std::collections::HashSet;
 
 /// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
 const ITERATIONS: usize = 5;
@@ -21,7 +22,7 @@ const MOST_NEIGHBOURS: usize = 6;
 /// change that slows all points equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
-    let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();
+    let present = samples.iter().map(|sample| sample.point).collect::<HashSet<_>>().len();
     let reach = present.clamp(2, MOST_NEIGHBOURS);
     let mut left = logs.clone();
     for _ in 0..ITERATIONS {
@@ -39,11 +40,7 @@ pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64>
 
 /// Returns each point's median; 0 for a point without samples.
 fn levels(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<f64> {
-    let mut of_points = vec![Vec::new(); points];
-    for (sample, value) in samples.iter().zip(values) {
-        of_points[sample.point].push(*value);
-    }
-    of_points.iter().map(|values| median_of(values).unwrap_or(0.0)).collect()
+    by_point(samples, values, points).iter().map(|values| median_of(values).unwrap_or(0.0)).collect()
 }
 
 fn running_median(values: &[f64], place: usize, reach: usize) -> f64 {

@@ -53,7 +53,9 @@ use super::MIN_SAMPLES;
 use super::summary::median_of;
 use error::Error;
 use interval::interval;
+use sample::by_point;
 use spread::Pooled;
+use std::collections::BTreeMap;
 
 /// Number of parts into which the time of a single launch is split. Every point has at least this many
 /// samples.
@@ -204,18 +206,22 @@ impl Paired {
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();
         let launches = launches(&samples, points);
-        let enough = |point: &usize| launches.iter().all(|launch| count(launch, *point) >= MIN_SAMPLES);
-        let enough: Vec<bool> = (0..points).map(|point| !launches.is_empty() && enough(&point)).collect();
+        let counts: Vec<Vec<usize>> = launches.iter().map(|launch| counts(launch, points)).collect();
+        let enough = |point: usize| counts.iter().all(|counts| counts[point] >= MIN_SAMPLES);
+        let enough: Vec<bool> = (0..points).map(|point| !launches.is_empty() && enough(point)).collect();
         let launches: Vec<Vec<PairedSample>> = launches
             .into_iter()
             .map(|launch| launch.into_iter().filter(|sample| enough[sample.point]).collect())
             .collect();
-        let left: Vec<Vec<f64>> =
-            launches.iter().map(|launch| drift::without_drift(launch, points)).collect();
+        let logs = |launch: &[PairedSample]| launch.iter().map(|sample| sample.ms.ln()).collect::<Vec<f64>>();
+        let by_point = |values: &dyn Fn(&[PairedSample]) -> Vec<f64>| -> Vec<Vec<Vec<f64>>> {
+            launches.iter().map(|launch| by_point(launch, &values(launch), points)).collect()
+        };
+        let (plain, relative) = (by_point(&logs), by_point(&|launch| drift::without_drift(launch, points)));
         let points: Vec<_> = enough
             .iter()
             .enumerate()
-            .map(|(place, enough)| enough.then(|| point(place, &launches, &left)).flatten())
+            .map(|(place, enough)| enough.then(|| point(place, &plain, &relative)).flatten())
             .collect();
         let known = || points[..first_anchor].iter().flatten();
         let relative: Vec<&[f64]> = known().map(|point| point.relative.as_slice()).collect();
@@ -276,32 +282,31 @@ fn resolution(pooled: &Pooled, between: BetweenRuns) -> Option<f64> {
 
 /// Returns the samples of each launch that is not ignored.
 fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
-    let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
-    numbers.sort_unstable();
-    numbers.dedup();
-    let of = |number: u32| samples.iter().filter(|sample| sample.launch == number).copied().collect();
-    let counts = |launch: &Vec<PairedSample>| (0..points).any(|point| count(launch, point) >= MIN_SAMPLES);
-    numbers.into_iter().map(of).filter(counts).collect()
+    let mut launches: BTreeMap<u32, Vec<PairedSample>> = BTreeMap::new();
+    for sample in samples {
+        launches.entry(sample.launch).or_default().push(*sample);
+    }
+    let is_finished =
+        |launch: &Vec<PairedSample>| counts(launch, points).iter().any(|count| *count >= MIN_SAMPLES);
+    launches.into_values().filter(is_finished).collect()
 }
 
-fn count(launch: &[PairedSample], point: usize) -> usize {
-    launch.iter().filter(|sample| sample.point == point).count()
+/// Returns the number of samples of each point in a launch.
+fn counts(launch: &[PairedSample], points: usize) -> Vec<usize> {
+    let mut counts = vec![0; points];
+    for sample in launch {
+        counts[sample.point] += 1;
+    }
+    counts
 }
 
-/// Returns a point's values: one per launch, or one per part of a single launch.
-fn point(place: usize, launches: &[Vec<PairedSample>], left: &[Vec<f64>]) -> Option<Point> {
-    let is_own = |sample: &PairedSample| sample.point == place;
-    let plain: Vec<Vec<f64>> = launches
-        .iter()
-        .map(|launch| launch.iter().filter(|sample| is_own(sample)).map(|sample| sample.ms.ln()).collect())
-        .collect();
-    let relative: Vec<Vec<f64>> = launches
-        .iter()
-        .zip(left)
-        .map(|(launch, left)| {
-            launch.iter().zip(left).filter(|(sample, _)| is_own(sample)).map(|(_, left)| *left).collect()
-        })
-        .collect();
+/// Returns a point's values: one per launch, or one per part of a single launch. `plain` and `relative` have, for each
+/// launch and point, the logarithms of the point's samples, with the drift and without it.
+fn point(place: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> Option<Point> {
+    let own = |launches: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> {
+        launches.iter().map(|points| points[place].clone()).collect()
+    };
+    let (plain, relative) = (own(plain), own(relative));
     let median = median_of(&plain.concat())?;
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
 }

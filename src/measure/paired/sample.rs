@@ -10,3 +10,24 @@ pub struct PairedSample {
     /// The time in milliseconds.
     pub ms: f64,
 }
+
+/// Groups values by point: returns the values of each of `points` points, in the order of the samples. There is one
+/// value per sample.
+pub(super) fn by_point(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<Vec<f64>> {
+    let mut of_points = vec![Vec::new(); points];
+    for (sample, value) in samples.iter().zip(values) {
+        of_points[sample.point].push(*value);
+    }
+    of_points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_each_point_keep_the_order_of_the_samples() {
+        let samples = [2, 0, 2, 0].map(|point| PairedSample { point, launch: 0, ms: 1.0 });
+        assert_eq!(by_point(&samples, &[1.0, 2.0, 3.0, 4.0], 3), [vec![2.0, 4.0], vec![], vec![1.0, 3.0]]);
+    }
+}

@@ -43,6 +43,17 @@ fn what_was_measured_apart_is_not_paired() {
 }
 
 #[test]
+fn a_launch_without_times_above_0_has_the_fewest_samples() {
+    let record = launches("naive", 10.0, 0.0);
+    assert_eq!(fewest(&record), 5);
+    let zeros = launches("naive", 10.0, -1.0);
+    assert_eq!((fewest(&zeros), fewest_where(&zeros, |_| true)), (0, 5));
+    // Records of earlier versions have no numbers of launches.
+    let old = Record { sample_launches: Vec::new(), ..record };
+    assert_eq!(fewest(&old), 10);
+}
+
+#[test]
 fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
     let records = judged([
         measured("gpu", "naive", 8, 10.0),

@@ -184,10 +184,13 @@ impl<'a> ClaimData<'a> {
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// Returns the device's peak rates, if the run measured them.
-    pub(super) fn peak(&self) -> Option<Peak> {
-        let kept = Peak::kept_in(self.run.path()).unwrap_or_default();
-        kept.into_iter().find(|peak| peak.device == self.device)
+    /// Returns the device's peak rates. The error says why there are none; `what` names the rate that is needed.
+    pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
+        let kept = Peak::kept_in(self.run.path()).map_err(|error| {
+            let decides = format!("a new measurement: delete this file, then `{}`", self.run.completion(""));
+            Line::cannot(error.to_string(), decides)
+        })?;
+        kept.into_iter().find(|peak| peak.device == self.device).ok_or_else(|| self.missing(what))
     }
 
     /// Returns whether the run's environment describes the device as a CPU.

@@ -194,7 +194,10 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
         );
         return Line::cannot(text, "a GPU".to_owned());
     }
-    let Some(peak) = found.peak() else { return found.missing(&format!("the latency of {name}")) };
+    let peak = match found.peak(&format!("the latency of {name}")) {
+        Ok(peak) => peak,
+        Err(line) => return line,
+    };
     let figure = match memory {
         Memory::Private => peak.private_ns,
         Memory::Local => peak.local_ns,

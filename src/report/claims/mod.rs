@@ -610,6 +610,10 @@ mod tests {
         assert_eq!(on_cpu[1].decides(), ["a GPU"]);
         write(None);
         assert_eq!(of_latency(&run("gpu"), "local", 40).decides(), ["the clock frequency in MHz"]);
+        std::fs::write(place.path().join(FILE), "no rates").unwrap();
+        let damaged = of_latency(&run("gpu"), "local", 40);
+        assert!(damaged.lines[0].text.contains("peak.json does not contain peak rates: "), "{damaged:?}");
+        assert!(damaged.decides()[0].contains("delete this file, then `raycl reproduce"), "{damaged:?}");
         std::fs::remove_file(place.path().join(FILE)).unwrap();
         let unknown = of_latency(&run("gpu"), "local", 40);
         assert_eq!(

@@ -5,41 +5,68 @@
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{
-    Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean, unshared_delay,
+    Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean, rounds_of, unshared_delay,
 };
+use std::collections::HashMap;
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
 /// are divided. The reference is the time of the device's anchor. Without an anchor, it is the mean time of the
-/// [`references`] among `all` points. Returns `None` if there is no reference, or if there are too few samples.
-pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
+/// point's `references`. Returns `None` if there is no reference, or if there are too few samples.
+pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
     }
-    let (references, against) = references(&[pair], all)?;
+    let (references, against) = references.of(&[pair])?;
     let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
     let (before, after) = pair;
     Some((ratio_to_mean(after, &second)?.over(ratio_to_mean(before, &first)?), against))
 }
 
-/// Returns the points by whose mean time the times of some points of the same rounds are divided, and what they are.
-/// `all` has the compared points and, if blocks borrowed control points, those that were measured in the same rounds.
-/// These are the baselines that both runs measured in the same rounds as the points, with the same program. Without
-/// such baselines, these are the kernels of the same rounds whose times changed by similar factors; of only two
-/// kernels, nobody knows which one changed. A point is no reference of itself. Returns `None` if there is no reference.
-pub(super) fn references<'a>(points: &[Both<'a>], all: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
-    let (before, after) = *points.first()?;
-    let beside = |(one, other): &&Both<'_>| are_together(one, before) && are_together(other, after);
-    let beside: Vec<Both<'_>> = all.iter().filter(beside).copied().collect();
+/// The points by whose mean time the times of other points are divided, and what they are. They depend only on the
+/// rounds in which the two runs measured a point, so they are found once for all points of the same rounds.
+pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
+
+impl<'a> References<'a> {
+    /// Finds the references among `all` points: the compared points and, if blocks borrowed control points, those that
+    /// were measured in the same rounds.
+    pub fn among(all: &[Both<'a>]) -> Self {
+        let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
+        for &pair in all {
+            if let Some(rounds) = rounds(pair) {
+                groups.entry(rounds).or_default().push(pair);
+            }
+        }
+        let known = |(rounds, beside): (_, Vec<Both<'a>>)| Some((rounds, among_group(&beside)?));
+        Self(groups.into_iter().filter_map(known).collect())
+    }
+
+    /// Returns the references of some points of the same rounds. A point is no reference of itself. Returns `None` if
+    /// there is no reference.
+    pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
+        let (references, against) = self.0.get(&rounds(*points.first()?)?)?;
+        let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));
+        let others: Vec<Both<'a>> = references.iter().filter(|(one, _)| !is_own(one)).copied().collect();
+        (!others.is_empty()).then_some((others, *against))
+    }
+}
+
+/// Returns what identifies the rounds in which the two runs measured a point.
+fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
+    Some([rounds_of(before)?, rounds_of(after)?])
+}
+
+/// Returns the references of points that were measured in the same rounds, `beside` each other. These are the baselines
+/// that both runs measured in these rounds with the same program. Without such baselines, these are the kernels of the
+/// same rounds whose times changed by similar factors; of only two kernels, nobody knows which one changed.
+fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
-    let baselines: Vec<Both<'_>> = beside.iter().filter(untouched).copied().collect();
-    let kernels: Vec<Both<'_>> = beside.iter().filter(|(one, _)| !one.is_baseline()).copied().collect();
-    let (mut references, against) = match baselines.is_empty() {
-        false => (baselines, Against::Baselines),
-        true if kernels.len() < 3 => return None,
-        true => (alike(kernels), Against::PointsInCommon),
-    };
-    references.retain(|(one, _)| !points.iter().any(|(own, _)| std::ptr::eq(*one, *own)));
-    (!references.is_empty()).then_some((references, against))
+    let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
+    let kernels: Vec<Both<'a>> = beside.iter().filter(|(one, _)| !one.is_baseline()).copied().collect();
+    match baselines.is_empty() {
+        false => Some((baselines, Against::Baselines)),
+        true if kernels.len() < 3 => None,
+        true => Some((alike(kernels), Against::PointsInCommon)),
+    }
 }
 
 /// Compares the two times of the point, each divided by the anchor's time in the same run. If other programs may have
@@ -125,10 +152,24 @@ mod tests {
         // was half as fast.
         let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
         let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
+        let references = References::among(&all);
         let [first, _, second, _] = all[..] else { panic!("{} pairs", all.len()) };
-        assert_eq!(middle(change(first, &all)), Some((1.0, Against::Baselines)));
-        assert_eq!(middle(change(second, &all)), Some((2.0, Against::Baselines)));
+        assert_eq!(middle(change(first, &references)), Some((1.0, Against::Baselines)));
+        assert_eq!(middle(change(second, &references)), Some((2.0, Against::Baselines)));
         assert_eq!(middle(bare(first)), Some((2.0, Against::BareTimes)));
+    }
+
+    #[test]
+    fn a_group_has_the_references_that_were_measured_in_its_own_rounds() {
+        let records = two_groups([[1.0, 10.0], [100.0, 300.0]]);
+        let all: Vec<Both<'_>> = records.iter().map(|record| (record, record)).collect();
+        let references = References::among(&all);
+        assert_eq!(references.0.len(), 2, "they are found once for each group");
+        for (kernel, baseline) in [(0, 1), (2, 3)] {
+            let (found, against) = references.of(&all[kernel..=kernel]).expect("a baseline");
+            assert_eq!((found, against), (vec![all[baseline]], Against::Baselines));
+            assert_eq!(references.of(&all[baseline..=baseline]), None, "no reference of itself");
+        }
     }
 
     #[test]
@@ -141,7 +182,8 @@ mod tests {
         let changes = |before: &[(&str, &str, f64)], after: &[(&str, &str, f64)]| -> Vec<_> {
             let (before, after) = (run(before), run(after));
             let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
-            all.iter().map(|pair| middle(change(*pair, &all))).collect()
+            let references = References::among(&all);
+            all.iter().map(|pair| middle(change(*pair, &references))).collect()
         };
         let [naive, wide, bvh] = ["naive", "wide", "bvh"].map(|name| ("gpu", name, 1.0));
         let slow = ("gpu", "naive", 1.5);
@@ -187,7 +229,7 @@ mod tests {
         };
         let against = |before: &[Record], after: &[Record]| {
             let all: Vec<Both<'_>> = before.iter().zip(after).collect();
-            middle(change(all[0], &all))
+            middle(change(all[0], &References::among(&all)))
         };
         let ([together, apart], [slow, slow_apart]) =
             ([run(1.0, 0), run(1.0, 2)], [run(3.0, 0), run(3.0, 2)]);

@@ -15,6 +15,7 @@ use crate::record::{
     Folder, HOST, MOVED, Outcome, Record, are_together, judge_beside_anchors, latency_ns, median,
     significant, unshared_delay,
 };
+use change::References;
 use pair::{Both, name, percent};
 use serde::Serialize;
 use std::collections::{HashMap, HashSet};
@@ -133,14 +134,14 @@ impl Comparison {
             return comparison;
         };
         let of = |record: &&Record, label: &str| record.kernels_of.as_deref() == Some(label);
+        let mut twins: HashMap<_, &Record> = HashMap::new();
+        for after in folder.records.iter().filter(|record| of(record, &second)) {
+            twins.entry(twin(after)).or_insert(after);
+        }
         for before in folder.records.iter().filter(|record| of(record, &first)) {
-            let twin = |after: &&Record| {
-                let names = |one: &Record| (one.scene.clone(), one.device.clone(), one.strategy.clone());
-                let sizes = |one: &Record| (one.image_size, one.local_size);
-                names(after) == names(before) && sizes(after) == sizes(before)
-            };
-            let after = folder.records.iter().filter(|record| of(record, &second)).find(twin);
-            after.into_iter().for_each(|after| comparison.add(before.clone(), after));
+            if let Some(after) = twins.get(&twin(before)) {
+                comparison.add(before.clone(), after);
+            }
         }
         comparison.labels = [first, second];
         for pair in &mut comparison.pairs {
@@ -173,21 +174,21 @@ impl Comparison {
     /// Adds a line for each point that only one folder has. If scenes correspond by content, and both folders have a
     /// scene of the same name with different content, adds a single line for that scene.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2], by_content: bool) {
-        let [before, after] = only;
-        let changed = |record: &Record, others: &[Record]| {
-            let is_other =
-                |other: &Record| other.scene == record.scene && other.scene_hash != record.scene_hash;
-            by_content && others.iter().any(is_other)
+        let contents = only.each_ref().map(|records| contents(records));
+        let changed = |record: &Record, others: &HashMap<&str, HashSet<Option<&str>>>| {
+            let is_other = |other: &Option<&str>| *other != record.scene_hash.as_deref();
+            by_content && others.get(record.scene.as_str()).is_some_and(|hashes| hashes.iter().any(is_other))
         };
-        for (records, others, label) in [(before, after, 0), (after, before, 1)] {
+        let mut said: HashSet<String> = self.others.iter().cloned().collect();
+        for (label, records) in only.iter().enumerate() {
             for record in records {
-                let line = match changed(record, others) {
+                let line = match changed(record, &contents[1 - label]) {
                     true => format!("{}: the two folders have different scenes of this name", record.scene),
                     false => {
                         format!("{}: only in {}", name(record, self.several_devices), self.labels[label])
                     }
                 };
-                if !self.others.contains(&line) {
+                if said.insert(line.clone()) {
                     self.others.push(line);
                 }
             }
@@ -285,10 +286,11 @@ impl Comparison {
 
     /// Computes every point's change and verdict, and adds notes on how the changes were computed.
     fn judge(&mut self, bare: bool) {
-        let all = self.measured();
+        let references = References::among(&self.measured());
         let pairs = self.pairs.iter().map(Pair::both);
-        let changes: Vec<_> =
-            pairs.map(|pair| if bare { change::bare(pair) } else { change::change(pair, &all) }).collect();
+        let changes: Vec<_> = pairs
+            .map(|pair| if bare { change::bare(pair) } else { change::change(pair, &references) })
+            .collect();
         for (pair, change) in self.pairs.iter_mut().zip(changes) {
             pair.judge(change, self.threshold);
         }
@@ -364,6 +366,20 @@ fn line(pair: &Pair) -> PairLine<'_> {
         against: pair.change.map(|(_, against)| against),
         verdict: pair.verdict.name(),
     }
+}
+
+/// Returns what the records of a point that was measured with two folders of kernels have in common.
+fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
+    ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
+}
+
+/// Returns the contents of each scene, by the scene's name. `None` stands for unknown content.
+fn contents(records: &[Record]) -> HashMap<&str, HashSet<Option<&str>>> {
+    let mut contents: HashMap<&str, HashSet<Option<&str>>> = HashMap::new();
+    for record in records {
+        contents.entry(&record.scene).or_default().insert(record.scene_hash.as_deref());
+    }
+    contents
 }
 
 /// Returns the pairs of records of the same control point that were measured in the same rounds as a pair of compared

@@ -3,7 +3,7 @@
 //! slowdown is significant, for example after a change to a file that all strategies share.
 
 use super::Comparison;
-use super::change::references;
+use super::change::References;
 use super::pair::{Against, Both, Pair, percent, strategy};
 use crate::measure::{Interval, Relative, quantile};
 use crate::record::{
@@ -94,8 +94,9 @@ struct Mean<'a> {
 fn means(comparison: &Comparison) -> Vec<Mean<'_>> {
     let kernels: Vec<&Pair> = comparison.pairs.iter().filter(|pair| !pair.before.is_baseline()).collect();
     let strategies = by_strategy(&kernels);
-    let whole = mean(None, &kernels, comparison);
-    let each = strategies.iter().map(|(name, pairs)| mean(Some(*name), pairs, comparison));
+    let references = References::among(&comparison.measured());
+    let whole = mean(None, &kernels, comparison, &references);
+    let each = strategies.iter().map(|(name, pairs)| mean(Some(*name), pairs, comparison, &references));
     std::iter::once(whole).chain(each).collect()
 }
 
@@ -115,7 +116,12 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
 
 /// Returns the mean change of some points: first the change of each group of points that were measured together, then
 /// the mean over the groups. Groups whose change is unknown are left out.
-fn mean<'a>(strategy: Option<&'a str>, pairs: &[&'a Pair], comparison: &'a Comparison) -> Mean<'a> {
+fn mean<'a>(
+    strategy: Option<&'a str>,
+    pairs: &[&'a Pair],
+    comparison: &'a Comparison,
+    references: &References<'a>,
+) -> Mean<'a> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
     for &pair in pairs.iter().filter(|pair| pair.change.is_some()) {
         let is_beside = |group: &Vec<&Pair>| {
@@ -128,12 +134,11 @@ fn mean<'a>(strategy: Option<&'a str>, pairs: &[&'a Pair], comparison: &'a Compa
             None => groups.push(vec![pair]),
         }
     }
-    let all = comparison.measured();
     let is_own = |(before, _): &Both<'_>| {
         !before.is_baseline() && strategy.is_none_or(|own| own == super::pair::strategy(before))
     };
     let controls: Vec<Both<'a>> = comparison.controls().filter(is_own).collect();
-    let known = |group: &Vec<&'a Pair>| Some((group.len(), change_of_group(group, &controls, &all)?));
+    let known = |group: &Vec<&'a Pair>| Some((group.len(), change_of_group(group, &controls, references)?));
     let (sizes, changes): (Vec<usize>, Vec<Relative>) = groups.iter().filter_map(known).unzip();
     let least = if strategy.is_some() { 2 } else { 1 };
     let change = Relative::mean(&changes).filter(|_| sizes.iter().sum::<usize>() >= least);
@@ -144,7 +149,11 @@ fn mean<'a>(strategy: Option<&'a str>, pairs: &[&'a Pair], comparison: &'a Compa
 /// Returns the mean change of points that were measured together, on one device; `None` if it is unknown. Without an
 /// anchor and without baselines, it is relative to other points, so the mean of all points is unknown. `controls` are
 /// the borrowed control points of the mean's strategy: like the group's points, they are none of the other points.
-fn change_of_group<'a>(group: &[&'a Pair], controls: &[Both<'a>], all: &[Both<'a>]) -> Option<Relative> {
+fn change_of_group<'a>(
+    group: &[&'a Pair],
+    controls: &[Both<'a>],
+    references: &References<'a>,
+) -> Option<Relative> {
     let (_, against) = group.first()?.change?;
     let points: Vec<Both<'a>> = group.iter().map(|pair| pair.both()).collect();
     let (before, after): (Vec<&Record>, Vec<&Record>) = points.iter().copied().unzip();
@@ -159,7 +168,7 @@ fn change_of_group<'a>(group: &[&'a Pair], controls: &[Both<'a>], all: &[Both<'a
             Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
         }
         Against::Baselines | Against::PointsInCommon => {
-            let (references, _) = references(&[&points[..], controls].concat(), all)?;
+            let (references, _) = references.of(&[&points[..], controls].concat())?;
             let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
             Some(mean_relative_to(&after, &second)?.over(mean_relative_to(&before, &first)?))
         }

@@ -98,8 +98,9 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
         |order: [usize; 3]| order.iter().find_map(|&i| place[i].as_ref()).map_or(0..0, toml::Spanned::span);
     if direction == DVec3::ZERO {
         let message = format!("the camera is at {position} and looks at the same point");
-        let error = document.error(at([1, 2, 0]), message, "no direction");
-        return document.with_settings(error.with_help("move position or look_at"));
+        let span = at([1, 2, 0]);
+        let error = document.error(span.clone(), message, "no direction");
+        return document.with_settings(&span, error.with_help("move position or look_at"));
     }
     let direction = direction.as_vec3();
     let message = format!("the camera's `up`, {up}, is zero or parallel to its view direction {direction}");

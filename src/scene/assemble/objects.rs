@@ -112,12 +112,7 @@ fn read_file(
     }
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();
-    for note in read.notes.drain(..).map(named) {
-        // Notes on a mesh that several objects use appear once.
-        if !notes.contains(&note) {
-            notes.push(note);
-        }
-    }
+    notes.extend(read.notes.drain(..).map(named));
     Ok(read)
 }
 

@@ -132,6 +132,9 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
         format!("{}: its cameras and lights are not used; the scene's are used instead", path.display());
     assert!(notes(&scene, &[]).contains(&unused));
     assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
+    // A second object has the same mesh.
+    std::fs::write(&scene, format!("{text}[[object]]\nmesh = \"a.gltf\"\n")).unwrap();
+    assert_eq!(notes(&scene, &[]).iter().filter(|note| **note == unused).count(), 1);
 }
 
 #[test]

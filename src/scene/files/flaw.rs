@@ -18,24 +18,31 @@ pub(super) struct Flaw {
     what: String,
     /// What is wrong, without text of the file; `None` if `what` quotes nothing from the file.
     unquoted: Option<String>,
+    /// The remedy if the error may quote the file, or if `what` quotes nothing.
+    remedy: &'static str,
 }
 
 impl Flaw {
     /// A mistake whose description quotes the file. `unquoted` describes the mistake without text of the file.
     pub fn quoting(what: impl Into<String>, unquoted: impl Into<String>) -> Self {
-        Self { line: None, what: what.into(), unquoted: Some(unquoted.into()) }
+        Self { unquoted: Some(unquoted.into()), ..Self::from(what) }
     }
 
     /// Sets the number of the line.
     pub fn at(self, line: usize) -> Self {
         Self { line: Some(line), ..self }
     }
+
+    /// Sets the remedy of a file that is neither cut off nor damaged.
+    pub fn with_remedy(self, remedy: &'static str) -> Self {
+        Self { remedy, ..self }
+    }
 }
 
 /// A mistake whose description quotes nothing from the file. Numbers of elements and bytes are no quotations.
 impl<T: Into<String>> From<T> for Flaw {
     fn from(what: T) -> Self {
-        Self { line: None, what: what.into(), unquoted: None }
+        Self { line: None, what: what.into(), unquoted: None, remedy: EXPORT }
     }
 }
 
@@ -50,11 +57,11 @@ pub(super) struct Named<'a> {
 impl Named<'_> {
     /// Returns the error that reports a mistake, without an excerpt of the file.
     pub fn error(&self, flaw: impl Into<Flaw>) -> Error {
-        let Flaw { line, what, unquoted } = flaw.into();
+        let Flaw { line, what, unquoted, remedy } = flaw.into();
         let place = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));
         match unquoted.filter(|_| !self.quotes) {
             Some(unquoted) => Error::input(format!("{place}: {unquoted}")).with_help(OUTSIDE),
-            None => Error::input(format!("{place}: {what}")).with_help(EXPORT),
+            None => Error::input(format!("{place}: {what}")).with_help(remedy),
         }
     }
 }
@@ -72,5 +79,7 @@ mod tests {
         let [shown, withheld] = told(Flaw::from("it is too large"));
         assert_eq!([shown.to_string(), withheld.to_string()], ["a: it is too large"; 2]);
         assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT; 2]);
+        let [shown, withheld] = told(Flaw::from("it is too large").with_remedy("make it smaller"));
+        assert_eq!([shown.remedy(), withheld.remedy()], ["make it smaller"; 2]);
     }
 }

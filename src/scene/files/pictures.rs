@@ -1,12 +1,12 @@
 //! Reads textures from picture files.
 
+use crate::image::{decoder_message, picture_reader};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::Reach;
 use crate::scene::{Texture, Wrap};
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::collections::HashMap;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -120,21 +120,20 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let format = image::guess_format(bytes).ok().or(ending);
     let format = format.filter(|format| FORMATS.contains(format));
     let format = format.ok_or("is not a PNG, JPEG, BMP or TGA")?;
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
-    let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+    let damaged = |why: String| format!("cannot be decoded ({why})");
+    let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(DECODING_BYTES);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(decoder_message).map_err(damaged)?;
+    let size = decoder.dimensions();
     let (width, height) = size;
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
     // A decoded texel takes at most 8 bytes. Its conversion to four channels of 8 bits takes as much again.
     room_for(size, 16, &Available::read())?;
-    let mut limits = Limits::no_limits();
-    limits.max_image_width = Some(MOST_ACROSS);
-    limits.max_image_height = Some(MOST_ACROSS);
-    limits.max_alloc = Some(DECODING_BYTES);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(damaged)?;
+    let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
     Ok(([width, height], words(&picture)))
 }
 
@@ -159,6 +158,7 @@ fn words(picture: &DynamicImage) -> Arc<[u32]> {
 mod tests {
     use super::*;
     use crate::scene::obj::Permitted;
+    use std::io::Cursor;
 
     fn png(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -215,6 +215,22 @@ mod tests {
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));
+    }
+
+    #[test]
+    fn a_damaged_picture_is_told_in_one_line_without_debug_output() {
+        let mut jpeg = Vec::new();
+        let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([x as u8, y as u8, 7]));
+        picture.write_to(&mut Cursor::new(&mut jpeg), ImageFormat::Jpeg).unwrap();
+        assert_eq!(decoded(&jpeg, None).unwrap().0, [64, 64]);
+        let end_first = &b"\x89PNG\r\n\x1a\n\0\0\0\0IEND\xaeB`\x82"[..];
+        for (bytes, why) in [
+            (crate::image::ODD_PALETTE, "its palette has 4 bytes; expected a multiple of 3"),
+            (&jpeg[..jpeg.len() / 2], "the file ends before the picture does"),
+            (end_first, "Format error decoding Png: IEND chunk appeared before IHDR chunk"),
+        ] {
+            assert_eq!(decoded(bytes, None).unwrap_err(), format!("cannot be decoded ({why})"));
+        }
     }
 
     /// Returns the beginning of a TGA of this size: 24 bits per texel, without a palette.

@@ -44,10 +44,13 @@ const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristr
 
 /// Reads a file.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
-    let Tidied { header: text, payload, strange, elements: names } = header::tidied(bytes);
-    let mut header = Parser::<Skipped>::new()
-        .read_header(&mut Reader::new(text.as_bytes()))
-        .map_err(|error| named.error(misread(&error, error.line())))?;
+    let Tidied { header: text, payload, strange, elements: names } =
+        header::tidied(bytes).map_err(|flaw| named.error(flaw))?;
+    let mut header =
+        Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).map_err(|error| {
+            let plain = error.line().and_then(|line| Some(header::mistake(&text, line)?.at(line)));
+            named.error(plain.unwrap_or_else(|| misread(&error, error.line())))
+        })?;
     // Messages show the name that an element has in the file.
     for (name, element) in &mut header.elements {
         names.get(name).into_iter().for_each(|original| element.name.clone_from(original));
@@ -78,7 +81,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
 fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
-    let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches('.');
+    let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
     // Even the first line of some messages contains a name from the header.
     let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
     match line {
@@ -341,7 +344,8 @@ impl PropertyAccess for Vertex {
 /// Returns the mistake of a face that is too large to be divided into triangles.
 fn too_large(number: usize) -> Flaw {
     let most = MAX_CONCAVE_CORNERS;
-    format!("face {number} is concave and has over {most} corners; divide it into smaller faces").into()
+    Flaw::from(format!("face {number} is concave and has more than {most} corners"))
+        .with_remedy("divide the face into smaller ones")
 }
 
 /// Returns the mistake of a face or a strip with a vertex that does not exist; `what` quotes the vertex.

@@ -45,8 +45,12 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
         // In a text file, a triangle usually takes 100 bytes or more. The memory that is reserved for a mesh of any
         // format grows with the file's size, and is then enough.
         false => {
-            let (corners, unknown) = ascii(bytes).map_err(failed)?;
-            (corners, unknown.notes("statement", named.quotes).collect())
+            let Text { corners, unknown, is_in_solid } = ascii(bytes).map_err(failed)?;
+            let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
+            notes.extend(
+                is_in_solid.then(|| "the file has no `endsolid` at its end: it may be cut off".to_owned()),
+            );
+            (corners, notes)
         }
     };
     let (positions, triangles) = joined(&corners);
@@ -133,19 +137,34 @@ const WORDS: [&str; 9] =
 /// A word of a text file, after the number of its line.
 type Word<'a> = (usize, &'a [u8]);
 
-/// Returns three corners per triangle of a text file, and the words that STL does not define, such as `color`. Only
-/// `vertex x y z` is used, three times before each `endfacet`. A line end only ends the name of a solid, since some
-/// programs write several statements into a line.
-fn ascii(bytes: &[u8]) -> std::result::Result<(Vec<DVec3>, Asked), Flaw> {
+/// What a text file contains.
+struct Text {
+    /// Three corners per triangle.
+    corners: Vec<DVec3>,
+    /// The words that STL does not define, such as `color`.
+    unknown: Asked,
+    /// True if the file ends within a solid.
+    is_in_solid: bool,
+}
+
+/// Reads a text file. Only `vertex x y z` is used, three times in each facet. A line end only ends the name of a solid,
+/// since some programs write several statements into a line.
+fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let (mut corners, mut unknown) = (Vec::new(), Asked::default());
+    let (mut is_in_solid, mut is_in_facet) = (false, false);
+    // The number of corners before the facet.
+    let mut before = 0;
     let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of).peekable();
     while let Some((line, word)) = words.next() {
         if is(word, "vertex") {
             corners.push(vertex(line, &mut words)?);
-        } else if is(word, "endfacet") && !corners.len().is_multiple_of(3) {
+        } else if is(word, "endfacet") && corners.len() - before != 3 {
             return Err(Flaw::from("a facet without exactly three vertices").at(line));
+        } else if is(word, "facet") || is(word, "endfacet") {
+            (is_in_facet, before) = (is(word, "facet"), corners.len());
         } else if is(word, "solid") || is(word, "endsolid") {
+            is_in_solid = is(word, "solid");
             skip_name(line, &mut words);
         } else if is(word, "normal") {
             // Programs write words such as `-nan(ind)` for numbers of a normal.
@@ -156,8 +175,9 @@ fn ascii(bytes: &[u8]) -> std::result::Result<(Vec<DVec3>, Asked), Flaw> {
             unknown.add(Wish::Unknown, word);
         }
     }
-    if corners.len().is_multiple_of(3) {
-        return Ok((corners, unknown));
+    let is_cut_off = is_in_facet && corners.len() == before;
+    if corners.len().is_multiple_of(3) && !is_cut_off {
+        return Ok(Text { corners, unknown, is_in_solid });
     }
     let last = split_lines(bytes).count();
     Err(Flaw::from("the last facet ends before its third vertex").at(last))
@@ -238,7 +258,7 @@ mod tests {
     }
 
     const TWO: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
-        endsolid a\nSOLID\n FACET NORMAL 0 0 1\n  OUTER LOOP\n  VERTEX 1 0 0\r\n  VERTEX 1. 1e0 -0\n  VERTEX .0 1 0\n  ENDLOOP\n ENDFACET\n";
+        endsolid a\nSOLID\n FACET NORMAL 0 0 1\n  OUTER LOOP\n  VERTEX 1 0 0\r\n  VERTEX 1. 1e0 -0\n  VERTEX .0 1 0\n  ENDLOOP\n ENDFACET\nENDSOLID\n";
 
     fn binary_of(corners: &[Vec3]) -> Vec<u8> {
         let mut bytes = b"solid, says this header of a binary file".to_vec();
@@ -324,6 +344,12 @@ mod tests {
             ("vertex 0 1 0\n", "", "a.stl:7: a facet without exactly three"),
             ("vertex 0 1 0", "vertex 0 nan 0", "a.stl:6"),
             ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex with fewer"),
+            (
+                "endloop",
+                "vertex 5 0 0\nvertex 5 1 0\nvertex 5 0 1\nendloop",
+                "a.stl:11: a facet without exactly",
+            ),
+            ("endfacet\n", "endfacet\nfacet normal 0 0 1\nendfacet\n", "a.stl:10: a facet without exactly"),
         ] {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");
@@ -395,8 +421,22 @@ mod tests {
 
     #[test]
     fn a_text_that_ends_in_a_facet_is_refused() {
-        let end = TWO.find("vertex 0 1 0").unwrap();
-        let error = parse("a.stl", &TWO.as_bytes()[..end]).err().unwrap().to_string();
-        assert!(error.contains("the last facet ends before its third vertex"), "{error}");
+        for next in ["vertex 0 1 0", "vertex 0 0 0", "outer loop", "VERTEX .0 1 0", "OUTER LOOP"] {
+            let end = TWO.find(next).unwrap();
+            let error = parse("a.stl", &TWO.as_bytes()[..end]).err().unwrap().to_string();
+            assert!(error.contains("the last facet ends before its third vertex"), "{next}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_text_that_ends_in_a_solid_is_noted() {
+        let cut_off = ["the file has no `endsolid` at its end: it may be cut off"];
+        for next in ["endsolid a", " FACET", "ENDLOOP", "ENDFACET", "ENDSOLID"] {
+            let end = TWO.find(next).unwrap();
+            assert_eq!(parse("a.stl", &TWO.as_bytes()[..end]).unwrap().notes, cut_off, "{next}");
+        }
+        for whole in [TWO.to_owned(), TWO.replacen("solid a\n", "", 1), TWO.replace("endfacet\n", "")] {
+            assert_eq!(parse("a.stl", whole.as_bytes()).unwrap().notes, [""; 0], "{whole}");
+        }
     }
 }

@@ -86,8 +86,8 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
             (b"f" | b"fo", rest) => {
                 let read = read_corners(context, &seen, rest, &mut corners);
                 faces.look_at(offset, &mut corners);
-                read.and_then(|()| faces.push(context, &corners, material))
-                    .map_err(|message| Mistake::new(offset, message))?;
+                read.map_err(|message| Mistake::new(offset, message))?;
+                faces.push(context, offset, &corners, material)?;
             }
             _ => {}
         }
@@ -142,7 +142,13 @@ impl FaceChunk {
         }
     }
 
-    fn push(&mut self, context: &FaceContext, corners: &[Corner], material: u32) -> Result<(), String> {
+    fn push(
+        &mut self,
+        context: &FaceContext,
+        offset: usize,
+        corners: &[Corner],
+        material: u32,
+    ) -> Result<(), Mistake> {
         if corners.len() < 3 {
             return Ok(());
         }
@@ -162,11 +168,10 @@ impl FaceChunk {
         }
         let outline: Vec<_> = corners.iter().map(|c| context.positions[c.0 as usize].as_dvec3()).collect();
         let triangles = triangulate(&outline).ok_or_else(|| {
-            format!(
-                "a concave face of {} corners; expected at most {MAX_CONCAVE_CORNERS}: divide it into smaller \
-                 faces",
-                corners.len()
-            )
+            let most = MAX_CONCAVE_CORNERS;
+            let message = format!("a concave face of {} corners; expected at most {most}", corners.len());
+            let expected = format!("at most {most} corners in a concave face: divide it into smaller faces");
+            Mistake::new(offset, message).expecting(expected)
         })?;
         triangles.into_iter().for_each(&mut push);
         Ok(())
@@ -249,6 +254,9 @@ fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> 
     }
     let valid = match (value, total) {
         (_, 0) => format!("an index of a {what}, but the file has no {what} at all"),
+        (..0, _) if seen == 0 => {
+            format!("1 to {total} (no {what} precedes this line, so a negative index refers to none)")
+        }
         (..0, _) => format!("-{seen} to -1 (elements of this kind before this line: {seen})"),
         _ => format!("1 to {total}"),
     };

@@ -2,7 +2,9 @@
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, tokens, words};
+use super::text::{
+    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, tokens, words,
+};
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
@@ -10,6 +12,7 @@ use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
 use crate::reader::{self, Kind, lies_in};
 use crate::scene::INPUTS;
+use crate::scene::few_notes::FewNotes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -36,7 +39,7 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds a note for each file that cannot. If several files define a name,
+/// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a name,
 /// the last `mtllib` line counts, and the first file of a line, as the specification of OBJ says.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
@@ -56,6 +59,7 @@ pub(super) fn load_all<'a>(
         }
         lines.push(known[&**library].clone());
     }
+    notes.extend(loader.missing.rest("material file"));
     let order: Vec<usize> = lines.into_iter().rev().flatten().collect();
     Ok(loader.named(&order))
 }
@@ -67,6 +71,8 @@ struct Loader {
     files: HashMap<PathBuf, usize>,
     /// The names of the materials of each file.
     names: Vec<Names>,
+    /// The notes on files that cannot be loaded.
+    missing: FewNotes,
 }
 
 /// The names of a file's materials, and the materials' numbers.
@@ -85,7 +91,7 @@ impl Loader {
             maps: vec![Maps::default()],
             by_name: HashMap::new(),
         };
-        Self { materials, files: HashMap::new(), names: Vec::new() }
+        Self { materials, files: HashMap::new(), names: Vec::new(), missing: FewNotes::default() }
     }
 
     /// Loads a file unless it has been loaded, and returns its number. If the file cannot be loaded, adds a note.
@@ -108,7 +114,7 @@ impl Loader {
                 let note = format!(
                     "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
                 );
-                notes.extend((!notes.contains(&note)).then_some(note));
+                self.missing.add(note, notes);
                 Ok(None)
             }
         }
@@ -212,9 +218,9 @@ impl Materials {
             let [_, short, _] = possible_names(own);
             names.short.insert(short.to_owned(), number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
-            let at = |offset| format!("{name}:{}", source.line(offset));
-            let told =
-                |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), folder, alone));
+            let told = |map: Option<(usize, Map)>| {
+                map.map(|(line, map)| map.told(format!("{name}:{line}"), folder, alone))
+            };
             self.maps.push(Maps::new(told(colour), told(mask), &mut asked));
             let material = convert(material);
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
@@ -247,21 +253,21 @@ struct Extras {
     asked: Asked,
     /// The value of `illum`, the number of an illumination model.
     model: Option<Vec<u8>>,
-    /// The byte offset of the line with `map_Kd` in the file, and the value of `map_Kd`.
+    /// The number of the line with `map_Kd`, from 1, and the value of `map_Kd`.
     colour: Option<(usize, Map)>,
-    /// The byte offset of the line with `map_d` in the file, and the value of `map_d`.
+    /// The number of the line with `map_d`, from 1, and the value of `map_d`.
     mask: Option<(usize, Map)>,
 }
 
 impl Extras {
-    fn read(&mut self, offset: usize, keyword: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
+    fn read(&mut self, line: usize, keyword: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
         match keyword {
             b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
             _ if keyword.eq_ignore_ascii_case(b"map_Kd") => {
-                self.colour = Some((offset, Map::of_line("map_Kd", rest)?));
+                self.colour = Some((line, Map::of_line("map_Kd", rest)?));
             }
             _ if keyword.eq_ignore_ascii_case(b"map_d") => {
-                self.mask = Some((offset, Map::of_line("map_d", rest)?));
+                self.mask = Some((line, Map::of_line("map_d", rest)?));
             }
             _ => wishes::of_material(&mut self.asked, keyword, rest),
         }
@@ -270,7 +276,7 @@ impl Extras {
 }
 
 impl Checked {
-    fn read(&mut self, offset: usize, name: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
+    fn read(&mut self, line: usize, name: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
         match name {
             b"newmtl" => {
                 let name = words(rest);
@@ -285,7 +291,7 @@ impl Checked {
             b"Ns" => self.plain += &format!("Ns {}\n", values::shininess(rest)?),
             _ => {
                 if let Some(last) = self.extras.last_mut() {
-                    last.read(offset, name, rest)?;
+                    last.read(line, name, rest)?;
                 }
                 values::unused(name, rest)?;
             }
@@ -298,14 +304,12 @@ impl Checked {
 /// single grey value, an inline comment or Latin-1 text.
 fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
-    for chunk in super::text::chunks(text) {
-        for (offset, line) in chunk.lines() {
-            let (name, rest) = keyword(line);
-            match checked.read(offset, name, rest) {
-                Err(unfit) => checked.ignored.add(offset, unfit),
-                Ok(()) if values::has_more(name, rest) => checked.more.at(offset),
-                Ok(()) => {}
-            }
+    for (number, (offset, line)) in (1..).zip(Chunk::whole(text).lines()) {
+        let (name, rest) = keyword(line);
+        match checked.read(number, name, rest) {
+            Err(unfit) => checked.ignored.add(offset, unfit),
+            Ok(()) if values::has_more(name, rest) => checked.more.at(offset),
+            Ok(()) => {}
         }
     }
     checked

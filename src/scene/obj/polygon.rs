@@ -1,4 +1,4 @@
-//! Triangulates polygons: a fan for a convex polygon, ear clipping for others.
+//! Triangulates polygons: a fan for a polygon that is convex (but for rounding), ear clipping for others.
 
 use glam::{DVec2, DVec3};
 
@@ -6,12 +6,20 @@ use glam::{DVec2, DVec3};
 /// refused.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
+/// An outline with more corners than this is also divided by a fan if only rounding makes the outline concave. For fewer
+/// corners, ear clipping is fast, and overturns no triangle.
+const MANY_CORNERS: usize = 1_024;
+
+/// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
+const WIDEST_SEAM: f64 = 1e-4;
+
 /// Divides an outline of at least three corners into triangles of corner indices, in the outline's
-/// orientation. Returns `None` if the outline is concave and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
+/// orientation. Returns `None` if the outline is concave by more than
+/// rounding and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
 /// self-intersecting outline, the triangles are arbitrary.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
-    if is_convex(&flat) {
+    if is_convex(&flat) || (flat.len() > MANY_CORNERS && has_sound_fan(&flat)) {
         return Some((1..outline.len() - 1).map(|i| [0, i, i + 1]).collect());
     }
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
@@ -47,6 +55,21 @@ fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 fn is_convex(flat: &[DVec2]) -> bool {
     let count = flat.len();
     (0..count).all(|i| area(flat[i], flat[(i + 1) % count], flat[(i + 2) % count]) >= 0.0)
+}
+
+/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Positions are rounded to
+/// single precision, which moves each corner; the angles of a circle of very many corners are so flat that some of them
+/// become concave. Overturned triangles of the fan may have the area of a seam along the outline. The seam's width is
+/// four times the largest rounding error of a coordinate. It is limited by the outline's size, since an outline in
+/// double precision may be small and far from the origin.
+fn has_sound_fan(flat: &[DVec2]) -> bool {
+    let first = flat[0];
+    let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
+    let seam = (2.0 * f64::from(f32::EPSILON) * largest(DVec2::ZERO)).min(WIDEST_SEAM * largest(first));
+    let sides = || flat.windows(2).map(|side| (side[0], side[1]));
+    let length: f64 = sides().map(|(a, b)| a.distance(b)).sum();
+    let overturned: f64 = sides().map(|(a, b)| -area(first, a, b).min(0.0)).sum();
+    overturned <= seam * length
 }
 
 /// Divides a polygon into triangles by cutting off one ear after the other.
@@ -234,6 +257,29 @@ mod tests {
         assert_eq!(triangulate(&outline).unwrap().len(), MAX_CONCAVE_CORNERS - 1);
         outline[7] = DVec3::ZERO;
         assert_eq!(triangulate(&outline), None);
+    }
+
+    #[test]
+    fn a_circle_that_only_rounding_makes_concave_is_divided_by_a_fan() {
+        let circle = |count: usize| -> Vec<DVec3> {
+            let corner = |i| {
+                let angle = std::f64::consts::TAU * i as f64 / count as f64;
+                DVec3::new(0.7 * angle.cos(), 5.0 + 0.7 * angle.sin(), 0.2 * angle.cos()).as_vec3().as_dvec3()
+            };
+            (0..count).map(corner).collect()
+        };
+        let mut outline = circle(40_000);
+        assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
+        let (sum, oriented) = total_area(&outline);
+        assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
+        // A dent that is deeper than the rounding, in an outline of any place and precision.
+        outline[100].x -= 0.3;
+        assert_eq!(triangulate(&outline), None);
+        outline.iter_mut().for_each(|corner| corner.y += 1e7);
+        assert_eq!(triangulate(&outline), None);
+        // The fan from the first corner would overturn its first triangle.
+        let quad = [(0.0, 0.0), (1.0, 1e-7), (2.0, 0.0), (1.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
+        assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
 
     #[test]

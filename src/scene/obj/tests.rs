@@ -63,6 +63,11 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
             format!("f 1 2 9\n{CORNERS}"),
             "test.obj:1: vertex index `9` in `9` does not exist; expected 1 to 3",
         ),
+        (
+            format!("f -1 -2 -3\n{CORNERS}"),
+            "test.obj:1: vertex index `-1` in `-1` does not exist; expected 1 to 3 (no vertex precedes this line, so a \
+             negative index refers to none)",
+        ),
         (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1 (elements of this kind before this line: 3)"),
         (
             format!("{CORNERS}fo 1 2 4\n"),
@@ -79,6 +84,31 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text:?}: {}", message(&text));
     }
+}
+
+#[test]
+fn a_concave_face_of_too_many_corners_is_told_with_its_own_remedy() {
+    let count = MAX_CONCAVE_CORNERS + 2;
+    // A half of the corners is on a large circle, and the other half on a small one, in turn.
+    let vertex = |i: usize| {
+        let (radius, angle) = ([1.0, 0.5][i % 2], std::f64::consts::TAU * i as f64 / count as f64);
+        format!("v {} {} 0\n", radius * angle.cos(), radius * angle.sin())
+    };
+    let face: String = (1..=count).map(|number| format!(" {number}")).collect();
+    let text = (0..count).map(vertex).collect::<String>() + "f" + &face + "\n";
+    let told = |quotes| {
+        let permitted = Permitted { beyond: false, quotes, scaled: false };
+        parse("test.obj", Reach { permitted, ..nowhere() }, text.as_bytes()).err().unwrap()
+    };
+    let expected = "at most 32768 corners in a concave face: divide it into smaller faces";
+    let start = format!("test.obj:{}: ", count + 1);
+    let shown = told(true);
+    assert_eq!(
+        shown.to_string(),
+        format!("{start}a concave face of {count} corners; expected at most 32768")
+    );
+    assert_eq!(shown.remedy(), format!("expected {expected}"));
+    assert_eq!(told(false).to_string(), format!("{start}expected {expected}"));
 }
 
 #[test]

@@ -15,11 +15,23 @@ const CHUNK_BYTES: usize = 1 << 17;
 pub(super) struct Mistake {
     offset: usize,
     message: String,
+    /// The form that the line should have; `None` if the line's keyword decides it.
+    expected: Option<String>,
 }
 
 impl Mistake {
     pub fn new(offset: usize, message: impl Into<String>) -> Self {
-        Self { offset, message: message.into() }
+        Self { offset, message: message.into(), expected: None }
+    }
+
+    /// Sets the form that the line should have. It must quote nothing from the file.
+    pub fn expecting(self, expected: impl Into<String>) -> Self {
+        Self { expected: Some(expected.into()), ..self }
+    }
+
+    /// Returns the form that the line should have; `text` begins at the mistake.
+    fn expected(&self, text: &[u8]) -> String {
+        self.expected.clone().unwrap_or_else(|| expected(text).to_owned())
     }
 }
 
@@ -67,7 +79,7 @@ impl Source<'_> {
             true => format!("line {line}: {}", mistake.message),
             false => format!(
                 "line {line}: the line is not valid; expected {}",
-                expected(&self.text[mistake.offset..])
+                mistake.expected(&self.text[mistake.offset..])
             ),
         }
     }
@@ -76,10 +88,10 @@ impl Source<'_> {
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
         let rest = &self.text[before.len()..];
-        let expected = expected(rest);
+        let expected = mistake.expected(rest);
         let line_number = self.line(mistake.offset);
         if !self.quotes {
-            return Error::withheld(self.name, line_number, expected);
+            return Error::withheld(self.name, line_number, &expected);
         }
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
@@ -97,8 +109,8 @@ impl Source<'_> {
     }
 }
 
-/// Returns the form that the statement on the first line of a text should have. Every error names this form, even an
-/// error that must not quote the line.
+/// Returns the form that the statement on the first line of a text should have, if no other form is known. Every error
+/// names a form, even an error that must not quote the line.
 fn expected(text: &[u8]) -> &'static str {
     let line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
     match keyword(line.trim_ascii_start()).0 {
@@ -118,6 +130,11 @@ pub(super) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
+    /// Returns a whole text as one piece.
+    pub fn whole(text: &'a [u8]) -> Self {
+        Self { start: 0, bytes: text }
+    }
+
     /// Returns the piece's lines without surrounding blanks, each with its offset in the text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let mut offset = self.start;

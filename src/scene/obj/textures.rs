@@ -4,6 +4,7 @@ use super::asked::{Asked, Wish};
 use super::mtl::Reach;
 use super::text::{name_tokens, number, possible_names, possible_paths, quoted, words};
 use super::values::{Unfit, unfit_map};
+use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
@@ -51,8 +52,8 @@ impl Maps {
     }
 
     /// Returns the map that places the textures, and the numbers of the colour texture and of the
-    /// mask. Adds a note for each texture that cannot be read.
-    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, notes: &mut Vec<String>) -> Loaded<'_> {
+    /// mask. Calls `tell` with a note for each texture that cannot be read.
+    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, tell: &mut dyn FnMut(String)) -> Loaded<'_> {
         let place = self.place()?;
         let wrap = [place.wrap; 2];
         let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
@@ -63,8 +64,7 @@ impl Maps {
                         true => format!(" {}", quoted(map.name().as_bytes())),
                         false => String::new(),
                     };
-                    let note = format!("{}: {what}{name} {why}: {instead}", map.at);
-                    notes.extend((!notes.contains(&note)).then_some(note));
+                    tell(format!("{}: {what}{name} {why}: {instead}", map.at));
                 })
                 .ok()
         };
@@ -243,12 +243,14 @@ pub(super) fn apply(
     mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
     let mut pictures = Pictures::default();
     let mut loaded = vec![None; maps.len()];
+    let mut unusable = FewNotes::default();
     for (material, maps) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
-        loaded[material] = maps.load(reach, &mut pictures, notes);
+        loaded[material] = maps.load(reach, &mut pictures, &mut |note| unusable.add(note, notes));
         if let Some((Map { alone: true, .. }, Some(_), _)) = loaded[material] {
             mesh.materials[material].lambertian = Vec3::ONE;
         }
     }
+    notes.extend(unusable.rest("texture"));
     let mut without = 0;
     let rows = mesh.triangles.iter().zip(&places.corners).map(|(triangle, corners)| {
         let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };

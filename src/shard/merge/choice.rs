@@ -1,12 +1,15 @@
 //! Chooses one record of each point, if several attempts have a record of it.
 
 use super::{Measured, lines};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::record::journals::RECORDS;
 use crate::record::{Outcome, Record, new_names};
-use crate::shard::Attempt;
+use crate::shard::kind::FOLDER;
+use crate::shard::{Attempt, Kind};
+use crate::words::counted;
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::Path;
 
 /// The chosen record of each point, and all outcomes of points with several records.
 #[derive(Debug, Default)]
@@ -99,14 +102,39 @@ impl Offered {
 }
 
 impl Chosen {
-    /// Returns whether a point has a record.
-    pub fn has(&self, key: &str) -> bool {
-        self.best.contains_key(key)
+    /// Returns the outcome of a point's chosen record; `None` if the point has no record.
+    pub fn outcome(&self, key: &str) -> Option<Outcome> {
+        self.best.get(key).map(|(_, record)| record.outcome)
     }
 
     /// Returns the chosen records of the points with these keys, in the order of the keys.
     pub fn of_keys<'a>(mut self, keys: impl Iterator<Item = &'a str>) -> Vec<Measured> {
         keys.filter_map(|key| self.best.remove(key)).collect()
+    }
+
+    /// Returns an error if a point with a record belongs to none of these kinds of device, which are all kinds of the
+    /// folder. The file of a kind may have been left out when the folders of several machines were copied together.
+    /// Without this check, the merge would leave out the records of this kind.
+    pub fn refuse_unlisted(&self, out: &Path, all: &[Kind], attempts: &[Attempt]) -> Result<()> {
+        let points = all.iter().flat_map(|kind| &kind.points);
+        let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();
+        let others = self.best.iter().filter(|(key, _)| !listed.contains(key.as_str()));
+        let mut names: Vec<&str> = others.map(|(_, (place, _))| attempts[*place].name.as_str()).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let records = counted(names.len(), "record");
+        names.sort_unstable();
+        names.dedup();
+        let folder = out.join(FOLDER).display().to_string();
+        let message = format!(
+            "no file in {folder} lists the points of {records} of {} ({})",
+            counted(names.len(), "attempt"),
+            few(&names)
+        );
+        Err(Error::input(message).with_help(format!(
+            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}; to merge without these attempts, move their folders out of parts/"
+        )))
     }
 
     /// Returns notes on points that several attempts measured.
@@ -249,6 +277,29 @@ mod tests {
     }
 
     #[test]
+    fn records_of_points_that_no_kind_lists_are_refused() {
+        use crate::record::PlannedPoint;
+        use crate::shard::KindPoint;
+        let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
+        let kind = |key: &str| {
+            let planned = PlannedPoint { key: key.into(), ..PlannedPoint::default() };
+            Kind { points: vec![KindPoint { point: 0, planned }], ..Kind::default() }
+        };
+        let mut offered = Offered::default();
+        for (attempt, key) in [(0, "a"), (1, "b"), (1, "c")] {
+            offered.add(attempt, Record { key: key.into(), ..record(Outcome::Measured, 5) });
+        }
+        let (chosen, attempts) = (offered.chosen(), [attempt("one"), attempt("two")]);
+        let refused = |kinds: &[Kind]| chosen.refuse_unlisted(Path::new("out"), kinds, &attempts);
+        assert!(refused(&["a", "b", "c"].map(kind)).is_ok());
+        let error = refused(&[kind("a")]).unwrap_err();
+        let expected = "no file in out/kinds lists the points of 2 records of 1 attempt (two)";
+        assert_eq!((error.exit_code(), error.to_string().as_str()), (2, expected));
+        let error = refused(&[]).unwrap_err();
+        assert!(error.to_string().ends_with("3 records of 2 attempts (one, two)"), "{error}");
+    }
+
+    #[test]
     fn both_attempts_are_told_where_one_saw_a_wrong_image() {
         let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
         let mut offered = Offered::default();
@@ -302,7 +353,7 @@ mod tests {
             notes,
             ["2 points were measured by several attempts (one, three, two); one record per point is used."]
         );
-        assert_eq!([chosen.has("c"), chosen.has("d")], [true, false]);
+        assert_eq!([chosen.outcome("c"), chosen.outcome("d")].map(|found| found.is_some()), [true, false]);
         assert!(Chosen::default().notes(&[]).is_empty());
         let names = ["a", "b", "c", "d", "e"];
         assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);

@@ -1,49 +1,59 @@
-//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0.
+//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0. A launch that an
+//! attempt copied has the same number as its original.
 
 use super::Measured;
+use super::origins::{Launch, Origins};
 use crate::record::Record;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// The new number of each launch (of worker processes) that a record uses, by the attempt's index and the launch's
-/// number in that attempt.
+/// The new number of each launch (of worker processes) that a record uses.
 #[derive(Clone, Debug, Default)]
-pub struct Launches(BTreeMap<(usize, u32), u32>);
+pub struct Launches {
+    origins: Origins,
+    /// The new numbers, by the launches' originals.
+    numbers: BTreeMap<Launch, u32>,
+}
 
 impl Launches {
     /// Numbers the launches (of worker processes) that these records use. Numbers start at 0 and follow the order of
     /// the attempts.
-    pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
-        let used = |(attempt, record): &Measured| {
-            let attempt = *attempt;
-            record.sample_launches.clone().into_iter().map(move |launch| (attempt, launch))
-        };
-        let all: BTreeSet<(usize, u32)> = records.flat_map(used).collect();
-        Self(all.into_iter().zip(0..).collect())
+    pub fn of<'a>(origins: Origins, records: impl Iterator<Item = &'a Measured>) -> Self {
+        let used = |(attempt, record): &Measured| origins.of_record(*attempt, record);
+        let all: BTreeSet<Launch> = records.flat_map(used).collect();
+        Self { numbers: all.into_iter().zip(0..).collect(), origins }
+    }
+
+    /// Returns the attempts that measured the launches.
+    pub fn origins(&self) -> &Origins {
+        &self.origins
     }
 
     /// Returns the new number of a launch (of worker processes); `None` if no record uses the launch.
     pub fn number(&self, attempt: usize, launch: u32) -> Option<u32> {
-        self.0.get(&(attempt, launch)).copied()
+        self.numbers.get(&self.origins.of((attempt, launch))).copied()
     }
 
-    /// Renumbers the launches (of worker processes) in which a record's samples were measured.
+    /// Renumbers the launches (of worker processes) in which a record's samples were measured, and names the machines
+    /// that measured them.
     pub fn renumber(&self, attempt: usize, record: &mut Record) {
+        if let Some(host) = self.origins.host(attempt, record) {
+            record.host = Some(host);
+        }
         for launch in &mut record.sample_launches {
             *launch = self.number(attempt, *launch).unwrap_or(*launch);
         }
     }
-}
 
-/// Returns the samples that records use. A sample is identified by the attempt's index, the number of the launch (of
-/// worker processes) in that attempt, and the point's key.
-pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
-    let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
-    let mut counted = HashSet::new();
-    for measured in records {
-        let (attempt, launches) = of(measured);
-        counted.extend(launches.into_iter().map(|launch| (attempt, launch, measured.1.key.as_str())));
+    /// Returns the samples that records use. A sample is identified by the launch (of worker processes) that measured
+    /// it, and by the point's key.
+    pub fn counted<'a>(&self, records: &'a [Measured]) -> HashSet<(Launch, &'a str)> {
+        let mut counted = HashSet::new();
+        for (attempt, record) in records {
+            let launches = self.origins.of_record(*attempt, record);
+            counted.extend(launches.into_iter().map(|launch| (launch, record.key.as_str())));
+        }
+        counted
     }
-    counted
 }
 
 #[cfg(test)]
@@ -58,8 +68,9 @@ mod tests {
             ..Record::default()
         };
         let mut records = [(0, record(&[1, 1, 2])), (3, record(&[1, 2])), (0, record(&[2]))];
-        let launches = Launches::of(records.iter());
-        assert!(counted(&records).contains(&(3, 2, "k")) && !counted(&records).contains(&(3, 0, "k")));
+        let launches = Launches::of(Origins::default(), records.iter());
+        let counted = launches.counted(&records);
+        assert!(counted.contains(&((3, 2), "k")) && !counted.contains(&((3, 0), "k")));
         records.iter_mut().for_each(|(attempt, record)| launches.renumber(*attempt, record));
         let found: Vec<_> = records.iter().map(|(_, record)| record.sample_launches.clone()).collect();
         assert_eq!(found, [vec![0, 0, 1], vec![2, 3], vec![1]]);

@@ -1,11 +1,14 @@
-//! Merges attempts into one folder of results, like that of a single run. A merge uses neither a device nor a
-//! clock: the same attempts always result in the same folder. A merge does not change the attempts' folders.
+//! Merges attempts into one folder of results, like that of a single run. A merge needs no device, and its results
+//! depend on no clock: the same attempts always result in the same folder. A merge does not change the attempts'
+//! folders.
 
 mod again;
 mod choice;
 mod environment;
 mod launches;
 mod meant;
+mod origins;
+mod other_plan;
 mod pictures;
 mod planned;
 
@@ -15,16 +18,23 @@ use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
-use crate::record::{write_whole, write_whole_by};
+use crate::record::{remove_left_overs, write_whole, write_whole_by};
 use crate::words::counted;
-use choice::choose;
+use choice::{Chosen, choose};
 use launches::Launches;
 use meant::{meant_kinds, types_of_devices};
+use origins::{OfLaunch, Origins, each_line};
 use planned::Planned;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
+use std::collections::HashSet;
 use std::path::Path;
+use std::time::Duration;
+
+/// A merge removes temporary files that have this age or are older. A younger file may be one that another process is
+/// just writing. The results do not depend on this age.
+const ABANDONED: Duration = Duration::from_secs(3600);
 
 /// The result of a merge.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,20 +59,21 @@ type Measured = (usize, Record);
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
-    let all = Kind::all(out)?;
     let attempts = Attempt::all(out);
-    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts), meant);
     let chosen = choose(&attempts)?;
+    // The kinds are read after the records: an attempt that has just begun writes its kind before its first record.
+    let all = Kind::all(out)?;
+    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts), meant);
+    chosen.refuse_unlisted(out, &all, &attempts)?;
+    remove_left_overs(out, ABANDONED);
     let planned = Planned::of(&plan, &kinds);
     let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
-    let missing = missing::missing(out, &plan, wanted, &attempts, &|key| chosen.has(key));
-    let mut notes = chosen.notes(&attempts);
-    notes.extend(again::attempted_again(&attempts));
-    notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
-    notes.extend(damage(&attempts)?);
+    let missing = missing::missing(out, &plan, wanted, &attempts, &|key| chosen.outcome(key));
+    let notes = notes(&plan, &chosen, &attempts)?;
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
-    let mut controls = controls(&attempts)?;
-    let launches = Launches::of(records.iter().chain(&controls));
+    let origins = Origins::read(&attempts)?;
+    let mut controls = controls(&attempts, &origins)?;
+    let launches = Launches::of(origins, records.iter().chain(&controls));
     // `merge.json` shows that a merge wrote the folder. This file is written first, so that a merge that was killed
     // can be repeated.
     write_about(out, &attempts, &notes)?;
@@ -70,10 +81,9 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let samples = write_samples(out, &attempts, [&records, &controls], &launches)?;
     let devices = planned.devices(records.iter().chain(&controls));
     let name = |attempt, device: &str| devices.get(&(attempt, device.to_owned())).cloned();
-    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| Some(&mut line.launch))?;
+    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| Some(line))?;
     write_renumbered::<AnchorSample>(out, ANCHORS, &attempts, &launches, |attempt, line| {
-        line.device = name(attempt, &line.device)?;
-        Some(&mut line.launch)
+        Some(AnchorSample { device: name(attempt, &line.device)?, ..line })
     })?;
     write_peak(out, &attempts, name)?;
     for (attempt, record) in records.iter_mut().chain(&mut controls) {
@@ -106,6 +116,19 @@ fn refuse_other_results(out: &Path) -> Result<()> {
         .with_help("choose another folder for the shards with --out")),
         false => Ok(()),
     }
+}
+
+/// Returns notes on the attempts, and on points that several of them measured.
+fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<String>> {
+    let mut notes = chosen.notes(attempts);
+    notes.extend(again::attempted_again(attempts));
+    notes.extend(other_plan::other_plan(plan, attempts)?);
+    notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
+    notes.extend(damage(attempts)?);
+    for attempt in attempts {
+        notes.extend(lost_samples(attempt)?);
+    }
+    Ok(notes)
 }
 
 /// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
@@ -145,13 +168,35 @@ fn damage_to<T: DeserializeOwned>(attempt: &Attempt, journal: &str) -> Result<Op
     Ok(read.damage(&format!("parts/{}/{journal}", attempt.name)))
 }
 
-/// Returns all attempts' records of control points that a block measured although they belong to another block.
-fn controls(attempts: &[Attempt]) -> Result<Vec<Measured>> {
-    let mut controls = Vec::new();
+/// Returns a note if an attempt has records of measured points, but no samples: only the records contain these times.
+fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
+    if !lines::<Sample>(&attempt.folder.join(SAMPLES))?.is_empty() {
+        return Ok(None);
+    }
+    let records = lines::<Record>(&attempt.folder.join(RECORDS))?;
+    let points = records.iter().filter(|record| !record.sample_launches.is_empty()).count();
+    Ok((points > 0).then(|| {
+        format!(
+            "parts/{}/{SAMPLES} is missing or has no lines, so {SAMPLES} lacks samples of {}. {RECORDS} has \
+             their times.",
+            attempt.name,
+            counted(points, "point")
+        )
+    }))
+}
+
+/// Returns all attempts' records of control points that a block measured although they belong to another block. If an
+/// attempt copied all launches of such a record, an earlier attempt may have a record of the same launches; only one of
+/// the two is returned.
+fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
+    let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (place, attempt) in attempts.iter().enumerate() {
-        controls.extend(
-            lines::<Record>(&attempt.folder.join(CONTROLS))?.into_iter().map(|record| (place, record)),
-        );
+        for record in lines::<Record>(&attempt.folder.join(CONTROLS))? {
+            let launches = origins.of_record(place, &record);
+            if launches.is_empty() || known.insert((record.key.clone(), launches)) {
+                controls.push((place, record));
+            }
+        }
     }
     Ok(controls)
 }
@@ -165,54 +210,49 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
 }
 
 /// Writes the samples of the chosen records, with the new numbers of their launches (of worker processes). Returns the
-/// number of samples that were written, the number of samples of controls, and the number of samples of neither. The
-/// samples of controls are not written: their records contain the times.
+/// number of samples that were written, the number of samples of controls, and the number of samples of neither. A
+/// sample and its copies count as one. The samples of controls are not written: their records contain the times.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
     [records, controls]: [&[Measured]; 2],
     launches: &Launches,
 ) -> Result<[usize; 3]> {
-    let used = [records, controls].map(launches::counted);
+    let used = [records, controls].map(|records| launches.counted(records));
     let mut counts = [0; 3];
     write_whole_by(&out.join(SAMPLES), |file| {
-        for (place, attempt) in attempts.iter().enumerate() {
-            for mut sample in lines::<Sample>(&attempt.folder.join(SAMPLES)).map_err(std::io::Error::other)? {
-                let own = (place, sample.launch, sample.key.as_str());
-                let class = used.iter().position(|used| used.contains(&own)).unwrap_or(used.len());
-                counts[class] += 1;
-                if class == 0 {
-                    sample.launch = launches.number(place, sample.launch).unwrap_or(sample.launch);
-                    write_line(file, &sample)?;
-                }
+        each_line::<Sample>(attempts, SAMPLES, launches.origins(), |place, mut sample| {
+            let own = (launches.origins().of((place, sample.launch)), sample.key.as_str());
+            let class = used.iter().position(|used| used.contains(&own)).unwrap_or(used.len());
+            counts[class] += 1;
+            if class == 0 {
+                sample.launch = launches.number(place, sample.launch).unwrap_or(sample.launch);
+                write_line(file, &sample)?;
             }
-        }
-        Ok(())
+            Ok(true)
+        })
     })?;
     Ok(counts)
 }
 
 /// Joins the attempts' journals of this name. Only lines about launches (of worker processes) that records use are
-/// written, with the launches' new numbers. `launch` is called once with each line and the index of its attempt; it may
-/// change the line, and returns the launch's number in the attempt, or `None` if the line is left out.
-fn write_renumbered<T: Serialize + DeserializeOwned>(
+/// written, each once, with the launches' new numbers. `change` is called with each of these lines and the index of its
+/// attempt; it returns the line, or `None` if the line is left out.
+fn write_renumbered<T: Serialize + OfLaunch>(
     out: &Path,
     name: &str,
     attempts: &[Attempt],
     launches: &Launches,
-    launch: impl Fn(usize, &mut T) -> Option<&mut u32>,
+    change: impl Fn(usize, T) -> Option<T>,
 ) -> Result<()> {
     write_whole_by(&out.join(name), |file| {
-        for (place, attempt) in attempts.iter().enumerate() {
-            for mut line in lines::<T>(&attempt.folder.join(name)).map_err(std::io::Error::other)? {
-                let Some(launch) = launch(place, &mut line) else { continue };
-                if let Some(number) = launches.number(place, *launch) {
-                    *launch = number;
-                    write_line(file, &line)?;
-                }
-            }
-        }
-        Ok(())
+        each_line::<T>(attempts, name, launches.origins(), |place, mut line| {
+            let Some(number) = launches.number(place, *line.launch()) else { return Ok(false) };
+            let Some(mut line) = change(place, line) else { return Ok(false) };
+            *line.launch() = number;
+            write_line(file, &line)?;
+            Ok(true)
+        })
     })
 }
 
@@ -296,11 +336,9 @@ mod tests {
             ..Record::default()
         };
         let records = [(0, record(&[2, 2])), (1, record(&[0, 1]))];
-        let launches = Launches::of(records.iter());
-        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| {
-            Some(&mut line.launch)
-        })
-        .unwrap();
+        let launches = Launches::of(Origins::default(), records.iter());
+        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| Some(line))
+            .unwrap();
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
         let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
         assert_eq!(told, [(0, 12.0), (1, 20.0), (2, 21.0)]);
@@ -401,6 +439,9 @@ mod tests {
             ..Record::default()
         };
         JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+        let sample = Sample { key: key.into(), launch: 3, ms: 1.0, ..Sample::default() };
+        let samples = [sample.clone(), sample];
+        JsonLines::append_to(&attempt.folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
     }
 
     #[test]
@@ -416,6 +457,114 @@ mod tests {
         let first =
             "raycl ignores 1 damaged line of parts/shard-00001.n1..r00/samples.jsonl; the first is line 1.";
         assert!(notes.len() == 4 && notes[0].starts_with(first), "{notes:?}");
+    }
+
+    #[test]
+    fn an_attempt_whose_samples_are_lost_is_noted() {
+        let place = tempfile::tempdir().unwrap();
+        write_attempt(place.path(), "n1", "k", "gpu");
+        let [attempt] = &Attempt::all(place.path())[..] else { panic!("one attempt") };
+        assert_eq!(lost_samples(attempt).unwrap(), None);
+        std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
+        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. records.jsonl has their times.";
+        assert_eq!(lost_samples(attempt).unwrap().as_deref(), Some(note));
+    }
+
+    /// Writes what an attempt measured in two launches: a sample of a point and of a control point, the anchor, the
+    /// load, and the record of the control point. If the attempt copied the launches, `origin` is the attempt that
+    /// measured them, as its launches 5 and 6.
+    fn write_launches(attempt: &Attempt, origin: Option<&Attempt>, launches: [u32; 2]) {
+        use crate::record::JsonLines;
+        let journal = |name: &str| attempt.folder.join(name);
+        for (launch, number) in launches.into_iter().zip(5..) {
+            let sample = |key: &str| Sample {
+                key: key.into(),
+                launch,
+                origin: origin.map(|first| format!("{} launch {number}", first.name)),
+                ..Sample::default()
+            };
+            let samples = ["x 0", "control"].map(sample);
+            JsonLines::append_to(&journal(SAMPLES)).unwrap().append_all(&samples).unwrap();
+            let anchor = AnchorSample { device: "gpu".into(), launch, ..AnchorSample::default() };
+            JsonLines::append_to(&journal(ANCHORS)).unwrap().append(&anchor).unwrap();
+            let round = RoundLoad { launch, ..RoundLoad::default() };
+            JsonLines::append_to(&journal(ROUNDS)).unwrap().append(&round).unwrap();
+        }
+        let control = Record { is_control: true, ..measured("control", launches) };
+        JsonLines::append_to(&journal(CONTROLS)).unwrap().append(&control).unwrap();
+    }
+
+    /// Returns the record of a point with one sample of each launch.
+    fn measured(key: &str, launches: [u32; 2]) -> Record {
+        Record {
+            key: key.into(),
+            device: "gpu".into(),
+            outcome: crate::record::Outcome::Measured,
+            samples_ms: vec![1.0; 2],
+            sample_launches: launches.to_vec(),
+            ..Record::default()
+        }
+    }
+
+    /// The first attempt was killed after the launches of its block. The second attempt only completed the record.
+    #[test]
+    fn a_copied_launch_counts_as_measured_by_the_attempt_that_measured_it() {
+        use crate::record::JsonLines;
+        use crate::shard::{About, Header};
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let header = Header { shards: 1, ..Header::default() };
+        let plan = ShardPlan {
+            header: header.clone(),
+            points: vec!["a point".into()],
+            cases: vec![0],
+            ..ShardPlan::default()
+        };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        write_kind(out, "gpu", "x", 0);
+        // The attempts are read in the order of their names.
+        let [first, second] = ["n2", "n1"].map(|host| {
+            let about = About { shard: 1, of: 1, host: host.into(), ..About::default() };
+            Attempt::begin(out, &about).unwrap()
+        });
+        write_launches(&first, None, [5, 6]);
+        write_launches(&second, Some(&first), [0, 1]);
+        let journal = second.folder.join(RECORDS);
+        JsonLines::append_to(&journal).unwrap().append(&measured("x 0", [0, 1])).unwrap();
+        let merged = merge(out, &[]).unwrap();
+        assert_eq!(merged.samples, [2, 2, 0]);
+        for (name, key) in [(RECORDS, "x 0"), (CONTROLS, "control")] {
+            let records = read_lines::<Record>(&out.join(name)).unwrap().lines;
+            let [record] = &records[..] else { panic!("{name} has one record: {records:?}") };
+            assert_eq!((record.key.as_str(), record.host.as_deref()), (key, Some("n2")));
+            assert_eq!(record.sample_launches, [0, 1]);
+        }
+        let anchors = read_lines::<AnchorSample>(&out.join(ANCHORS)).unwrap().lines;
+        assert_eq!(anchors.iter().map(|anchor| anchor.launch).collect::<Vec<_>>(), [0, 1]);
+        let rounds = read_lines::<RoundLoad>(&out.join(ROUNDS)).unwrap().lines;
+        assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [0, 1]);
+    }
+
+    #[test]
+    fn a_merge_without_a_kinds_file_leaves_the_results_of_an_earlier_merge() {
+        use crate::shard::Header;
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let header = Header { shards: 1, ..Header::default() };
+        let plan = ShardPlan { header: header.clone(), ..ShardPlan::default() };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        write_kind(out, "gpu", "x", 0);
+        write_attempt(out, "n1", "x 0", "gpu");
+        assert_eq!(merge(out, &[]).unwrap().records, 1);
+        std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
+        // Half a file of an earlier merge that was killed stays, too.
+        let killed = out.join(".raycl-killed");
+        let file = std::fs::File::create(&killed).unwrap();
+        file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
+        assert!(merge(out, &[]).is_err() && killed.exists());
+        assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1);
+        write_kind(out, "gpu", "x", 0);
+        assert!(merge(out, &[]).is_ok() && !killed.exists());
     }
 
     /// Two shards measured devices of the same name with different drivers.

@@ -39,6 +39,8 @@ pub(super) struct Walk<'a> {
     triangles: Vec<Triangle>,
     /// The texture of each material, in the file's order.
     maps: &'a [Option<ColourMap>],
+    /// True if a material has a texture.
+    has_maps: bool,
     /// The texture coordinates of each triangle; empty if no material has a texture.
     mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
@@ -62,6 +64,7 @@ impl<'a> Walk<'a> {
             outside: 0,
             triangles: Vec::new(),
             maps,
+            has_maps: maps.iter().any(Option::is_some),
             mapped: Vec::new(),
             starts: Vec::new(),
             cameras: Vec::new(),
@@ -143,7 +146,7 @@ impl<'a> Walk<'a> {
                 if part.normals.is_empty() { [MISSING; 3] } else { corners.map(|i| i + first_normal) };
             Triangle { positions: corners.map(|i| i + first), normals, material: part.material }
         }));
-        if self.maps.iter().any(Option::is_some) {
+        if self.has_maps {
             self.add_places(&part, map, mirrored);
         }
         Ok(())

@@ -3,6 +3,7 @@
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
 use super::materials::{extension, least_alpha};
+use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted};
 use crate::scene::{Mapped, Wrap};
@@ -51,6 +52,7 @@ impl Files<'_> {
         pictures: &mut Pictures,
         notes: &mut Vec<String>,
     ) -> Vec<Option<ColourMap>> {
+        let mut unusable = FewNotes::default();
         let map = |(index, wire): (usize, &Wire)| {
             let info = colour_texture(wire).filter(|_| used.contains(&index))?;
             let number = info.index.value();
@@ -63,11 +65,13 @@ impl Files<'_> {
                         " cannot be read".to_owned()
                     };
                     let note = format!("texture {number}{why}: its material's own colour is used");
-                    notes.extend((!notes.contains(&note)).then_some(note));
+                    unusable.add(note, notes);
                 })
                 .ok()
         };
-        self.root.materials.iter().enumerate().map(map).collect()
+        let maps = self.root.materials.iter().enumerate().map(map).collect();
+        notes.extend(unusable.rest("texture"));
+        maps
     }
 
     fn map(self, info: &Info, least_alpha: f32, pictures: &mut Pictures) -> Parsed<ColourMap> {

@@ -1,11 +1,18 @@
 //! The header of a PLY file. The crate `ply-rs-bw` reads headers as PLY defines them; variants that some programs write
 //! are brought into this form first.
 
+use crate::scene::files::flaw::Flaw;
+use crate::scene::obj::quoted;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// The first words of the lines that PLY defines for a header.
 const WORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
+/// The types of numbers.
+const TYPES: [&str; 16] = [
+    "char", "uchar", "short", "ushort", "int", "uint", "float", "double", "int8", "uint8", "int16", "uint16",
+    "int32", "uint32", "float32", "float64",
+];
 /// The longest header that is read, in bytes.
 const MAX_BYTES: usize = 1 << 20;
 
@@ -23,13 +30,15 @@ pub(super) struct Tidied<'a> {
 }
 
 /// Brings a file's header into the form that PLY defines: in UTF-8, without a byte order mark, with line feeds as its
-/// only line ends, without blanks before a line, and with a different name for each property.
-pub(super) fn tidied(bytes: &[u8]) -> Tidied<'_> {
+/// only line ends, without blanks before a line, and with a different name for each property. Fails if the header is
+/// longer than [`MAX_BYTES`].
+pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
     let mut names = Names::default();
     let (head, mut rest) = (&bytes[..bytes.len().min(MAX_BYTES)], bytes);
     let end = line_end(head);
+    let mut is_read = head.len() == bytes.len();
     for line in head.split(|&byte| byte == end) {
         rest = &rest[(line.len() + 1).min(rest.len())..];
         let text = String::from_utf8_lossy(line);
@@ -43,11 +52,58 @@ pub(super) fn tidied(bytes: &[u8]) -> Tidied<'_> {
         tidied.header.push('\n');
         if line.trim_ascii() == b"end_header" {
             tidied.payload = rest;
+            is_read = true;
             break;
         }
     }
     tidied.elements = names.elements;
-    tidied
+    if is_read { Ok(tidied) } else { Err(too_long()) }
+}
+
+/// Returns the mistake of a header that is too long.
+fn too_long() -> Flaw {
+    Flaw::from(format!(
+        "no line `end_header` in the first {MAX_BYTES} bytes; expected a header of at most this size"
+    ))
+    .with_remedy("export the file with fewer comments in its header, or convert it to OBJ")
+}
+
+/// Returns what is wrong with a line of a header that `ply-rs-bw` does not read; `None` if the crate's own message says
+/// it. Lines are counted from 1.
+pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
+    let before = || header.lines().take(number.saturating_sub(1));
+    let line = header.lines().nth(number.checked_sub(1)?)?;
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let flaw: Flaw = match words[..] {
+        _ if number == 1 => "expected `ply` as the first line".into(),
+        ["format", ..] if before().any(|other| other.starts_with("format ") && other != line) => {
+            "two different `format` lines".into()
+        }
+        ["format", ..] => "expected `format ascii 1.0`, `format binary_little_endian 1.0` or \
+                           `format binary_big_endian 1.0`"
+            .into(),
+        ["element", ..] => "expected `element NAME COUNT`".into(),
+        ["property", ..] if !before().any(|other| other.starts_with("element ")) => {
+            "a `property` before the first `element`".into()
+        }
+        ["property", "list", count, item, _] => of_types(&[count, item]),
+        ["property", of, _] => of_types(&[of]),
+        ["property", ..] => of_types(&[]),
+        _ => return None,
+    };
+    Some(flaw)
+}
+
+/// Returns what is wrong with a property of these types.
+fn of_types(types: &[&str]) -> Flaw {
+    match types.iter().find(|of| !TYPES.contains(of)) {
+        Some(unknown) => {
+            let what = format!("unknown type {}", quoted(unknown.as_bytes()));
+            let expected = format!("expected {}", TYPES.join(", "));
+            Flaw::quoting(format!("{what}; {expected}"), format!("unknown type; {expected}"))
+        }
+        None => "expected `property TYPE NAME` or `property list TYPE TYPE NAME`".into(),
+    }
 }
 
 /// Returns the byte that ends each line of a header. A CR counts as a line end only if no LF follows the first CR,
@@ -109,7 +165,7 @@ mod tests {
     use super::*;
 
     fn of(bytes: &[u8]) -> (String, &[u8], usize) {
-        let Tidied { header, payload, strange, .. } = tidied(bytes);
+        let Tidied { header, payload, strange, .. } = tidied(bytes).unwrap();
         (header, payload, strange)
     }
 
@@ -136,6 +192,19 @@ mod tests {
     }
 
     #[test]
+    fn a_header_may_be_as_long_as_the_limit_but_no_longer() {
+        let header = |bytes: usize| {
+            let [start, end] = ["ply\ncomment ", "\nend_header"];
+            format!("{start}{}{end}\n1 2 3\n", "a".repeat(bytes - start.len() - end.len()))
+        };
+        assert_eq!(of(header(MAX_BYTES).as_bytes()).1, b"1 2 3\n");
+        assert!(tidied(header(MAX_BYTES + 1).as_bytes()).is_err());
+        assert!(tidied(" ".repeat(MAX_BYTES + 1).as_bytes()).is_err());
+        // Without an end, the file's own mistake is told.
+        assert!(tidied(" ".repeat(MAX_BYTES).as_bytes()).is_ok());
+    }
+
+    #[test]
     fn a_header_of_other_programs_is_tidied() {
         let text =
             b"\xef\xbb\xbfply\n comment G\xe4nse\n\telement vertex 1 \n property  float\tx\nend_header\n";
@@ -154,6 +223,6 @@ mod tests {
             ["1", "x", "scalar_R__0_1_", "scalar_R__0_1__4", "_8", "x_6", "1", "x", "2", "property"];
         assert_eq!(names, expected);
         assert_eq!(lines(text)[8], "element vertex_9 2");
-        assert_eq!(tidied(text.as_bytes()).elements["vertex_9"], "vertex");
+        assert_eq!(tidied(text.as_bytes()).unwrap().elements["vertex_9"], "vertex");
     }
 }

@@ -101,6 +101,37 @@ fn a_value_that_is_not_valid_is_named() {
 }
 
 #[test]
+fn a_line_of_a_header_that_is_not_valid_is_told_with_what_was_expected() {
+    for (from, to, message) in [
+        ("ply\n", "PLY\n", "1: expected `ply` as the first line"),
+        ("comment made by hand", "format binary_big_endian 1.0", "3: two different `format` lines"),
+        (
+            "format ascii 1.0",
+            "format text 1.0",
+            "2: expected `format ascii 1.0`, `format binary_little_endian 1.0` or",
+        ),
+        ("element vertex 4", "element vertex many", "4: expected `element NAME COUNT`"),
+        ("comment made by hand", "property int a", "3: a `property` before the first `element`"),
+        ("double x", "int64 x", "5: unknown type `int64`; expected char, uchar, short, "),
+        ("list uchar int vertex", "list uchar int64 vertex", "12: unknown type `int64`; expected char, "),
+        ("list uchar int vertex", "list int64 int vertex", "12: unknown type `int64`; expected char, "),
+        (
+            "list uchar int vertex",
+            "list uchar vertex",
+            "12: expected `property TYPE NAME` or `property list TYPE",
+        ),
+    ] {
+        let text = SQUARE.replacen(from, to, 1);
+        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, withheld] = [true, false].map(|quotes| told(quotes).to_string());
+        assert!(shown.starts_with(&format!("a.ply:{message}")), "{shown}");
+        assert_eq!(withheld, shown.replace(" `int64`;", ";"), "a word of the file is withheld");
+    }
+    let twice = SQUARE.replacen("comment made by hand", "format ascii 1.0", 1);
+    assert!(parse("a.ply", twice.as_bytes()).is_ok());
+}
+
+#[test]
 fn an_ascii_file_may_have_numbers_of_every_form_and_any_line_ends() {
     let mesh = parse("a.ply", SQUARE.as_bytes()).unwrap().mesh;
     let forms =
@@ -188,6 +219,16 @@ fn what_a_header_needs_is_held_against_the_memory() {
         let sum = format!("{faces} faces + {COLOUR_BYTES} B x {colour_count} colours = ");
         assert!(message.contains(&sum), "{message}");
     }
+}
+
+#[test]
+fn a_header_above_the_limit_is_told_by_the_limit() {
+    let text = SQUARE.replacen("comment made by hand", &"comment by hand\n".repeat(1 << 16), 1);
+    let error = parse("a.ply", text.as_bytes()).err().unwrap();
+    let expected =
+        "a.ply: no line `end_header` in the first 1048576 bytes; expected a header of at most this size";
+    assert_eq!(error.to_string(), expected);
+    assert!(!error.remedy().contains("damaged"), "{}", error.remedy());
 }
 
 #[test]

@@ -403,6 +403,28 @@ fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_
 }
 
 #[test]
+fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = |of: fn(usize) -> String| (0..1_000).map(of).collect::<String>();
+    std::fs::write(
+        folder.path().join("m.mtl"),
+        all(|number| format!("newmtl a{number}\nmap_Kd none{number}.png\n")),
+    )
+    .unwrap();
+    let faces = all(|number| format!("usemtl a{number}\nf 1/1 2/1 3/1\n"));
+    let others = all(|number| format!("mtllib no{number}.mtl\n"));
+    let text = format!("{others}mtllib m.mtl\n{CORNERS}vt 0 0\n{faces}");
+    let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+    let reach = Reach { folder: folder.path(), permitted };
+    let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
+    assert_eq!(notes.len(), 8, "{notes:?}");
+    assert!(notes[2].starts_with("material file `no2.mtl` cannot be read ("), "{notes:?}");
+    assert_eq!(notes[3], "997 more material files cannot be used either");
+    assert!(notes[6].contains("m.mtl:6: texture `none2.png` cannot be read ("), "{notes:?}");
+    assert_eq!(notes[7], "997 more textures cannot be used either");
+}
+
+#[test]
 fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_line() {
     let [file, numbers] = ["the name of a picture", "one to three finite numbers"]
         .map(|expected| format!("; expected {expected}: 1 such line is ignored; without "));

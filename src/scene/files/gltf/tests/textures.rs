@@ -178,3 +178,25 @@ fn the_texture_of_a_material_that_no_triangle_uses_is_neither_read_nor_noted() {
     let note = "texture 1 has no picture of a format that raycl reads: its material's own colour is used";
     assert_eq!(read_with(0), (0, vec![note.to_owned()]));
 }
+
+#[test]
+fn of_many_textures_that_cannot_be_used_the_first_are_noted_and_the_others_counted() {
+    let all = |of: fn(usize) -> String| (0..1_000).map(of).collect::<Vec<_>>().join(", ");
+    let materials = all(|number| {
+        format!(
+            r#"{{"pbrMetallicRoughness": {{"metallicFactor": 0, "baseColorTexture": {{"index": {number}}}}}}}"#
+        )
+    });
+    let primitives = all(|number| {
+        format!(r#"{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 2}}, "indices": 1, "material": {number}}}"#)
+    });
+    let primitive = r#"{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}"#;
+    let textures = format!(r#""textures": [{}]"#, all(|_| "{}".to_owned()));
+    let text = textured(&materials)
+        .replace(r#""textures": [{"source": 0}]"#, &textures)
+        .replace(primitive, &primitives);
+    let notes = read(&text).unwrap().notes;
+    assert_eq!(notes.len(), 4, "{notes:?}");
+    assert!(notes[2].starts_with("texture 2 has no picture of a format that raycl reads: "), "{notes:?}");
+    assert_eq!(notes[3], "997 more textures cannot be used either");
+}

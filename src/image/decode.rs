@@ -1,0 +1,168 @@
+//! Opens the bytes of pictures for decoding. Every picture that a user or a folder of results names is opened here,
+//! since two kinds of damaged files have to be refused before the decoders of the crate `image` get them.
+
+use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
+use image::{ImageError, ImageFormat, ImageReader};
+use std::io::Cursor;
+
+/// Number of bytes of a PNG before its first chunk.
+const PNG_SIGNATURE_BYTES: usize = 8;
+/// Number of bytes of a PNG's chunk for its type and its checksum, beside those for its length and its data.
+const PNG_CHUNK_BYTES: usize = 8;
+
+/// Returns a reader of a picture. The format follows from the picture's first bytes or, if they do not tell, is
+/// `by_name`, which the file's name tells.
+///
+/// # Errors
+///
+/// Fails if no format is known, or if the file is damaged in a way that the decoder does not notice. The text says why
+/// the picture cannot be decoded.
+pub fn picture_reader(
+    bytes: &[u8],
+    by_name: Option<ImageFormat>,
+) -> Result<ImageReader<Cursor<&[u8]>>, String> {
+    let format = image::guess_format(bytes).ok().or(by_name);
+    let format = format.ok_or("its first bytes are those of no known format")?;
+    if format == ImageFormat::Png {
+        check_palette(bytes)?;
+    }
+    if format == ImageFormat::Jpeg && !is_complete(bytes) {
+        return Err("the file ends before the picture does".to_owned());
+    }
+    Ok(ImageReader::with_format(Cursor::new(bytes), format))
+}
+
+/// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png` names a chunk
+/// in the form of Rust's debug output, of which only the chunk's type remains.
+pub fn decoder_message(error: ImageError) -> String {
+    let text = error.to_string();
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let line = with_plain_chunk(&line).unwrap_or(line);
+    line.trim_end_matches(['.', ':']).to_owned()
+}
+
+/// Replaces `ChunkType { type: IDAT, critical: true, .. }` by `IDAT`.
+fn with_plain_chunk(line: &str) -> Option<String> {
+    let (before, rest) = line.split_once("ChunkType { type: ")?;
+    let (kind, rest) = rest.split_once(", critical: ")?;
+    let (_, after) = rest.split_once(" }")?;
+    Some(format!("{before}{kind}{after}"))
+}
+
+/// Refuses a PNG whose palette ends within a colour. The crate `png` 0.18.1 panics at such a palette.
+fn check_palette(bytes: &[u8]) -> Result<(), String> {
+    let mut rest = bytes.get(PNG_SIGNATURE_BYTES..).unwrap_or_default();
+    while let Some((length, after)) = rest.split_first_chunk::<4>() {
+        let length = u32::from_be_bytes(*length) as usize;
+        if after.starts_with(b"PLTE") && !length.is_multiple_of(3) {
+            return Err(format!("its palette has {length} bytes; expected a multiple of 3"));
+        }
+        rest = after.get(length.saturating_add(PNG_CHUNK_BYTES)..).unwrap_or_default();
+    }
+    Ok(())
+}
+
+/// Returns whether a JPEG has the marker for the end of the picture after its first scan. Without this check, the part
+/// that is missing at the end of a file would become grey: the decoder reports no error. A preview in the header has
+/// markers of its own, which do not count, since they are in a segment.
+fn is_complete(bytes: &[u8]) -> bool {
+    let (mut rest, mut has_scan) = (bytes, false);
+    while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {
+        rest = &rest[at + 1..];
+        match *rest {
+            [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return true,
+            // A byte of a scan, a marker without a segment, or a byte that fills the space before a marker.
+            [0 | 1 | 0xd0..=0xd9 | MARKER, ..] => {}
+            [kind, high, low, ..] => {
+                has_scan |= kind == START_OF_SCAN;
+                let length = usize::from(u16::from_be_bytes([high, low]));
+                rest = rest.get(1 + length..).unwrap_or_default();
+            }
+            _ => return false,
+        }
+    }
+    false
+}
+
+/// A PNG of one pixel, with a palette of four bytes.
+#[cfg(test)]
+pub const ODD_PALETTE: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x01\0\0\0\x01\x08\x03\0\0\0(\xcb4\xbb\
+    \0\0\0\x04PLTE\x01\x02\x03\x04#\xdb\x8a\xab\0\0\0\x0aIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q\
+    \0\0\0\0IEND\xaeB`\x82";
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use image::error::DecodingError;
+    use image::{Rgb, RgbImage};
+
+    fn picture(width: u32, height: u32) -> RgbImage {
+        RgbImage::from_fn(width, height, |x, y| Rgb([(x * 7) as u8, (y * 5) as u8, (x * y) as u8]))
+    }
+
+    fn jpeg(width: u32, height: u32) -> Vec<u8> {
+        super::super::jpeg::encode(&picture(width, height), 95).unwrap()
+    }
+
+    /// Returns the reason why a picture is not opened; empty if it is opened.
+    fn refusal(bytes: &[u8]) -> String {
+        picture_reader(bytes, None).err().unwrap_or_default()
+    }
+
+    #[test]
+    fn a_palette_that_ends_within_a_colour_is_refused() {
+        assert_eq!(refusal(ODD_PALETTE), "its palette has 4 bytes; expected a multiple of 3");
+        let mut whole = ODD_PALETTE.to_vec();
+        let palette = whole.windows(4).position(|found| found == b"PLTE").unwrap();
+        whole.remove(palette + 4);
+        whole[palette - 1] = 3;
+        assert_eq!(refusal(&whole), "");
+        assert_eq!(refusal(&ODD_PALETTE[..palette - 2]), "", "the decoder refuses what is cut off");
+    }
+
+    #[test]
+    fn a_jpeg_without_its_end_is_refused() {
+        // The second picture has several bands, with restart markers between them.
+        for whole in [jpeg(40, 30), jpeg(24, 400)] {
+            assert_eq!(refusal(&whole), "");
+            assert!(picture_reader(&whole, None).unwrap().decode().is_ok());
+            assert_eq!(refusal(&[&whole[..], b"bytes after the picture"].concat()), "");
+            let (scan, end) = whole.split_at(whole.len() - 2);
+            assert_eq!(refusal(&[scan, &[MARKER], end].concat()), "", "a byte that fills space");
+            for end in [3, whole.len() / 2, whole.len() - 1] {
+                assert_eq!(refusal(&whole[..end]), "the file ends before the picture does", "{end}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_preview_is_not_the_end_of_the_picture() {
+        let (preview, whole) = (jpeg(8, 8), jpeg(40, 30));
+        let length = u16::try_from(preview.len() + 2).unwrap().to_be_bytes();
+        let header = [&whole[..2], &[MARKER, 0xe1], &length, &preview].concat();
+        let with_preview = [&header[..], &whole[2..]].concat();
+        assert_eq!(refusal(&with_preview), "");
+        assert_ne!(refusal(&with_preview[..with_preview.len() - 2]), "");
+        assert_ne!(refusal(&header), "");
+    }
+
+    #[test]
+    fn bytes_of_no_format_have_the_format_that_the_name_tells() {
+        assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
+        let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
+        assert_eq!(reader.format(), Some(ImageFormat::Tga));
+    }
+
+    #[test]
+    fn a_decoders_message_is_one_line_without_debug_output() {
+        let end_first = b"\x89PNG\r\n\x1a\n\0\0\0\0IEND\xaeB`\x82";
+        let error = picture_reader(end_first, None).unwrap().decode().unwrap_err();
+        assert!(error.to_string().contains("{ type:"), "{error}");
+        let message = "Format error decoding Png: IEND chunk appeared before IHDR chunk";
+        assert_eq!(decoder_message(error), message);
+        let of_lines = DecodingError::new(ImageFormat::Bmp.into(), "two lines:\n\tthe end.");
+        let message = "Format error decoding Bmp: two lines: the end";
+        assert_eq!(decoder_message(ImageError::Decoding(of_lines)), message);
+    }
+}

@@ -1,0 +1,46 @@
+//! Notes of one kind, such as those on pictures that cannot be read: the first are shown, and the others are counted.
+
+use crate::words::counted;
+use std::collections::HashSet;
+
+/// Largest number of notes of one kind that are shown, since a mesh may name any number of files.
+const SHOWN: usize = 3;
+
+/// All different notes of one kind.
+#[derive(Default)]
+pub(in crate::scene) struct FewNotes(HashSet<String>);
+
+impl FewNotes {
+    /// Counts a note, and adds it to `notes` if it is one of the first different notes.
+    pub fn add(&mut self, note: String, notes: &mut Vec<String>) {
+        if self.0.insert(note.clone()) && self.0.len() <= SHOWN {
+            notes.push(note);
+        }
+    }
+
+    /// Returns a note with the number of notes that are not shown. `what` names what each of them is about, such as
+    /// "texture".
+    pub fn rest(&self, what: &str) -> Option<String> {
+        let count = self.0.len().saturating_sub(SHOWN);
+        (count > 0).then(|| format!("{} cannot be used either", counted(count, &format!("more {what}"))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_three_different_notes_are_shown_and_the_others_counted() {
+        let told = |count: usize| {
+            let (mut few, mut notes) = (FewNotes::default(), Vec::new());
+            (0..2 * count).for_each(|number| few.add(format!("note {}", number / 2), &mut notes));
+            notes.extend(few.rest("texture"));
+            notes
+        };
+        assert_eq!(told(0), [""; 0]);
+        assert_eq!(told(3), ["note 0", "note 1", "note 2"]);
+        assert_eq!(told(4), ["note 0", "note 1", "note 2", "1 more texture cannot be used either"]);
+        assert_eq!(told(1_000)[3], "997 more textures cannot be used either");
+    }
+}

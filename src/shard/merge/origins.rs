@@ -1,0 +1,200 @@
+//! Finds the attempt that measured a launch (of worker processes). An attempt that continues an earlier one copies
+//! launches from it, so the folders of both attempts have the lines of these launches.
+
+use super::lines;
+use crate::error::Result;
+use crate::record::journals::SAMPLES;
+use crate::record::{AnchorSample, Record, RoundLoad, Sample};
+use crate::shard::Attempt;
+use serde::de::DeserializeOwned;
+use std::collections::{BTreeSet, HashMap};
+
+/// A launch (of worker processes): the index of an attempt, and the launch's number in this attempt.
+pub type Launch = (usize, u32);
+
+/// The attempts that measured the launches.
+#[derive(Clone, Debug, Default)]
+pub struct Origins {
+    /// The original of each copied launch.
+    originals: HashMap<Launch, Launch>,
+    /// The machine of each attempt. After the attempts of the folder, the list has those whose folders are missing
+    /// although other attempts copied launches from them; only their names are known.
+    hosts: Vec<String>,
+}
+
+impl Origins {
+    /// Reads which launches were copied: each copied sample names its origin.
+    pub fn read(attempts: &[Attempt]) -> Result<Self> {
+        let host =
+            |attempt: &Attempt| attempt.about().map_or_else(|| attempt.name.clone(), |about| about.host);
+        let mut hosts: Vec<String> = attempts.iter().map(host).collect();
+        let mut originals = HashMap::new();
+        let names = attempts.iter().enumerate().map(|(place, attempt)| (attempt.name.clone(), place));
+        let mut places: HashMap<String, usize> = names.collect();
+        for (place, attempt) in attempts.iter().enumerate() {
+            for sample in lines::<Sample>(&attempt.folder.join(SAMPLES))? {
+                let Some((name, launch)) = sample.origin.as_deref().and_then(parsed) else { continue };
+                let original = *places.entry(name.to_owned()).or_insert_with(|| {
+                    hosts.push(name.to_owned());
+                    hosts.len() - 1
+                });
+                originals.insert((place, sample.launch), (original, launch));
+            }
+        }
+        Ok(Self { originals, hosts })
+    }
+
+    /// Returns the launch itself or, if it was copied, its original.
+    pub fn of(&self, launch: Launch) -> Launch {
+        self.originals.get(&launch).copied().unwrap_or(launch)
+    }
+
+    /// Returns the originals of the launches in which a record's samples were measured.
+    pub fn of_record(&self, attempt: usize, record: &Record) -> BTreeSet<Launch> {
+        record.sample_launches.iter().map(|launch| self.of((attempt, *launch))).collect()
+    }
+
+    /// Returns the machine that measured a record's samples; the names of several machines are separated by `, `.
+    /// `None` if the record has no samples.
+    pub fn host(&self, attempt: usize, record: &Record) -> Option<String> {
+        let launches = self.of_record(attempt, record);
+        let hosts: BTreeSet<&str> =
+            launches.iter().filter_map(|(place, _)| self.hosts.get(*place)).map(String::as_str).collect();
+        (!hosts.is_empty()).then(|| hosts.into_iter().collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// Returns the attempt and the launch that the field `origin` of a sample names.
+fn parsed(origin: &str) -> Option<(&str, u32)> {
+    let (name, launch) = origin.rsplit_once(" launch ")?;
+    Some((name, launch.parse().ok()?))
+}
+
+/// A line of a journal about one launch (of worker processes).
+pub trait OfLaunch: DeserializeOwned {
+    /// The launch's number in the attempt.
+    fn launch(&mut self) -> &mut u32;
+    /// The point or the device that the line is about; empty if the journal has only one kind of line of a launch.
+    fn subject(&self) -> &str;
+}
+
+impl OfLaunch for Sample {
+    fn launch(&mut self) -> &mut u32 {
+        &mut self.launch
+    }
+
+    fn subject(&self) -> &str {
+        &self.key
+    }
+}
+
+impl OfLaunch for AnchorSample {
+    fn launch(&mut self) -> &mut u32 {
+        &mut self.launch
+    }
+
+    fn subject(&self) -> &str {
+        &self.device
+    }
+}
+
+impl OfLaunch for RoundLoad {
+    fn launch(&mut self) -> &mut u32 {
+        &mut self.launch
+    }
+
+    fn subject(&self) -> &str {
+        ""
+    }
+}
+
+/// Calls `use_line` with the lines of the attempts' journals of this name, and with the index of each line's attempt.
+/// `use_line` returns whether it used the line. Copies of lines that were used are left out. The originals come first,
+/// so a copy is used only if the original is missing.
+pub fn each_line<T: OfLaunch>(
+    attempts: &[Attempt],
+    journal: &str,
+    origins: &Origins,
+    mut use_line: impl FnMut(usize, T) -> std::io::Result<bool>,
+) -> std::io::Result<()> {
+    let copying: BTreeSet<usize> = origins.originals.keys().map(|(place, _)| *place).collect();
+    let mut sources: HashMap<(Launch, String), usize> = HashMap::new();
+    for copies in [false, true] {
+        let may_have = |(place, _): &(usize, &Attempt)| !copies || copying.contains(place);
+        for (place, attempt) in attempts.iter().enumerate().filter(may_have) {
+            for mut line in lines::<T>(&attempt.folder.join(journal)).map_err(std::io::Error::other)? {
+                let launch = (place, *line.launch());
+                if origins.originals.contains_key(&launch) != copies {
+                    continue;
+                }
+                let subject = (origins.of(launch), line.subject().to_owned());
+                let is_used = sources.get(&subject).is_some_and(|source| *source != place);
+                if !is_used && use_line(place, line)? {
+                    sources.insert(subject, place);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::record::JsonLines;
+    use crate::shard::About;
+    use std::path::Path;
+
+    /// Makes an attempt at the first shard with these samples. A sample has a launch and, if it is a copy, an origin.
+    fn attempt(out: &Path, host: &str, samples: &[(u32, Option<String>)]) -> Attempt {
+        let about = About { shard: 1, of: 1, host: host.into(), ..About::default() };
+        let attempt = Attempt::begin(out, &about).unwrap();
+        let sample = |(launch, origin): &(u32, Option<String>)| Sample {
+            key: "k".into(),
+            launch: *launch,
+            origin: origin.clone(),
+            ..Sample::default()
+        };
+        let samples: Vec<Sample> = samples.iter().map(sample).collect();
+        JsonLines::append_to(&attempt.folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
+        attempt
+    }
+
+    /// Returns the attempt and the launch of each line that is used.
+    fn used(attempts: &[Attempt], origins: &Origins) -> Vec<Launch> {
+        let mut used = Vec::new();
+        each_line::<Sample>(attempts, SAMPLES, origins, |place, sample| {
+            used.push((place, sample.launch));
+            Ok(true)
+        })
+        .unwrap();
+        used
+    }
+
+    #[test]
+    fn a_copied_launch_is_of_the_machine_that_measured_it_and_is_used_once() {
+        let out = tempfile::tempdir().unwrap();
+        let second = attempt(out.path(), "n2", &[(3, None), (3, None), (4, None)]);
+        let from = |name: &str, launch: u32| Some(format!("{name} launch {launch}"));
+        let samples =
+            [(0, from(&second.name, 3)), (0, from(&second.name, 3)), (1, from("gone", 7)), (2, None)];
+        let first = attempt(out.path(), "n1", &samples);
+        let third = attempt(out.path(), "n3", &[(5, from("gone", 7))]);
+        let attempts = [first, second, third];
+        let origins = Origins::read(&attempts).unwrap();
+        let originals = [(0, 0), (0, 1), (0, 2), (2, 5)].map(|launch| origins.of(launch));
+        assert_eq!(originals, [(1, 3), (3, 7), (0, 2), (3, 7)]);
+        let host = |attempt, launches: &[u32]| {
+            origins.host(attempt, &Record { sample_launches: launches.to_vec(), ..Record::default() })
+        };
+        assert_eq!(host(0, &[0, 0]).as_deref(), Some("n2"));
+        assert_eq!(host(0, &[0, 2, 2]).as_deref(), Some("n1, n2"));
+        assert_eq!((host(2, &[5]).as_deref(), host(2, &[])), (Some("gone"), None));
+        // The launch of the attempt whose folder is missing is used from the first copy.
+        assert_eq!(used(&attempts, &origins), [(0, 2), (1, 3), (1, 3), (1, 4), (0, 1)]);
+        // Without the original, the copy is used.
+        std::fs::write(attempts[1].folder.join(SAMPLES), "").unwrap();
+        assert_eq!(used(&attempts, &origins), [(0, 2), (0, 0), (0, 0), (0, 1)]);
+    }
+}

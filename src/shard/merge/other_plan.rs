@@ -1,0 +1,54 @@
+//! Reports attempts that were started with another plan than that of the folder. This happens if the folders of several
+//! machines, each with a plan of its own, are copied together: the plans depend on earlier times on each machine.
+
+use super::choice::few;
+use crate::error::Result;
+use crate::record::journals::SHARDS;
+use crate::shard::{Attempt, ShardPlan};
+use crate::words::counted;
+
+/// Returns a note that names the attempts with another plan; `None` if there are none. Attempts of earlier versions do
+/// not say which plan they had.
+pub fn other_plan(plan: &ShardPlan, attempts: &[Attempt]) -> Result<Option<String>> {
+    let own = plan.hash()?;
+    let is_other =
+        |attempt: &&Attempt| attempt.about().and_then(|about| about.plan).is_some_and(|plan| plan != own);
+    let names: Vec<&str> = attempts.iter().filter(is_other).map(|attempt| attempt.name.as_str()).collect();
+    Ok((!names.is_empty()).then(|| {
+        format!(
+            "The plan in {SHARDS} is not that of {} ({}). Blocks of different plans may have different control points, or none; their points are then compared by their times alone.",
+            counted(names.len(), "attempt"),
+            few(&names)
+        )
+    }))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::experiment::Block;
+    use crate::shard::About;
+
+    #[test]
+    fn attempts_with_another_division_into_blocks_are_named() {
+        let out = tempfile::tempdir().unwrap();
+        let plan = |points: &[usize]| {
+            let block = Block { number: 1, shard: 1, points: points.to_vec(), control: None };
+            ShardPlan { blocks: vec![block], ..ShardPlan::default() }
+        };
+        let begin = |host: &str, plan: Option<ShardPlan>| {
+            let plan = plan.map(|plan| plan.hash().unwrap());
+            let about = About { shard: 1, of: 1, host: host.into(), plan, ..About::default() };
+            Attempt::begin(out.path(), &about).unwrap();
+        };
+        let note = || other_plan(&plan(&[0, 1]), &Attempt::all(out.path())).unwrap();
+        begin("n1", Some(plan(&[0, 1])));
+        begin("n2", None);
+        assert_eq!(note(), None);
+        begin("n3", Some(plan(&[1, 0])));
+        let told = note().unwrap();
+        let beginning = "The plan in shards.json is not that of 1 attempt (shard-00001.n3..r00). ";
+        assert!(told.starts_with(beginning), "{told}");
+    }
+}
