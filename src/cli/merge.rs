@@ -4,7 +4,7 @@ use super::measured::failures;
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
 use crate::record::journals::{RECORDS, SUMMARY};
-use crate::record::{Folder, Record, refuse_closed, renew_intervals, summary_terminal};
+use crate::record::{Folder, Outcome, Record, refuse_closed, renew_intervals, summary_terminal};
 use crate::report;
 use crate::shard::{Merged, Missing, MissingKind, ShardPlan, Status, merge, no_shards, status};
 use crate::words::{counted, counted_are};
@@ -125,6 +125,10 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.push("these commands measure the failed points again".to_owned());
         help.extend(missing.failed.iter().map(told));
     }
+    if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
+        let remedy = "a wrong image stays the result of its point; to discard it, move its attempt's folder out of parts/";
+        help.push(remedy.to_owned());
+    }
     match said.is_empty() {
         true => Ok(()),
         false => Err(Error::run(said.join("; ")).with_help(help.join("\n"))),
@@ -174,7 +178,6 @@ fn json(one: &Status) -> serde_json::Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::Outcome;
     use crate::shard::{Beat, State};
 
     #[test]

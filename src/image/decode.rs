@@ -21,14 +21,15 @@ pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,
 ) -> Result<ImageReader<Cursor<&[u8]>>, String> {
-    let format = image::guess_format(bytes).ok().or(by_name);
-    let format = format.ok_or("its first bytes are those of no known format")?;
-    if format == ImageFormat::Png {
-        check_palette(bytes)?;
+    let shown = image::guess_format(bytes).ok();
+    match shown {
+        Some(ImageFormat::Png) => check_palette(bytes)?,
+        Some(ImageFormat::Jpeg) if !is_complete(bytes) => {
+            return Err("the file ends before the picture does".to_owned());
+        }
+        _ => {}
     }
-    if format == ImageFormat::Jpeg && !is_complete(bytes) {
-        return Err("the file ends before the picture does".to_owned());
-    }
+    let format = shown.or(by_name).ok_or("its first bytes are those of no known format")?;
     Ok(ImageReader::with_format(Cursor::new(bytes), format))
 }
 
@@ -152,6 +153,8 @@ mod tests {
         assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
         let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
         assert_eq!(reader.format(), Some(ImageFormat::Tga));
+        // Only the bytes, not the name, say that a JPEG may be cut off.
+        assert!(picture_reader(b"nothing", Some(ImageFormat::Jpeg)).is_ok());
     }
 
     #[test]

@@ -333,7 +333,10 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     let mean_of = |all: &Vec<f64>| all.iter().sum::<f64>() / all.len() as f64;
     let shifts: HashMap<&str, f64> =
         families.iter().map(|(family, all)| (family.as_str(), mean_of(all))).collect();
-    let level = |place: &Place| Some(place.level() + shifts.get(place.family().as_str())?);
+    let is_alone = shifts.len() < 2;
+    let shift =
+        |place: &Place| if is_alone { Some(0.0) } else { shifts.get(place.family().as_str()).copied() };
+    let level = |place: &Place| Some(place.level() + shift(place)?);
     let levels = measured.into_iter().map(|record| (record, record.place.as_ref().and_then(level)));
     let ties = |record: &Record, best: &Record| {
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)

@@ -112,35 +112,37 @@ pub(super) fn best_of_each(
 }
 
 /// Plots one device's times against another device's times, for the points that both measured. Each pair of devices has
-/// its own plot; of more than `MOST_WITH_ALL_PAIRS` devices, only each pair with the first device.
-pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+/// its own plot. Of more than `MOST_WITH_ALL_PAIRS` devices, only each pair with the device that has the most times is
+/// plotted; a note then says so.
+pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
     // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
     let of = |device| -> OfDevice<'_> {
         let own = groups.iter().filter(|group| group.device == device);
         (device, own.flat_map(|group| group.ranking().all()).collect())
     };
-    let all: Vec<OfDevice<'_>> = devices(groups).into_iter().map(of).collect();
-    let compared = if all.len() > MOST_WITH_ALL_PAIRS { 1 } else { all.len() };
+    let mut all: Vec<OfDevice<'_>> = devices(groups).into_iter().map(of).collect();
+    let has_all_pairs = all.len() <= MOST_WITH_ALL_PAIRS;
+    if !has_all_pairs {
+        let times = |one: &OfDevice<'_>| one.1.iter().filter(|record| median(record).is_some()).count();
+        all.sort_by_key(|one| std::cmp::Reverse(times(one)));
+    }
+    let compared = if has_all_pairs { all.len() } else { 1 };
     let mut plots = Vec::new();
     for (place, one) in all.iter().enumerate().take(compared) {
         for other in &all[place + 1..] {
             plots.extend(pair(looks, one, other, plots.len()));
         }
     }
-    plots
-}
-
-/// Returns a note if [`device_against_device`] does not plot all pairs of devices.
-pub fn left_out(groups: &[Group<'_>]) -> Option<String> {
-    let devices = devices(groups);
-    (devices.len() > MOST_WITH_ALL_PAIRS).then(|| {
+    let note = || {
         format!(
-            "There are {} devices. The plots \"Device against device\" therefore compare each device only with the \
-             first one, {}. Up to {MOST_WITH_ALL_PAIRS} devices, every pair has a plot.",
-            devices.len(),
-            devices[0]
+            "There are {} devices. The plots \"Device against device\" therefore compare each device only with {}, \
+             which has the most times. Up to {MOST_WITH_ALL_PAIRS} devices, every pair has a plot.",
+            all.len(),
+            all[0].0
         )
-    })
+    };
+    let note = (!has_all_pairs && !plots.is_empty()).then(note);
+    (plots, note)
 }
 
 fn pair(
@@ -202,7 +204,7 @@ mod tests {
         let has_bar = |records: [Record; 2]| {
             let records = judged(records);
             let groups = groups(&records);
-            let plots = device_against_device(&groups, &Looks::of(&groups));
+            let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
             plots[0].svg.contains("class=\"interval\"")
         };
         assert!(has_bar([none("a"), wide("b")]));
@@ -210,13 +212,13 @@ mod tests {
     }
 
     #[test]
-    fn of_many_devices_each_is_compared_with_the_first_only_and_a_note_says_so() {
+    fn of_many_devices_each_is_compared_with_one_only_and_a_note_says_so() {
         let of = |count: usize| {
             let devices = (0..count).map(|number| format!("gpu {number:02}"));
             let records = judged(devices.map(|name| measured(&name, "naive", 8, 10.0)).collect::<Vec<_>>());
             let groups = groups(&records);
-            let plots = device_against_device(&groups, &Looks::of(&groups));
-            (plots.len(), left_out(&groups))
+            let (plots, note) = device_against_device(&groups, &Looks::of(&groups));
+            (plots.len(), note)
         };
         assert_eq!(of(MOST_WITH_ALL_PAIRS), (28, None));
         let (plots, note) = of(40);
@@ -226,10 +228,23 @@ mod tests {
     }
 
     #[test]
+    fn of_many_devices_one_without_times_is_compared_with_none() {
+        let names = (0..=MOST_WITH_ALL_PAIRS).map(|number| format!("gpu {number:02}"));
+        let mut records: Vec<_> = names.map(|name| measured(&name, "naive", 8, 10.0)).collect();
+        let nothing = Record { samples_ms: Vec::new(), sample_launches: Vec::new(), ..records[0].clone() };
+        records[0] = Record { outcome: crate::record::Outcome::Crashed, ..nothing };
+        let records = judged(records);
+        let groups = groups(&records);
+        let (plots, note) = device_against_device(&groups, &Looks::of(&groups));
+        assert_eq!(plots.len(), MOST_WITH_ALL_PAIRS - 1);
+        assert!(note.is_some_and(|note| note.contains("gpu 01")));
+    }
+
+    #[test]
     fn device_against_device_has_a_line_on_which_both_are_equally_fast() {
         let records = judged(["a", "b"].map(|device| measured(device, "naive", 8, 10.0)));
         let groups = groups(&records);
-        let plots = device_against_device(&groups, &Looks::of(&groups));
+        let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
         assert!(plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
     }
 
@@ -238,7 +253,7 @@ mod tests {
         let records =
             judged([("a", 1.0), ("b", 1000.0)].map(|(device, ms)| measured(device, "naive", 8, ms)));
         let groups = groups(&records);
-        let plots = device_against_device(&groups, &Looks::of(&groups));
+        let (plots, _) = device_against_device(&groups, &Looks::of(&groups));
         assert!(!plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
     }
 

@@ -107,7 +107,8 @@ impl Page {
         let thumbnails = kernels.map(|group| thumbnail(group, &mut pictures, &origins));
         let answers: Vec<_> = answers.into_iter().zip(thumbnails).collect();
         let mut overview = overview::scenes(&groups, &looks);
-        overview.extend(overview::device_against_device(&groups, &looks));
+        let (pairs, left_out) = overview::device_against_device(&groups, &looks);
+        overview.extend(pairs);
         overview.extend(side_by_side::side_by_side(&groups));
         overview.extend(growth::growth(&groups, &looks));
         overview.extend(roofline::rooflines(&groups, &looks, folders));
@@ -118,7 +119,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
-            notes: notes(folders).into_iter().chain(overview::left_out(&groups)).collect(),
+            notes: notes(folders).into_iter().chain(left_out).collect(),
             counts: counts(&records, &groups),
             answers,
             overview,

@@ -18,13 +18,14 @@ const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests.
 pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<Plot> {
-    let (mut peaks, mut unreadable): (Vec<(String, Peak)>, Vec<String>) = (Vec::new(), Vec::new());
+    let mut peaks: Vec<(String, Peak)> = Vec::new();
+    let mut unreadable: Vec<(String, &Folder, String)> = Vec::new();
     for (label, folder) in labels(folders).into_iter().zip(folders) {
         match Peak::kept_in(&folder.path) {
             Ok(kept) => {
                 peaks.extend(kept.into_iter().map(|peak| (format!("{} ({label})", peak.device), peak)));
             }
-            Err(error) => unreadable.push(format!("{error}; {}.", error.remedy())),
+            Err(error) => unreadable.push((label, folder, format!("{error}; {}.", error.remedy()))),
         }
     }
     let of_device = |(place, device): (usize, &str)| {
@@ -35,6 +36,12 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         // In records, the name of a device may be followed by the name of its folder of results.
         let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
+        let has = |label: &str, folder: &Folder| {
+            let mut devices = folder.records.iter().map(|record| &record.device);
+            devices.any(|own| device == own || device == format!("{own} ({label})"))
+        };
+        let own = unreadable.iter().filter(|(label, folder, _)| has(label, folder));
+        let unreadable: Vec<String> = own.map(|(_, _, reason)| reason.clone()).collect();
         roofline(&records, looks, device, (peak, &unreadable), numbered("roofline", place))
     };
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
@@ -229,11 +236,16 @@ mod tests {
     fn a_file_of_rates_that_cannot_be_read_is_told_in_the_caption() {
         let place = tempfile::tempdir().unwrap();
         std::fs::write(place.path().join(crate::peak::FILE), "no rates").unwrap();
-        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
-        let caption = &plots(vec![record("naive", Some(1e9))], &[folder])[0].caption;
+        let records = vec![record("naive", Some(1e9))];
+        let folder = Folder { path: place.path().to_owned(), records: records.clone(), ..Folder::default() };
+        let caption = &plots(records.clone(), &[folder])[0].caption;
         let told = format!("The plot has no roofs: {}/peak.json does not contain", place.path().display());
         assert!(caption.contains(&told) && caption.contains("; delete the file; then"), "{caption}");
         assert!(!caption.contains("were not measured"), "{caption}");
+        // A folder without records of the device has no rates of it either.
+        let other = Folder { path: place.path().to_owned(), ..Folder::default() };
+        let caption = &plots(records, &[other])[0].caption;
+        assert!(caption.contains("were not measured"), "{caption}");
     }
 
     #[test]

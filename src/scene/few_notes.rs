@@ -6,14 +6,15 @@ use std::collections::HashSet;
 /// Largest number of notes of one kind that are shown, since a mesh may name any number of files.
 const SHOWN: usize = 3;
 
-/// All different notes of one kind.
+/// What all notes of one kind are about.
 #[derive(Default)]
 pub(in crate::scene) struct FewNotes(HashSet<String>);
 
 impl FewNotes {
-    /// Counts a note, and adds it to `notes` if it is one of the first different notes.
-    pub fn add(&mut self, note: String, notes: &mut Vec<String>) {
-        if self.0.insert(note.clone()) && self.0.len() <= SHOWN {
+    /// Counts a note, and adds it to `notes` if it is one of the first. Of several notes with the same `about`, such as
+    /// the name of a file, only the first counts.
+    pub fn add(&mut self, about: String, note: String, notes: &mut Vec<String>) {
+        if self.0.insert(about) && self.0.len() <= SHOWN {
             notes.push(note);
         }
     }
@@ -34,7 +35,9 @@ mod tests {
     fn the_first_three_different_notes_are_shown_and_the_others_counted() {
         let told = |count: usize| {
             let (mut few, mut notes) = (FewNotes::default(), Vec::new());
-            (0..2 * count).for_each(|number| few.add(format!("note {}", number / 2), &mut notes));
+            (0..2 * count).for_each(|number| {
+                few.add(format!("file {}", number / 2), format!("note {}", number / 2), &mut notes);
+            });
             notes.extend(few.rest("texture"));
             notes
         };

@@ -116,14 +116,16 @@ pub fn missing(
     Missing { kinds: found, failed, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns the points of each kind of device that failed. `start` returns the command that measures them again.
+/// Returns the points of each kind of device that failed, except those with a wrong image: their records have precedence
+/// over all later ones. `start` returns the command that measures the points again.
 fn failed(
     plan: &ShardPlan,
     kinds: &[Kind],
     outcome: &dyn Fn(&str) -> Option<Outcome>,
     start: &dyn Fn(&Kind) -> Start,
 ) -> Vec<MissingKind> {
-    let is_failed = |key: &str| outcome(key).is_some_and(|outcome| !outcome.is_fine());
+    let is_failed =
+        |key: &str| outcome(key).is_some_and(|outcome| !outcome.is_fine() && outcome != Outcome::WrongImage);
     let of = |(kind, distinction): (&Kind, Option<String>)| {
         let points = kind.points.iter().filter(|point| is_failed(&point.planned.key));
         let points: Vec<usize> = points.map(|point| point.point).collect();

@@ -156,15 +156,18 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
     // The number of corners before the facet.
     let mut before = 0;
     let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of).peekable();
+    let mut last: &[u8] = b"";
     while let Some((line, word)) = words.next() {
+        // Some programs write `end facet` for `endfacet`.
+        let ends = is(std::mem::replace(&mut last, word), "end");
         if is(word, "vertex") {
             corners.push(vertex(line, &mut words)?);
         } else if is(word, "endfacet") && corners.len() - before != 3 {
             return Err(Flaw::from("a facet without exactly three vertices").at(line));
         } else if is(word, "facet") || is(word, "endfacet") {
-            (is_in_facet, before) = (is(word, "facet"), corners.len());
+            (is_in_facet, before) = (is(word, "facet") && !ends, corners.len());
         } else if is(word, "solid") || is(word, "endsolid") {
-            is_in_solid = is(word, "solid");
+            is_in_solid = is(word, "solid") && !ends;
             skip_name(line, &mut words);
         } else if is(word, "normal") {
             // Programs write words such as `-nan(ind)` for numbers of a normal.
@@ -335,6 +338,17 @@ mod tests {
         let told = held(1000 * needed - 1).unwrap_err().to_string();
         assert!(told.starts_with("reading a.stl needs about"), "{told}");
         assert!(told.contains(&format!("({needed} B x 1000 triangles = ")), "{told}");
+    }
+
+    #[test]
+    fn ends_in_two_words_end_what_they_name() {
+        let mesh = parse("a.stl", TWO.as_bytes()).unwrap();
+        let spaced = TWO.replace("endfacet", "end facet").replace("endsolid", "end solid");
+        let spaced = spaced.replace("ENDFACET", "END FACET").replace("ENDSOLID", "END SOLID");
+        assert_ne!(spaced, TWO);
+        let read = parse("a.stl", spaced.as_bytes()).unwrap();
+        assert_eq!(read.mesh, mesh.mesh);
+        assert!(!format!("{:?}", read.notes).contains("cut off"), "{:?}", read.notes);
     }
 
     #[test]

@@ -114,7 +114,7 @@ impl Loader {
                 let note = format!(
                     "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
                 );
-                self.missing.add(note, notes);
+                self.missing.add(note.clone(), note, notes);
                 Ok(None)
             }
         }

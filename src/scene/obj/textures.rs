@@ -52,8 +52,13 @@ impl Maps {
     }
 
     /// Returns the map that places the textures, and the numbers of the colour texture and of the
-    /// mask. Calls `tell` with a note for each texture that cannot be read.
-    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, tell: &mut dyn FnMut(String)) -> Loaded<'_> {
+    /// mask. Calls `tell` for each texture that cannot be read, with the file and the reason, and with a note.
+    fn load(
+        &self,
+        reach: Reach<'_>,
+        pictures: &mut Pictures,
+        tell: &mut dyn FnMut(String, String),
+    ) -> Loaded<'_> {
         let place = self.place()?;
         let wrap = [place.wrap; 2];
         let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
@@ -64,7 +69,9 @@ impl Maps {
                         true => format!(" {}", quoted(map.name().as_bytes())),
                         false => String::new(),
                     };
-                    tell(format!("{}: {what}{name} {why}: {instead}", map.at));
+                    // A file that many materials name is told once, although each place has its own line.
+                    let about = format!("{what} {} {why}", quoted(map.name().as_bytes()));
+                    tell(about, format!("{}: {what}{name} {why}: {instead}", map.at));
                 })
                 .ok()
         };
@@ -245,7 +252,8 @@ pub(super) fn apply(
     let mut loaded = vec![None; maps.len()];
     let mut unusable = FewNotes::default();
     for (material, maps) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
-        loaded[material] = maps.load(reach, &mut pictures, &mut |note| unusable.add(note, notes));
+        loaded[material] =
+            maps.load(reach, &mut pictures, &mut |about, note| unusable.add(about, note, notes));
         if let Some((Map { alone: true, .. }, Some(_), _)) = loaded[material] {
             mesh.materials[material].lambertian = Vec3::ONE;
         }

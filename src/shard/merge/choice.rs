@@ -133,7 +133,7 @@ impl Chosen {
             few(&names)
         );
         Err(Error::input(message).with_help(format!(
-            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}; to merge without these attempts, move their folders out of parts/"
+            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}; if they are lost, start one of these shards again on such a machine, which writes its file and measures no finished point again; to merge without these attempts, move their folders out of parts/"
         )))
     }
 

@@ -18,7 +18,7 @@ pub struct Origins {
     /// The original of each copied launch.
     originals: HashMap<Launch, Launch>,
     /// The machine of each attempt. After the attempts of the folder, the list has those whose folders are missing
-    /// although other attempts copied launches from them; only their names are known.
+    /// although other attempts copied launches from them; only the machines in their names are known.
     hosts: Vec<String>,
 }
 
@@ -26,7 +26,7 @@ impl Origins {
     /// Reads which launches were copied: each copied sample names its origin.
     pub fn read(attempts: &[Attempt]) -> Result<Self> {
         let host =
-            |attempt: &Attempt| attempt.about().map_or_else(|| attempt.name.clone(), |about| about.host);
+            |attempt: &Attempt| attempt.about().map_or_else(|| of_name(&attempt.name), |about| about.host);
         let mut hosts: Vec<String> = attempts.iter().map(host).collect();
         let mut originals = HashMap::new();
         let names = attempts.iter().enumerate().map(|(place, attempt)| (attempt.name.clone(), place));
@@ -35,7 +35,7 @@ impl Origins {
             for sample in lines::<Sample>(&attempt.folder.join(SAMPLES))? {
                 let Some((name, launch)) = sample.origin.as_deref().and_then(parsed) else { continue };
                 let original = *places.entry(name.to_owned()).or_insert_with(|| {
-                    hosts.push(name.to_owned());
+                    hosts.push(of_name(name));
                     hosts.len() - 1
                 });
                 originals.insert((place, sample.launch), (original, launch));
@@ -62,6 +62,12 @@ impl Origins {
             launches.iter().filter_map(|(place, _)| self.hosts.get(*place)).map(String::as_str).collect();
         (!hosts.is_empty()).then(|| hosts.into_iter().collect::<Vec<_>>().join(", "))
     }
+}
+
+/// Returns the machine's name in the name of an attempt, such as `shard-00001.node7.77-1.r00`; the whole name if it has
+/// another form.
+fn of_name(attempt: &str) -> String {
+    attempt.split('.').nth(1).unwrap_or(attempt).to_owned()
 }
 
 /// Returns the attempt and the launch that the field `origin` of a sample names.

@@ -65,7 +65,7 @@ impl Files<'_> {
                         " cannot be read".to_owned()
                     };
                     let note = format!("texture {number}{why}: its material's own colour is used");
-                    unusable.add(note, notes);
+                    unusable.add(note.clone(), note, notes);
                 })
                 .ok()
         };

@@ -57,7 +57,9 @@ pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
         }
     }
     tidied.elements = names.elements;
-    if is_read { Ok(tidied) } else { Err(too_long()) }
+    // Another file is refused because of its first line.
+    let is_ply = tidied.header.lines().next().is_some_and(|line| line.trim_end().eq_ignore_ascii_case("ply"));
+    if is_read || !is_ply { Ok(tidied) } else { Err(too_long()) }
 }
 
 /// Returns the mistake of a header that is too long.
@@ -199,7 +201,9 @@ mod tests {
         };
         assert_eq!(of(header(MAX_BYTES).as_bytes()).1, b"1 2 3\n");
         assert!(tidied(header(MAX_BYTES + 1).as_bytes()).is_err());
-        assert!(tidied(" ".repeat(MAX_BYTES + 1).as_bytes()).is_err());
+        assert!(tidied(format!("ply\n{}", " ".repeat(MAX_BYTES)).as_bytes()).is_err());
+        // A file that is no PLY is refused because of its first line.
+        assert!(tidied(" ".repeat(MAX_BYTES + 1).as_bytes()).is_ok());
         // Without an end, the file's own mistake is told.
         assert!(tidied(" ".repeat(MAX_BYTES).as_bytes()).is_ok());
     }

@@ -425,6 +425,24 @@ fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
 }
 
 #[test]
+fn a_file_that_many_materials_name_is_noted_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let material = |number: usize| {
+        let file = if number == 5 { "leaf.png" } else { "bark.png" };
+        format!("newmtl a{number}\nmap_Kd {file}\n")
+    };
+    std::fs::write(folder.path().join("m.mtl"), (0..6).map(material).collect::<String>()).unwrap();
+    let faces: String = (0..6).map(|number| format!("usemtl a{number}\nf 1/1 2/1 3/1\n")).collect();
+    let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+    let reach = Reach { folder: folder.path(), permitted };
+    let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\n{faces}");
+    let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
+    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert!(notes[0].contains("m.mtl:2: texture `bark.png`"), "{notes:?}");
+    assert!(notes[1].contains("m.mtl:12: texture `leaf.png`"), "{notes:?}");
+}
+
+#[test]
 fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_line() {
     let [file, numbers] = ["the name of a picture", "one to three finite numbers"]
         .map(|expected| format!("; expected {expected}: 1 such line is ignored; without "));
