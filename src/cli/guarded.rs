@@ -24,8 +24,8 @@ use terminal::LentTerminal;
 /// first access to each page of new memory causes a page fault; these page faults took a fifth of the time of a short
 /// command. With these settings, the allocator asks the system for huge pages, and extends its heaps by 16 MiB at a
 /// time. Larger steps are hardly faster, and let the process keep more freed memory than raycl's predictions of memory
-/// use allow for. glibc reads the variable only when a process starts, so raycl sets it for the child process. If the
-/// user has set the variable, raycl leaves it unchanged.
+/// use allow for. glibc reads the variable only when a process starts, so raycl sets it for the child process of
+/// `render` or `view`. If the user has set the variable, raycl leaves it unchanged.
 const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216");
 
 /// Returns whether this process is the child process that [`run`] starts.

@@ -124,7 +124,7 @@ fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)
         rows,
         codes: Vec::new(),
     };
-    Plot { name: name.to_owned(), caption: caption.to_owned(), svg: map.svg(), narrow: String::new() }
+    Plot { name: name.to_owned(), caption: caption.to_owned(), svg: map.svg(), narrow: map.narrow_svg() }
 }
 
 #[cfg(test)]
@@ -166,6 +166,7 @@ mod tests {
         assert_ne!(middle, "2.00");
         let plots = side_by_side(&groups(&records));
         assert!(plots[0].svg.contains(&format!(">{middle}<")), "{middle}: {}", plots[0].svg);
+        assert!(plots[0].narrow.contains(&format!(">{middle}<")), "{middle}: {}", plots[0].narrow);
     }
 
     #[test]

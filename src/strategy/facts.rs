@@ -46,7 +46,8 @@ pub enum Copied {
     Vertices,
     /// Normals.
     Normals,
-    /// The data that a test reads, one tile of triangles at a time.
+    /// Rows (a row is the data that the ray-triangle test reads of one triangle). The work-group copies the rows of one
+    /// tile of triangles at a time.
     Rows,
 }
 

@@ -168,7 +168,7 @@ def check_controls(driver):
 
 def check_growth(driver):
     """The plot over triangles has exponents, and a legend's entry switches a series off together with its line."""
-    chart = driver.find_element(By.CSS_SELECTOR, "svg.chart[aria-label^='Growth with triangles']")
+    chart = driver.find_element(By.CSS_SELECTOR, "svg.chart[aria-label^='Time against the number of triangles']")
     entry = chart.find_element(By.CSS_SELECTOR, ".entry")
     assert ": ^" in entry.get_attribute("data-tip"), "no exponent in the legend"
     number = entry.get_attribute("data-for")

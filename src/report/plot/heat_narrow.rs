@@ -7,8 +7,10 @@ use super::palette::FAINT;
 use super::svg::{Anchor, LINE, Svg};
 use crate::image::viridis;
 
-/// Number of cells per line.
-const ACROSS: usize = 6;
+/// Largest number of cells per line. There are fewer if the columns have long names.
+const MOST_ACROSS: usize = 6;
+/// Space beside a column's name in its cell.
+const BESIDE: f64 = 6.0;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
 /// The gap between two rows.
@@ -31,18 +33,26 @@ impl HeatMap {
         svg.finish([width, end], &self.title, "A heat map. Each cell shows its value as text, too.")
     }
 
+    /// Returns the number of cells per line.
+    fn across(&self) -> usize {
+        let longest = self.columns.iter().map(|column| column.chars().count()).max().unwrap_or(0);
+        let cell = longest as f64 * LETTER + BESIDE;
+        (((NARROW.whole_width() - 2.0 * LEFT) / cell) as usize).clamp(1, MOST_ACROSS)
+    }
+
     /// Draws a row's name and cells from `y` downwards; returns the y coordinate of their lower
     /// end.
     fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
         let names = NARROW.lines(name);
         svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
         let top = y + 2.0 + LINE * names.len() as f64;
-        let width = (NARROW.whole_width() - 2.0 * LEFT) / ACROSS as f64;
+        let across = self.across();
+        let width = (NARROW.whole_width() - 2.0 * LEFT) / across as f64;
         for (place, (column, cell)) in self.columns.iter().zip(cells).enumerate() {
-            let at = [LEFT + (place % ACROSS) as f64 * width, top + (place / ACROSS) as f64 * HEIGHT];
+            let at = [LEFT + (place % across) as f64 * width, top + (place / across) as f64 * HEIGHT];
             draw(svg, column, cell, (at, [width, HEIGHT]), (worst, hatch));
         }
-        top + cells.len().div_ceil(ACROSS) as f64 * HEIGHT + GAP
+        top + cells.len().div_ceil(across) as f64 * HEIGHT + GAP
     }
 
     /// Draws the colour scale and the meanings of the codes; returns the y coordinate of their
@@ -148,6 +158,15 @@ mod tests {
             .filter_map(|part| part.split('>').next())
             .filter_map(|part| Some(value(part, "x")? + value(part, "width")?))
             .collect()
+    }
+
+    #[test]
+    fn long_names_of_columns_leave_fewer_cells_per_line() {
+        assert_eq!(map().across(), MOST_ACROSS);
+        let devices = ["pthread-EPYC", "NVIDIA H200"].map(str::to_owned).to_vec();
+        let across = HeatMap { columns: devices, ..map() }.across();
+        assert!((2..MOST_ACROSS).contains(&across), "{across}");
+        assert_eq!(HeatMap { columns: vec!["a".repeat(99)], ..map() }.across(), 1);
     }
 
     #[test]

@@ -16,7 +16,8 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// The supported formats. TGA is recognised by the file's extension, the others by the file's first bytes.
+/// The supported formats. They are recognised by the file's first bytes. TGA has no such bytes; it is recognised by the
+/// file's extension if the first bytes are of no known format.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
 /// A result; in a message, the error's text follows the picture's name.

@@ -69,7 +69,7 @@ fn strip(value: &mut Value) {
     }
 }
 
-/// Returns the error for JSON that is not glTF 2.0.
+/// Returns the error for text that is not valid glTF 2.0.
 fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     let value = serde_json::from_slice::<Value>(json).ok();
     let version = value.and_then(|value| match &value["asset"]["version"] {
