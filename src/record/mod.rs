@@ -49,7 +49,7 @@ pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
 pub(crate) use modes::{to_mind, two_modes};
 pub use noise::{Causes, Noise};
-pub(crate) use numbers::{by, duration, ms, significant};
+pub(crate) use numbers::{by, duration, duration_range, ms, significant};
 pub use place::Place;
 pub use plan::{CurrentPlan, PlannedPoint};
 pub use repair::{Repaired, repair};

@@ -17,10 +17,22 @@ pub fn ms(value: f64) -> String {
 
 /// Formats a time for a sentence: 1.234 s, 12.34 ms, 56.70 us.
 pub fn duration(value_ms: f64) -> String {
+    let (unit, per_ms) = unit_of(value_ms);
+    format!("{} {unit}", significant(value_ms * per_ms, 4))
+}
+
+/// Formats an interval of a time, in the unit in which [`duration`] formats the time: "52.10 to 61.30 us".
+pub fn duration_range([low_ms, high_ms]: [f64; 2], value_ms: f64) -> String {
+    let (unit, per_ms) = unit_of(value_ms);
+    format!("{} to {} {unit}", significant(low_ms * per_ms, 4), significant(high_ms * per_ms, 4))
+}
+
+/// Returns the unit for a time, and the number of these units per millisecond.
+fn unit_of(value_ms: f64) -> (&'static str, f64) {
     match value_ms.abs() {
-        x if x >= 1000.0 => format!("{} s", significant(value_ms / 1000.0, 4)),
-        x if x >= 0.1 || x == 0.0 => format!("{} ms", ms(value_ms)),
-        _ => format!("{} us", significant(value_ms * 1000.0, 4)),
+        x if x >= 1000.0 => ("s", 1e-3),
+        x if x >= 0.1 || x == 0.0 => ("ms", 1.0),
+        _ => ("us", 1e3),
     }
 }
 
@@ -53,6 +65,8 @@ mod tests {
         let times = [0.0, 0.0999, 0.1, 999.9, 1000.0, -2000.0].map(duration);
         assert_eq!(times, ["0 ms", "99.90 us", "0.1000 ms", "999.9 ms", "1.000 s", "-2.000 s"]);
         assert_eq!(significant(0.0, 3), "0");
+        assert_eq!(duration_range([0.0647, 0.1234], 0.0705), "64.70 to 123.4 us");
+        assert_eq!(duration_range([999.0, 1100.0], 1050.0), "0.9990 to 1.100 s");
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Collects the data of a report's first screen: the winners, how much faster they are than other points, how certain
 //! this result is, and which points could not run.
 
-use super::words::{first_line, interval_text, series_name, title};
+use super::words::{first_line, series_name, title};
 use crate::measure::Ranking;
 use crate::record::{
-    Group, HOST, Record, duration, few_names, interval, launches, median, not_enough, ratio, significant,
-    word,
+    Group, HOST, Record, duration, duration_range, few_names, interval, launches, median, not_enough, ratio,
+    significant, word,
 };
 use crate::words::counted;
 
@@ -89,8 +89,8 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
         device: group.device.to_owned(),
         time: best.and_then(median).map_or("-".into(), duration),
         interval: best
-            .and_then(interval)
-            .map_or(String::new(), |interval| format!("{} ms", interval_text(interval))),
+            .and_then(|best| Some(duration_range(interval(best)?, median(best)?)))
+            .unwrap_or_default(),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
         naive_wins: best
             .zip(naive(group))

@@ -4,7 +4,8 @@ use super::plot::look::Look;
 use super::view::PAPER_SIZE;
 pub(crate) use crate::record::first_line;
 use crate::record::{
-    Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant, to_mind,
+    Group, HOST, Record, by, duration, duration_range, interval, median, ms, not_enough, percent,
+    significant, to_mind,
 };
 
 /// Assigns a colour and a marker to each series name, so that a strategy looks the same in all plots.
@@ -110,7 +111,8 @@ fn stopped(record: &Record) -> String {
 /// Returns "95% interval 1.2 to 1.4 ms", or a note that there are too few samples for an interval;
 /// `None` if there is no time.
 fn sureness(record: &Record) -> Option<String> {
-    not_enough(record).or_else(|| Some(format!("95% interval {} ms", interval_text(interval(record)?))))
+    let known = || Some(format!("95% interval {}", duration_range(interval(record)?, median(record)?)));
+    not_enough(record).or_else(known)
 }
 
 /// Formats milliseconds as "1.2 to 1.4".
