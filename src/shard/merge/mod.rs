@@ -298,6 +298,13 @@ mod tests {
     use super::*;
     use crate::record::read_lines;
 
+    /// Makes a folder of one shard with this plan.
+    fn one_shard(out: &Path, plan: ShardPlan) {
+        let header = crate::shard::Header { shards: 1, ..Default::default() };
+        let plan = ShardPlan { header: header.clone(), ..plan };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+    }
+
     #[test]
     fn one_attempt_was_and_several_were() {
         let said = |ends: &[Option<End>]| ended_early(ends).unwrap_or_default();
@@ -510,17 +517,10 @@ mod tests {
     #[test]
     fn a_copied_launch_counts_as_measured_by_the_attempt_that_measured_it() {
         use crate::record::JsonLines;
-        use crate::shard::{About, Header};
+        use crate::shard::About;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
-        let header = Header { shards: 1, ..Header::default() };
-        let plan = ShardPlan {
-            header: header.clone(),
-            points: vec!["a point".into()],
-            cases: vec![0],
-            ..ShardPlan::default()
-        };
-        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        one_shard(out, ShardPlan { points: vec!["a point".into()], cases: vec![0], ..ShardPlan::default() });
         write_kind(out, "gpu", "x", 0);
         // The attempts are read in the order of their names.
         let [first, second] = ["n2", "n1"].map(|host| {
@@ -547,12 +547,9 @@ mod tests {
 
     #[test]
     fn a_merge_without_a_kinds_file_leaves_the_results_of_an_earlier_merge() {
-        use crate::shard::Header;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
-        let header = Header { shards: 1, ..Header::default() };
-        let plan = ShardPlan { header: header.clone(), ..ShardPlan::default() };
-        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        one_shard(out, ShardPlan::default());
         write_kind(out, "gpu", "x", 0);
         write_attempt(out, "n1", "x 0", "gpu");
         assert_eq!(merge(out, &[]).unwrap().records, 1);
@@ -572,18 +569,17 @@ mod tests {
     fn anchors_and_peaks_have_the_names_of_the_merged_folders_devices() {
         use crate::experiment::Block;
         use crate::record::{Folder, JsonLines};
-        use crate::shard::Header;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
-        let header = Header { shards: 1, ..Header::default() };
-        let plan = ShardPlan {
-            header: header.clone(),
-            points: vec!["a point".into()],
-            cases: vec![0],
-            blocks: vec![Block { number: 1, shard: 1, points: vec![0], control: None }],
-            ..ShardPlan::default()
-        };
-        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        one_shard(
+            out,
+            ShardPlan {
+                points: vec!["a point".into()],
+                cases: vec![0],
+                blocks: vec![Block { number: 1, shard: 1, points: vec![0], control: None }],
+                ..ShardPlan::default()
+            },
+        );
         for (host, driver) in [("n1", "3.1"), ("n2", "7.0")] {
             write_kind(out, "cpu", driver, 0);
             write_attempt(out, host, &format!("{driver} 0"), "cpu");
@@ -624,19 +620,18 @@ mod tests {
     fn merged_records_name_their_attempts_and_hosts_and_have_their_pictures() {
         use crate::experiment::Block;
         use crate::record::HOST;
-        use crate::shard::Header;
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
         let block = Block { number: 1, shard: 1, points: vec![0, 1], control: None };
-        let header = Header { shards: 1, ..Header::default() };
-        let plan = ShardPlan {
-            header: header.clone(),
-            points: vec!["on the host".into(), "on a device".into()],
-            cases: vec![0, 0],
-            blocks: vec![block],
-            ..ShardPlan::default()
-        };
-        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        one_shard(
+            out,
+            ShardPlan {
+                points: vec!["on the host".into(), "on a device".into()],
+                cases: vec![0, 0],
+                blocks: vec![block],
+                ..ShardPlan::default()
+            },
+        );
         for (device, identity, point) in [(HOST, "amd", 0), (HOST, "intel", 0), ("gpu", "x", 1)] {
             write_kind(out, device, identity, point);
         }
