@@ -1,6 +1,7 @@
 # Targets to build, test and measure raycl. `make` without a target lists them.
 
-# Builds name this folder, since cargo's settings may name another one. It is quoted, since its name may have blanks.
+# All builds pass this folder to cargo, since cargo's settings may name another one. The folder is quoted, since its
+# name may have blanks.
 TARGET_DIR = "$${CARGO_TARGET_DIR:-target}"
 RAYCL = $(TARGET_DIR)/release/raycl
 QUICK = results/quick

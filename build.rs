@@ -56,16 +56,16 @@ fn version(revision: Option<&str>) -> String {
 /// x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0". Parts that
 /// cargo does not report are empty.
 fn build() -> String {
-    let told = |name: &str| std::env::var(name).unwrap_or_default();
-    let rustc = Command::new(told("RUSTC")).arg("--version").output().map(|output| output.stdout);
+    let variable = |name: &str| std::env::var(name).unwrap_or_default();
+    let rustc = Command::new(variable("RUSTC")).arg("--version").output().map(|output| output.stdout);
     let rustc = rustc.map_or(String::new(), |text| String::from_utf8_lossy(&text).trim().to_owned());
     format!(
         "profile {}, opt-level {}, {}, features {}, flags {}, {rustc}",
-        profile(&told("OUT_DIR")).unwrap_or(told("PROFILE")),
-        told("OPT_LEVEL"),
-        told("TARGET"),
-        told("CARGO_CFG_TARGET_FEATURE"),
-        told("CARGO_ENCODED_RUSTFLAGS").replace('\u{1f}', " "),
+        profile(&variable("OUT_DIR")).unwrap_or(variable("PROFILE")),
+        variable("OPT_LEVEL"),
+        variable("TARGET"),
+        variable("CARGO_CFG_TARGET_FEATURE"),
+        variable("CARGO_ENCODED_RUSTFLAGS").replace('\u{1f}', " "),
     )
 }
 

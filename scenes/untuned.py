@@ -146,7 +146,8 @@ def hair(mesh):
     mesh.sphere((0, 0, 0), 0.98, 30, 60)
 
 
-# The function that makes the scene; the camera's position, target and vertical field of view; the light's position.
+# The columns are: the function that makes the scene; the camera's position, target and vertical field of view in
+# degrees; and the light's position.
 SCENES = [
     (ball, [0, 1, 2], [0, 0.5, 0], 36, [2, 3, 2]),
     (boxes, [-30, 4, -30], [0, 0, 0], 50, [-20, 20, 10]),

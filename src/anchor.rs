@@ -1,7 +1,8 @@
-//! The anchor: a kernel that never changes; `--cl-dir` cannot replace this kernel. A run with several launches times
-//! the anchor on each device. In each launch, the anchor runs after the device's first frame, and then after every
-//! sixth further frame, or once per round if a round has fewer than six frames. Two runs can therefore be compared by
-//! the ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
+//! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run with
+//! several launches times the anchor on each device. In each launch, the anchor runs after the device's first sample,
+//! and then after every six further samples, or once per round if a round has fewer than six samples on the device. Two
+//! runs can therefore be compared by the ratios of their times to the anchor's time, even if the machine's speed
+//! changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -87,9 +88,9 @@ impl Anchor {
             .map_err(failed)?;
         let anchor = Self { queue: queue.clone(), kernel, _spheres: uploaded, _distances: distances };
         anchor.run()?;
-        let mut found = vec![0.0; CHECKED.min(rays)];
-        anchor._distances.read(&mut found).enq().map_err(failed)?;
-        check(&found, &spheres)?;
+        let mut distances = vec![0.0; CHECKED.min(rays)];
+        anchor._distances.read(&mut distances).enq().map_err(failed)?;
+        check(&distances, &spheres)?;
         Ok(anchor)
     }
 
@@ -143,25 +144,26 @@ fn spheres() -> Vec<[f32; 4]> {
     (0..SPHERES).map(|_| sphere()).collect()
 }
 
-/// Compares the distances of the first rays with those computed on the host.
-fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
-    let agrees = |(ray, found): (usize, &f32)| {
+/// Compares the distances that the kernel found for the first rays with those computed on the host. Returns an error if
+/// more than `MOST_GRAZING` of them differ.
+fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
+    let agrees = |(ray, distance): (usize, &f32)| {
         let expected = nearest(ray, spheres);
-        (found - expected).abs() <= 1e-3 * expected
+        (distance - expected).abs() <= 1e-3 * expected
     };
-    let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
+    let wrong = distances.iter().enumerate().filter(|ray| !agrees(*ray)).count();
     match wrong <= MOST_GRAZING {
         true => Ok(()),
         false => Err(failed_because(&format!(
             "{wrong} of {} rays found a different distance on the device than on the host",
-            found.len()
+            distances.len()
         ))),
     }
 }
 
 /// Returns the distance that the kernel should find for one ray.
 fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
-    let at = |place: usize| (place % 64) as f32 / 32.0 - 1.0;
+    let at = |step: usize| (step % 64) as f32 / 32.0 - 1.0;
     let direction = [at(ray), at(ray / 64), 1.0];
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let length_squared = dot(direction, direction);

@@ -62,7 +62,7 @@ const AFRESH: &str = "the file may be cut off or damaged; pack it or download it
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
 
-/// Returns whether this process may not write in a place, so that free space would not help.
+/// Returns whether this process may not write in a folder, so that free space would not help.
 pub fn is_forbidden(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
     matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
@@ -127,8 +127,8 @@ impl Error {
         let begin = text[..start].rfind('\n').map_or(0, |at| at + 1);
         if start - begin + line.len() > SHOWN_LINE_BYTES {
             let column = 1 + text[begin..start].chars().count();
-            let place = format!("{}:{}:{column}", name.as_ref(), line_of(&text, start));
-            return Self::input(format!("{place}: {message}"));
+            let location = format!("{}:{}:{column}", name.as_ref(), line_of(&text, start));
+            return Self::input(format!("{location}: {message}"));
         }
         let end = boundary(&text, span.end.clamp(start, start + line.trim_end_matches('\r').len()));
         let (text, cut) = cut_long_lines(printable(text), start);
@@ -190,9 +190,9 @@ impl Error {
         self
     }
 
-    /// Adds to the remedy how the command can be continued. A failed run keeps its own remedy before this text, while
-    /// the text replaces that of an interruption. A mistake in the input is returned unchanged, since the command can
-    /// only be continued when the mistake is corrected.
+    /// Adds to the remedy how the command can be continued. A failed run keeps its own remedy, which then precedes this
+    /// text. For an interruption, the text replaces the remedy. A mistake in the input is returned unchanged, since the
+    /// command can only be continued when the mistake is corrected.
     #[must_use]
     pub fn to_be_continued(self, how: String) -> Self {
         match &self {
@@ -252,9 +252,9 @@ impl Error {
         let message = self.to_string();
         let Self::Input(error) = self else { return message };
         let (Some(file), Some(span)) = (&error.source_code, error.span) else { return message };
-        let place = format!("{}:{}: ", file.name(), line_of(file.inner(), span.offset()));
-        // The messages about some files, such as OBJ files, begin with the place already.
-        if message.starts_with(&place) { message } else { place + &message }
+        let location = format!("{}:{}: ", file.name(), line_of(file.inner(), span.offset()));
+        // The messages about some files, such as OBJ files, already begin with the file and the line.
+        if message.starts_with(&location) { message } else { location + &message }
     }
 
     /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error keeps
@@ -338,7 +338,7 @@ mod tests {
     #[test]
     fn long_lines_of_a_file_are_cut_or_not_shown() {
         let long = "\u{fc}".repeat(70_000);
-        for (text, place) in [
+        for (text, location) in [
             (format!("# {long}\nbad = 1\n# {long}\n"), "a.toml:2:1"),
             (format!("a = 1\nbad = 1\n# {long}"), "a.toml:2:1"),
             (format!("x = \"{long}\"\n\nab = 1\n  bad = 1\n"), "a.toml:4:3"),
@@ -346,8 +346,8 @@ mod tests {
             (format!("bad\n{}", "y\n".repeat(50)), "a.toml:1:1"),
         ] {
             let printed = printed(&text, "bad");
-            assert!(printed.contains(place), "{place}: {printed}");
-            assert!(printed.lines().all(|line| line.chars().count() < 420), "{place}");
+            assert!(printed.contains(location), "{location}: {printed}");
+            assert!(printed.lines().all(|line| line.chars().count() < 420), "{location}");
         }
         let mark = format!("bad{}", "\nz".repeat(50));
         assert!(printed(&mark, &mark).lines().count() < 10, "only the first line of a long span is shown");
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn no_error_is_made_without_a_remedy_or_with_what_steers_a_terminal() {
-        let place = |message| Error::in_file("a\u{1b}.toml", "a = 1\n", 0..1, message, "here");
+        let located = |message| Error::in_file("a\u{1b}.toml", "a = 1\n", 0..1, message, "here");
         for error in [
             Error::input("a\u{1b}"),
             Error::run("a\u{1b}"),
@@ -373,13 +373,13 @@ mod tests {
             Error::unwritable(Path::new("a\u{1b}"), &std::io::Error::other("b\u{1b}")),
             Error::unwritable_output(&std::io::Error::other("a\u{1b}")),
             Error::withheld("a\u{1b}", 1, "b"),
-            place("a\u{1b}".into()),
-            Error::input("a\u{1b}").placed(place),
+            located("a\u{1b}".into()),
+            Error::input("a\u{1b}").placed(located),
         ] {
             let shown = format!("{error} {}", error.remedy());
             assert!(!error.remedy().is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
         }
-        let own = Error::input("a").with_help("b\u{1b}").placed(place);
+        let own = Error::input("a").with_help("b\u{1b}").placed(located);
         assert_eq!(own.remedy(), "b\\u001b");
     }
 
@@ -408,27 +408,27 @@ mod tests {
     }
 
     #[test]
-    fn an_error_without_a_place_keeps_its_own_remedy_when_it_is_placed() {
-        let place =
+    fn an_error_without_a_location_keeps_its_own_remedy_when_it_gets_one() {
+        let located =
             |message| Error::in_file("a.toml", "a = 1\nb = 2\n", 6..7, message, "here").with_help("new");
-        assert_eq!(Error::input("a").placed(place).remedy(), "new");
-        let own = Error::input("a").with_help("own").placed(place);
+        assert_eq!(Error::input("a").placed(located).remedy(), "new");
+        let own = Error::input("a").with_help("own").placed(located);
         assert_eq!((own.to_string().as_str(), own.remedy()), ("a", "own"));
-        let Error::Input(placed) = own else { panic!("not an input error") };
-        assert_eq!(placed.span.map(|span| (span.offset(), span.len())), Some((6, 1)));
-        assert_eq!(Error::run("a").placed(place).exit_code(), 1, "only input errors have places");
+        let Error::Input(input_error) = own else { panic!("not an input error") };
+        assert_eq!(input_error.span.map(|span| (span.offset(), span.len())), Some((6, 1)));
+        assert_eq!(Error::run("a").placed(located).exit_code(), 1, "only input errors have places");
     }
 
     #[test]
-    fn a_mistake_in_a_file_is_told_in_one_line_with_its_file_and_line() {
+    fn a_mistake_in_a_file_is_reported_in_one_line_with_its_file_and_line() {
         let long = format!("# {}\n", "x".repeat(1000));
         for (text, line) in [("a = 1\nbad = 1\n".to_owned(), 2), (format!("{long}{long}bad = 1\n"), 3)] {
             let start = text.find("bad").unwrap();
             let error = Error::in_file("a.toml", text, start..start + 3, "unknown key `bad`", "here");
             assert_eq!(error.in_a_line(), format!("a.toml:{line}: unknown key `bad`"));
         }
-        let told = "a.obj:2: no number";
-        assert_eq!(Error::in_file("a.obj", "v 0 0 0\nv x\n", 8..11, told, "here").in_a_line(), told);
+        let message = "a.obj:2: no number";
+        assert_eq!(Error::in_file("a.obj", "v 0 0 0\nv x\n", 8..11, message, "here").in_a_line(), message);
         for error in [Error::input("a"), Error::run("a")] {
             assert_eq!(error.in_a_line(), "a");
         }

@@ -28,18 +28,18 @@
 //!
 //! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
 //! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the
-//! points; each point is a [`strategy`] on a [`device`] at a local size. [`program`] assembles and builds kernels from
-//! `cl/` as the `manifest` says (`sources` has the kernels' files). [`launch`] runs the kernels. [`verify`] compares
-//! the kernels' image with the [`reference`](mod@reference). [`experiment`] also times the kernels, together with the
-//! `anchor`, and `measure` computes statistics of these times.
+//! points; each point is a [`strategy`] on a [`device`] at a local size. [`program`] assembles the source of kernels
+//! from the files of `cl/` in `sources`, according to the table of kernels in `manifest`, and builds the kernels.
+//! [`launch`] runs the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference).
+//! [`experiment`] also times the kernels, together with the `anchor`, and `measure` computes statistics of these times.
 //!
-//! [`printer`] keeps control characters from terminals. `reader` opens the files that users name, and `filetype`
-//! recognises their formats. `memory` measures the host's free memory, and `load` measures the processor time that
-//! other processes take. [`record`] stores the results. [`image`] turns radiance into pictures. `output` writes files
-//! for the user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits an experiment among
-//! machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in
-//! this repository's documents from stored records. `cache` stores data that raycl can recompute, so that later runs
-//! need not do so.
+//! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files that users
+//! name, and `filetype` recognises their formats. `memory` measures the host's free memory, and `load` measures the
+//! processor time that other processes take. [`record`] stores the results. [`image`] turns radiance into pictures.
+//! `output` writes files for the user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits
+//! an experiment among machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes
+//! the numbers in this repository's documents from stored records. `cache` stores data that raycl can recompute, so
+//! that later runs need not do so.
 
 mod accel;
 mod anchor;

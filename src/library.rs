@@ -116,7 +116,7 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// start itself again and again.
 ///
 /// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
-/// ends the process. A signal between two calls interrupts the second one.
+/// ends the process. A signal between two calls of this function interrupts the second call.
 ///
 /// # Errors
 ///
@@ -134,7 +134,7 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;
     let measured = run::measure_resumably(&arguments, &mut ());
-    // The caller knows of the interruption now, so it must not end the next run too.
+    // The caller learns of the interruption from this error, so the interruption must not end the next run as well.
     if matches!(measured, Err(Error::Interrupted { .. })) {
         run::forget_interruption();
     }

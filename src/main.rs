@@ -24,7 +24,7 @@ fn main() -> ExitCode {
 fn choose_look() {
     let look = || {
         let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());
-        match raycl::cli::colour::told() {
+        match raycl::cli::colour::chosen() {
             Some(coloured) => look.color(coloured),
             None => look,
         }

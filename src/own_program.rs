@@ -1,4 +1,4 @@
-//! The running program, started once more: as a worker, to list devices, or to compile a program and store it in the
+//! Starts the running program once more: as a worker, to list devices, or to compile a program and store it in the
 //! cache.
 
 use crate::device::drivers::LIBRARIES;

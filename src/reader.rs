@@ -60,8 +60,8 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-fn ordinary(found: &Metadata) -> Result<()> {
-    match (found.is_file(), found.is_dir()) {
+fn ordinary(metadata: &Metadata) -> Result<()> {
+    match (metadata.is_file(), metadata.is_dir()) {
         (true, _) => Ok(()),
         (_, true) => Err(Error::new(ErrorKind::IsADirectory, "it is a folder; expected an ordinary file")),
         _ => Err(Error::new(
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_limit_is_kept_and_said() {
+    fn every_limit_is_enforced_and_stated() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         for (kind, what, limit_mib) in LIMITS_MIB {
@@ -243,8 +243,8 @@ mod tests {
             let held = |length: u64| within(vec![0; length as usize], kind).map(|bytes| bytes.len() as u64);
             let limit = limit_mib.unwrap_or(20) << 20;
             assert_eq!([bytes_of(limit).unwrap(), held(limit).unwrap()], [limit; 2], "{what}");
-            for found in [bytes_of(limit + 1), held(limit + 1)] {
-                match (limit_mib, found) {
+            for length in [bytes_of(limit + 1), held(limit + 1)] {
+                match (limit_mib, length) {
                     (Some(mib), Err(error)) => {
                         assert_eq!(error.to_string(), format!("{what} may have at most {mib} MiB"));
                     }

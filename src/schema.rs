@@ -60,8 +60,8 @@ fn without_null(schema: &mut Schema) {
     }
 }
 
-/// Implements `JsonSchema` for types whose deserialisers are written by hand. In the macro's arguments, `=>` and a
-/// schema follow each type.
+/// Implements `JsonSchema` for types whose deserialisers are not derived. Each argument of the macro is a type, `=>`
+/// and the type's schema.
 macro_rules! schema_by_hand {
     ($($type:ty => $schema:expr;)+) => {$(
         impl $type {

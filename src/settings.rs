@@ -107,11 +107,11 @@ fn read(path: &Path) -> Result<Settings> {
 
 /// Returns whether an error means that there is no settings file, or that it lies in a folder in which this user may
 /// look up no file, such as the home folder of another user. A part of the path may also be a file: services often have
-/// the home folder /dev/null. `found` is what the user may know about the file.
-fn is_out_of_reach(error: &IoError, found: std::io::Result<Metadata>) -> bool {
+/// the home folder /dev/null. `metadata` is the file's metadata, or the error from reading them.
+fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
-        || is_denied(error) && found.is_err_and(|error| is_denied(&error))
+        || is_denied(error) && metadata.is_err_and(|error| is_denied(&error))
 }
 
 impl Settings {
@@ -225,8 +225,8 @@ mod tests {
         ] {
             let error = read_text(text).expect_err(text);
             assert_eq!(error.exit_code(), 2);
-            let told = format!("{:?}", miette::Report::new(error));
-            parts.iter().for_each(|part| assert!(told.contains(part), "{part}: {told}"));
+            let report = format!("{:?}", miette::Report::new(error));
+            parts.iter().for_each(|part| assert!(report.contains(part), "{part}: {report}"));
         }
     }
 

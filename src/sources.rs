@@ -2,14 +2,14 @@
 //! built-in file of the same name, or is an additional file.
 
 mod lines;
-mod places;
+mod positions;
 
 use crate::error::{Error, Result, line_of, nearest};
 use crate::reader::{self, Kind};
 use crate::words::counted;
 use include_dir::{Dir, include_dir};
 pub use lines::{SourceLine, lines};
-use places::in_files;
+use positions::in_files;
 use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
@@ -57,8 +57,8 @@ impl Sources {
         error.placed(|message| Error::input(format!("{file}, line {line}: #include \"{path}\": {message}")))
     }
 
-    /// Returns a file with its includes inserted, and the names of the files that this text consists of, each once. For
-    /// files whose includes do not depend on a strategy.
+    /// Returns a file's text with its includes inserted, and the names of the files that this text consists of, each
+    /// once. This function is for files whose includes do not depend on a strategy.
     pub fn read_joined(&self, name: &str) -> Result<(String, Vec<String>)> {
         let (mut text, mut files) = (String::new(), Vec::new());
         self.join((name, &self.read(name)?), &mut Chain::default(), &mut text, &mut files)?;
@@ -120,9 +120,9 @@ impl Sources {
         self.own_path(name).unwrap_or_else(|| format!("cl/{name}"))
     }
 
-    /// Returns the paths of those of these files that come from the folder and differ from the built-in files of the
-    /// same names, or that have no built-in file of the same name. A copy of a built-in file that the user has not
-    /// changed is not to blame for an error.
+    /// Returns the paths of the files, among `files`, that the user added or changed: they come from the folder, and no
+    /// built-in file has the same name and the same text. An unchanged copy of a built-in file is left out, since it is
+    /// not to blame for an error.
     pub fn changed_paths(&self, files: &[String]) -> Vec<String> {
         let changed = |name: &String| {
             let path = self.own_path(name)?;
@@ -157,14 +157,13 @@ impl Sources {
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
-    /// Returns an error of the preprocessor with the file's path instead of the file's name, with which its message
-    /// begins. `files` are the names of the program's files.
+    /// Returns an error of the preprocessor, whose message begins with a file's name, with the file's path in place of
+    /// this name. `files` are the names of the program's files.
     pub fn with_path(&self, error: Error, files: &[String]) -> Error {
         error.placed(|message| {
             let located = files.iter().find_map(|file| {
-                let place =
-                    message.strip_prefix(file.as_str()).filter(|place| place.starts_with(", line "))?;
-                Some(format!("{}{place}", self.path_of(file)))
+                let rest = message.strip_prefix(file.as_str()).filter(|rest| rest.starts_with(", line "))?;
+                Some(format!("{}{rest}", self.path_of(file)))
             });
             Error::input(located.unwrap_or(message))
         })
@@ -185,7 +184,7 @@ const LAYOUT: &str =
 /// The remedy for an error in a kernel file of the user.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
-/// Number of files that a message names; it counts the others.
+/// Number of files that a message names. Of all further files, the message states only the number.
 const NAMED_FILES: usize = 3;
 
 /// Returns the names of files for a message: all names, or the first few and the number of the others.
@@ -296,15 +295,15 @@ fn file_names(folder: &'static Dir<'_>, names: &mut Vec<&'static str>) {
     folder.dirs().for_each(|inner| file_names(inner, names));
 }
 
-/// The start of a word by which PoCL names the place where a macro is defined: `<Spelling=name:7:1>`.
+/// The start of a word by which PoCL names the position where a macro is defined: `<Spelling=name:7:1>`.
 const SPELLING: &str = "<Spelling=";
 
 /// Replaces the name of a file at the start of a word, as in `name:7:1: error`, by its path.
 fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
     let located = |word: &str| {
         let start = if word.starts_with(SPELLING) { SPELLING } else { "" };
-        let (name, place) = word[start.len()..].split_once(':')?;
-        Some(format!("{start}{}:{place}", path(name)?))
+        let (name, position) = word[start.len()..].split_once(':')?;
+        Some(format!("{start}{}:{position}", path(name)?))
     };
     log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
@@ -341,8 +340,8 @@ mod tests {
             ),
             ("-D A: no", "-D A: no".to_owned()),
         ] {
-            let told = sources.with_path(Error::input(message).with_help("remedy"), &files);
-            assert_eq!((told.to_string(), told.remedy()), (expected, "remedy"));
+            let error = sources.with_path(Error::input(message).with_help("remedy"), &files);
+            assert_eq!((error.to_string(), error.remedy()), (expected, "remedy"));
         }
     }
 
@@ -353,7 +352,7 @@ mod tests {
             ("watertight.cl", Some("cast/intersect/watertight.cl")),
             ("a/folder/that/is/far/away/from/all/others/soft.cl", Some("cast/soft.cl")),
             ("cast/sotf.cl", Some("cast/soft.cl")),
-            // Only the folders are similar.
+            // These paths share only the folder with existing files, so no file is meant.
             ("cast/nosuch.cl", None),
             ("cast/helper.cl", None),
         ] {
@@ -397,8 +396,8 @@ mod tests {
             std::fs::write(folder.path().join("outer.cl"), "#include \"inner.cl\"\n").unwrap();
             let error = sources.read_joined("outer.cl").unwrap_err();
             let inner = folder.path().join("inner.cl");
-            let place = format!("{}, line 2: #include \"{path}\": {why}", inner.display());
-            assert!(error.to_string().starts_with(&place) && error.exit_code() == 2, "{error}");
+            let expected = format!("{}, line 2: #include \"{path}\": {why}", inner.display());
+            assert!(error.to_string().starts_with(&expected) && error.exit_code() == 2, "{error}");
         }
     }
 

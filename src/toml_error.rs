@@ -3,19 +3,22 @@
 use crate::error::{Error, or_meant};
 use std::ops::Range;
 
-/// Returns the part of serde's message that states which value was expected; `None` if the message has no such part.
-/// This part contains no text of the document, so a message that must not quote the document may contain it.
+/// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which value was
+/// expected; `None` if the message has no such part. This part contains no text of the document, so a message that must
+/// not quote the document may contain it.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
-    let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
-    let told = told.iter().any(|start| message.starts_with(start));
-    told.then(|| message.rsplit_once(", expected "))
+    let kinds =
+        ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
+    let has_expectation = kinds.iter().any(|start| message.starts_with(start));
+    has_expectation
+        .then(|| message.rsplit_once(", expected "))
         .flatten()
         .map(|(_, expected)| type_in_words(expected.trim_end()))
 }
 
 /// A mistake in a document, in words for a user.
-pub struct Told {
+pub struct Mistake {
     /// The mistake, with the wrong value and the expected one.
     pub message: String,
     /// The text for the mark under the mistake.
@@ -24,7 +27,7 @@ pub struct Told {
     remedy: Option<String>,
 }
 
-impl Told {
+impl Mistake {
     /// Returns the remedy: the valid names if a key or a value is unknown, and `otherwise` for other mistakes.
     pub fn remedy<'a>(&'a self, otherwise: &'a str) -> &'a str {
         self.remedy.as_deref().unwrap_or(otherwise)
@@ -40,14 +43,14 @@ impl Told {
 /// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the remedy
 /// unless a key or a value is unknown.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
-    told(error).in_file(name, text, error.span().unwrap_or(0..0), help)
+    mistake(error).in_file(name, text, error.span().unwrap_or(0..0), help)
 }
 
 /// Returns the mistake in words for a user.
-pub fn told(error: &toml::de::Error) -> Told {
+pub fn mistake(error: &toml::de::Error) -> Mistake {
     let message = error.message().trim_end().to_owned();
-    // serde's message for a key is: unknown field `a`, expected one of `b`, `c`. serde's message for a value begins
-    // with: unknown variant `a`, expected ...
+    // serde's message about an unknown key is: unknown field `a`, expected one of `b`, `c`. serde's message about an
+    // unknown value begins with: unknown variant `a`, expected ...
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let what = [("unknown field", "key", "keys"), ("unknown variant", "value", "values")]
         .into_iter()
@@ -55,38 +58,38 @@ pub fn told(error: &toml::de::Error) -> Told {
     match (&quoted[..], what) {
         ([key, known @ ..], Some((_, one, all))) => {
             let suggestion = or_meant(key, known.iter().copied());
-            Told {
+            Mistake {
                 message: format!("unknown {one} `{key}`{suggestion}"),
                 label: format!("not a {one} here"),
                 remedy: Some(format!("the valid {all} here are {}", known.join(", "))),
             }
         }
-        _ => Told { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },
+        _ => Mistake { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },
     }
 }
 
 /// Returns serde's message, with TOML's words instead of serde's names for types.
 pub fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
-    let Some((found, expected)) = message.rsplit_once(", expected ") else {
+    let Some((actual, expected)) = message.rsplit_once(", expected ") else {
         return match message.as_str() {
             // These are the words of the crate `toml` if it expects one of several names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
             _ => message,
         };
     };
-    let found = match found {
+    let actual = match actual {
         "wrong type: sequence" => "wrong type: list",
         "wrong type: map" => "wrong type: table",
         other => other,
     };
-    format!("{found}, expected {}", type_in_words(expected))
+    format!("{actual}, expected {}", type_in_words(expected))
 }
 
 /// Returns the meaning of the name of a Rust type; any other text stays as it is.
 fn type_in_words(name: &str) -> &str {
     match name {
-        // The name of a Rust type follows.
+        // serde writes the name of a Rust type after `struct`.
         _ if name.starts_with("struct ") => "a table",
         "a map" => "a table",
         "f32" | "f64" => "a number",
@@ -110,8 +113,8 @@ mod tests {
         assert_eq!(plain, "wrong type: integer `3`, expected a table");
         let list = in_plain_words("invalid type: integer `3`, expected a sequence");
         assert_eq!(list, "wrong type: integer `3`, expected a list");
-        let found = in_plain_words("invalid type: sequence, expected struct SkyWire");
-        assert_eq!(found, "wrong type: list, expected a table");
+        let inner = in_plain_words("invalid type: sequence, expected struct SkyWire");
+        assert_eq!(inner, "wrong type: list, expected a table");
         assert_eq!(
             in_plain_words("invalid type: map, expected a boolean"),
             "wrong type: table, expected a boolean"

@@ -27,7 +27,8 @@ pub fn from_table<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<T,
     T::deserialize(Strict(toml::Deserializer::from(table)))
 }
 
-/// A part of serde's machinery that refuses lists in place of tables, and passes this on to the parts inside it.
+/// Wraps a deserialiser or another reading object of serde, so that it refuses a list in place of a table. The objects
+/// that it creates for inner values are wrapped, too.
 struct Strict<T>(T);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
@@ -67,7 +68,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
         self.0.deserialize_enum(name, variants, StrictVisitor { visitor, is_table: false })
     }
 
-    // The type of a TOML value is known, so the crate `toml` has no other methods than those above.
+    // A TOML value states its own type, so the crate `toml` treats all other methods like `deserialize_any`.
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
         tuple_struct map identifier ignored_any
@@ -80,7 +81,7 @@ struct StrictVisitor<V> {
     is_table: bool,
 }
 
-/// Passes a value without parts on.
+/// Passes a value that has no inner values to the wrapped visitor.
 macro_rules! passes_on {
     ($($visit:ident $value:ty),*) => {$(
         fn $visit<E: serde::de::Error>(self, value: $value) -> Result<V::Value, E> {
@@ -117,7 +118,7 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Strict(table))
     }
 
-    // The enums of raycl's files are words without values.
+    // The enums of raycl's files are words without inner values, so there is nothing to wrap.
     fn visit_enum<A: EnumAccess<'de>>(self, value: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(value)
     }
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_in_place_of_a_table_is_refused_at_its_place() {
+    fn a_list_in_place_of_a_table_is_refused_at_its_position() {
         for text in
             ["plain = L", "may_be = L", "spanned = L", "list = [{}, L]", "named = { a = L }", "plain = []"]
         {

@@ -167,8 +167,8 @@ mod tests {
             (4, "primitive of lines or points", "4 primitives of lines or points"),
             (4, "primitive with morph targets", "4 primitives with morph targets"),
         ];
-        for (count, what, told) in expected {
-            assert_eq!(counted(count, what), told);
+        for (count, what, text) in expected {
+            assert_eq!(counted(count, what), text);
         }
     }
 }

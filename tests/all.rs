@@ -9,6 +9,7 @@ mod common;
 mod animation;
 mod bad_input;
 mod book;
+mod cache;
 mod commands;
 mod compiled;
 mod cutouts;
@@ -30,7 +31,6 @@ mod host_mutants;
 mod hosted;
 #[cfg(unix)]
 mod hostile;
-mod kept;
 mod kernel;
 mod kernels;
 mod launches;

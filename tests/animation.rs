@@ -1,8 +1,8 @@
-//! Values of a scene that change over time: the picture of each frame, the data that are loaded or computed
-//! again for it, and the messages about mistakes in an animation.
+//! Values of a scene that change over time: the picture of each frame, the data that are loaded or computed again for
+//! each frame, and the messages about mistakes in an animation.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::binary::{Place, device, has};
+use crate::binary::{WorkFolder, device, has};
 use glam::Vec3;
 use raycl::scene::{Scene, load_scene};
 use serde_json::Value;
@@ -59,27 +59,27 @@ interpolation = \"linear\"
 
 const SIZE: [&str; 4] = ["--width", "48", "--height", "30"];
 
-fn place(tracks: &str) -> Place {
+fn folder_with(tracks: &str) -> WorkFolder {
     let animated = format!("{STILL}{tracks}");
-    Place::with(&[("mesh.obj", MESH), ("still.toml", STILL), ("scene.toml", &animated)])
+    WorkFolder::with(&[("mesh.obj", MESH), ("still.toml", STILL), ("scene.toml", &animated)])
 }
 
-fn animate(place: &Place, options: &[&str]) -> Value {
+fn animate(folder: &WorkFolder, options: &[&str]) -> Value {
     let device = device();
     let usual = ["render", "scene.toml", "--animate", "--json", "--device", &device];
-    serde_json::from_str(&place.output(&[&usual, &SIZE[..], options].concat())).unwrap()
+    serde_json::from_str(&folder.output(&[&usual, &SIZE[..], options].concat())).unwrap()
 }
 
-fn pixels(place: &Place, name: &str) -> Vec<u8> {
-    image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).to_rgb8().into_raw()
+fn pixels(folder: &WorkFolder, name: &str) -> Vec<u8> {
+    image::open(folder.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).to_rgb8().into_raw()
 }
 
 /// Returns the picture of the scene without its animation, with values that are set by options.
-fn still(place: &Place, options: &[&str]) -> Vec<u8> {
+fn still(folder: &WorkFolder, options: &[&str]) -> Vec<u8> {
     let device = device();
     let usual = ["render", "still.toml", "-o", "still.png", "--force", "--device", &device];
-    place.output(&[&usual, &SIZE[..], options].concat());
-    pixels(place, "still.png")
+    folder.output(&[&usual, &SIZE[..], options].concat());
+    pixels(folder, "still.png")
 }
 
 #[test]
@@ -99,9 +99,9 @@ fn frames_are_pictures_of_the_scene_with_their_values() {
     for (strategy, tracks, samples) in
         [("naive", TRACKS.to_owned(), "1"), ("bvh", format!("{TRACKS}{MOVING_OBJECT}"), "4")]
     {
-        let place = place(&tracks);
+        let folder = folder_with(&tracks);
         let options = ["--strategy", strategy, "--samples", samples];
-        let report = animate(&place, &options);
+        let report = animate(&folder, &options);
         assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &0.into()));
         assert_eq!(report["output"], "scene-0001.png to scene-0004.png");
         for (frame, values) in by_hand.iter().enumerate() {
@@ -110,70 +110,70 @@ fn frames_are_pictures_of_the_scene_with_their_values() {
             let values = values.iter().copied().chain(moved.as_deref());
             let set: Vec<&str> = values.flat_map(|value| ["--set", value]).chain(options).collect();
             let name = format!("scene-000{}.png", frame + 1);
-            assert!(pixels(&place, &name) == still(&place, &set), "{strategy}: frame {}", frame + 1);
+            assert!(pixels(&folder, &name) == still(&folder, &set), "{strategy}: frame {}", frame + 1);
         }
-        assert_ne!(pixels(&place, "scene-0001.png"), pixels(&place, "scene-0002.png"));
+        assert_ne!(pixels(&folder, "scene-0001.png"), pixels(&folder, "scene-0002.png"));
     }
 }
 
 #[test]
 fn a_single_picture_is_the_first_frame_and_says_so() {
-    let place = place(TRACKS);
+    let folder = folder_with(TRACKS);
     let device = device();
     let usual = ["render", "scene.toml", "-o", "one.png", "--device", &device];
-    let said = place.output(&[&usual, &SIZE[..]].concat());
+    let said = folder.output(&[&usual, &SIZE[..]].concat());
     has(&said, &["the picture shows the first of 4 frames: --animate renders all"]);
-    animate(&place, &["--frames", "1"]);
-    assert_eq!(pixels(&place, "one.png"), pixels(&place, "scene-0001.png"));
-    assert!(!place.path("scene-0002.png").exists());
-    // A picture shows all of an animation of one frame.
-    let whole = self::place("[animation]\nframes = 1\n");
+    animate(&folder, &["--frames", "1"]);
+    assert_eq!(pixels(&folder, "one.png"), pixels(&folder, "scene-0001.png"));
+    assert!(!folder.path("scene-0002.png").exists());
+    // A single picture shows all of an animation of one frame, so raycl does not point to `--animate`.
+    let whole = folder_with("[animation]\nframes = 1\n");
     let said = whole.output(&[&usual, &SIZE[..]].concat());
     assert!(!said.contains("--animate"), "{said}");
 }
 
 #[test]
 fn streams_have_the_scenes_rate_or_the_options() {
-    let (place, device) = (place(TRACKS), device());
+    let (folder, device) = (folder_with(TRACKS), device());
     let stream = ["render", "scene.toml", "--animate", "-o", "-", "-q", "--device", &device];
     for (options, rate) in [(&[][..], "F12:1"), (&["--rate", "25"], "F25:1")] {
         let all = [&stream[..], &SIZE, options].concat();
-        let out = place.raycl(&all).assert().success().get_output().stdout.clone();
+        let out = folder.raycl(&all).assert().success().get_output().stdout.clone();
         let header = out.iter().position(|byte| *byte == b'\n').unwrap() + 1;
         has(&String::from_utf8_lossy(&out[..header]), &["YUV4MPEG2 W48 H30", rate]);
         assert_eq!(out.len() - header, 4 * (6 + 48 * 30 * 3 / 2));
     }
     // A turntable shows nothing of the animation, so it does not have the animation's rate.
     let turning = ["render", "scene.toml", "--turntable", "1", "-o", "-", "-q", "--device", &device];
-    let out = place.raycl(&[&turning[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
+    let out = folder.raycl(&[&turning[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
     assert!(out.starts_with(b"YUV4MPEG2 W48 H30 F30:1 "));
     // Each frame of an animated picture has its own exposure.
-    animate(&place, &["-o", "scene.apng"]);
-    animate(&place, &[]);
-    let bytes = std::fs::read(place.path("scene.apng")).unwrap();
+    animate(&folder, &["-o", "scene.apng"]);
+    animate(&folder, &[]);
+    let bytes = std::fs::read(folder.path("scene.apng")).unwrap();
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     for number in 1..=4 {
         let mut frame = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut frame).unwrap();
-        assert!(frame == pixels(&place, &format!("scene-000{number}.png")), "frame {number}");
+        assert!(frame == pixels(&folder, &format!("scene-000{number}.png")), "frame {number}");
     }
 }
 
 #[test]
 fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_another() {
     let tracks = format!("{TRACKS}{MOVING_OBJECT}");
-    let (place, whole) = (place(&tracks), self::place(&tracks));
-    let cast = |shard| animate(&place, &["--shard", shard])["frames"].clone();
+    let (folder, whole) = (folder_with(&tracks), folder_with(&tracks));
+    let cast = |shard| animate(&folder, &["--shard", shard])["frames"].clone();
     assert_eq!(["1/3", "2/3", "3/3"].map(cast), [1, 1, 2]);
     animate(&whole, &[]);
     for number in 1..=4 {
         let name = format!("scene-000{number}.png");
-        assert!(pixels(&place, &name) == pixels(&whole, &name), "{name}");
+        assert!(pixels(&folder, &name) == pixels(&whole, &name), "{name}");
     }
-    std::fs::remove_file(place.path("scene-0003.png")).unwrap();
-    let report = animate(&place, &[]);
+    std::fs::remove_file(folder.path("scene-0003.png")).unwrap();
+    let report = animate(&folder, &[]);
     assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
-    assert_eq!(animate(&place, &["--frames", "2..4"])["frames"], 0);
+    assert_eq!(animate(&folder, &["--frames", "2..4"])["frames"], 0);
     // If only the end of a track changes, the earlier frames stay valid and are skipped. The file of the last
     // frame is not overwritten.
     let device = device();
@@ -181,25 +181,25 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
     for (from, to) in
         [("[2.5, 1.5, 3]", "[2.5, 1.5, 3.5]"), ("[0.5, 0.25, 0]", "[0.5, 0.5, 0]"), ("[15, 20]", "[15, 30]")]
     {
-        place.write("scene.toml", &format!("{STILL}{}", tracks.replace(from, to)));
-        assert_eq!(animate(&place, &["--frames", "1..2"])["skipped"], 2, "{to}");
-        let message = place.mistake(&[&render[..], &SIZE].concat(), 2);
+        folder.write("scene.toml", &format!("{STILL}{}", tracks.replace(from, to)));
+        assert_eq!(animate(&folder, &["--frames", "1..2"])["skipped"], 2, "{to}");
+        let message = folder.mistake(&[&render[..], &SIZE].concat(), 2);
         has(&message, &["exists and is not frame", "`--force`"]);
     }
     // Another mesh with the same file name counts as a change.
-    place.write("scene.toml", &format!("{STILL}{tracks}"));
-    place.write("mesh.obj", &MESH.replace("v 1 2 -1", "v 1 1.5 -1"));
-    has(&place.mistake(&[&render[..], &SIZE].concat(), 2), &["is not frame 1"]);
-    let forced = animate(&place, &["--force"]);
+    folder.write("scene.toml", &format!("{STILL}{tracks}"));
+    folder.write("mesh.obj", &MESH.replace("v 1 2 -1", "v 1 1.5 -1"));
+    has(&folder.mistake(&[&render[..], &SIZE].concat(), 2), &["is not frame 1"]);
+    let forced = animate(&folder, &["--force"]);
     assert_eq!((&forced["frames"], &forced["skipped"]), (&4.into(), &0.into()));
 }
 
 #[test]
 fn no_file_is_read_twice_and_a_mesh_that_stays_is_shared() {
     for (tracks, moves) in [(TRACKS.to_owned(), false), (format!("{TRACKS}{MOVING_OBJECT}"), true)] {
-        let place = place(&tracks);
-        let loaded = load_scene(&place.path("scene.toml")).unwrap();
-        std::fs::remove_file(place.path("mesh.obj")).unwrap();
+        let folder = folder_with(&tracks);
+        let loaded = load_scene(&folder.path("scene.toml")).unwrap();
+        std::fs::remove_file(folder.path("mesh.obj")).unwrap();
         let mut animation = loaded.animation.unwrap();
         assert_eq!((animation.frames, animation.frames_per_second), (4, Some(12)));
         animation.check(1..=4).unwrap();
@@ -218,12 +218,12 @@ fn a_picture_of_the_sky_is_read_once_and_turned() {
     let sky = "[sky]\npicture = \"sky.hdr\"\n";
     let tracks = "[animation]\nframes = 3\n[[animation.track]]\npath = \"sky.turn_degrees\"\nvalues = [0, 90]\n\
                   [[animation.track]]\npath = \"sky.strength\"\nvalues = [1, 1, 2]\n";
-    let place = place("");
-    place.write("scene.toml", &format!("{}{tracks}", STILL.replace("[sky]\nzenith = 0.01\n", sky)));
+    let folder = folder_with("");
+    folder.write("scene.toml", &format!("{}{tracks}", STILL.replace("[sky]\nzenith = 0.01\n", sky)));
     let picture = image::Rgb32FImage::from_fn(8, 4, |x, y| image::Rgb([x as f32, y as f32, 0.5]));
-    picture.save(place.path("sky.hdr")).unwrap();
-    let loaded = load_scene(&place.path("scene.toml")).unwrap();
-    std::fs::remove_file(place.path("sky.hdr")).unwrap();
+    picture.save(folder.path("sky.hdr")).unwrap();
+    let loaded = load_scene(&folder.path("scene.toml")).unwrap();
+    std::fs::remove_file(folder.path("sky.hdr")).unwrap();
     let picture = |scene: &Scene| Arc::clone(scene.sky.as_ref().unwrap().picture.as_ref().unwrap());
     let mut animation = loaded.animation.unwrap();
     let [second, third] = [2, 3].map(|frame| animation.scene(frame, &loaded.scene).unwrap());
@@ -243,15 +243,15 @@ fn track(text: &str) -> String {
 fn are_refused(cases: &[(String, &str, &str)]) {
     let device = device();
     for (text, message, line) in cases {
-        let place = place(text);
-        let said = place.mistake(&["render", "scene.toml", "--animate", "--device", &device], 2);
+        let folder = folder_with(text);
+        let said = folder.mistake(&["render", "scene.toml", "--animate", "--device", &device], 2);
         has(&said, &[message, line]);
-        assert!(!place.path("scene-0001.png").exists(), "{message}");
+        assert!(!folder.path("scene-0001.png").exists(), "{message}");
     }
 }
 
 #[test]
-fn a_wrong_path_has_its_place_and_the_nearest_name() {
+fn a_wrong_path_has_its_position_and_the_nearest_name() {
     are_refused(&[
         (
             track("path = \"camera.positon\"\nvalues = [[0, 0, 1]]"),
@@ -281,7 +281,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
 const FRAME: &str = "is not a frame; expected a whole number from 1 to 9";
 
 #[test]
-fn wrong_values_have_their_place_and_what_was_expected() {
+fn wrong_values_have_their_position_and_what_was_expected() {
     are_refused(&[
         (track("path = \"shadow_bias\"\nvalues = []"), "a track without values", "scene.toml:19"),
         (
@@ -338,7 +338,7 @@ fn wrong_values_have_their_place_and_what_was_expected() {
 }
 
 #[test]
-fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
+fn tracks_that_do_not_go_together_have_their_position_and_a_remedy() {
     are_refused(&[
         (
             format!("{TRACKS}[[animation.track]]\npath = \"background\"\nvalues = [0]\n"),
@@ -377,23 +377,23 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
 }
 
 #[test]
-fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_told() {
+fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_reported() {
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
     // If the camera has no direction at one frame, the message comes when this frame is reached.
     let blind = track("path = \"camera.position\"\nvalues = [[0, 0.5, 0], [2, 0.5, 0]]");
-    let said = place(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
+    let said = folder_with(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
     has(
         &said,
         &["looks at the same point", "at frame 5: the camera is at", "track `camera.position` at frame 5"],
     );
-    let place = place(TRACKS);
+    let folder = folder_with(TRACKS);
     for (options, message) in [
         (&["--turntable", "3"][..], "cannot be used with"),
         (&["--verify"], "cannot be used with"),
         (&["--layers", "a.exr"], "cannot be used with"),
         (&["--frames", "3..5"], "--frames 3..5, but there are 4 frames"),
     ] {
-        has(&place.mistake(&[&["render", "scene.toml", "--animate"], options].concat(), 2), &[message]);
+        has(&folder.mistake(&[&["render", "scene.toml", "--animate"], options].concat(), 2), &[message]);
     }
 }

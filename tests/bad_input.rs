@@ -1,23 +1,23 @@
 //! Messages about mistakes of the user: the exit code, the file and line, and the remedy.
 
-use crate::binary::{Place, TRIANGLE, has, program, run};
+use crate::binary::{TRIANGLE, WorkFolder, has, program, run};
 
 /// Renders a `scene.toml` with this text, checks that rendering fails, and returns the message.
 fn scene_mistake(text: &str) -> String {
-    Place::with(&[("scene.toml", text)]).mistake(&["render", "scene.toml"], 2)
+    WorkFolder::with(&[("scene.toml", text)]).mistake(&["render", "scene.toml"], 2)
 }
 
 /// Renders a `mesh.obj` with this text, checks that rendering fails, and returns the message.
 fn mesh_mistake(text: &str) -> String {
-    Place::with(&[("mesh.obj", text)]).mistake(&["render", "mesh.obj"], 2)
+    WorkFolder::with(&[("mesh.obj", text)]).mistake(&["render", "mesh.obj"], 2)
 }
 
 /// Renders a correct scene with these arguments, checks that the command fails and writes no picture, and returns the
 /// message.
 fn argument_mistake(arguments: &[&str]) -> String {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let message = place.mistake(&[&["render", "scene.toml"], arguments].concat(), 2);
-    assert!(!place.path("scene.png").exists());
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let message = folder.mistake(&[&["render", "scene.toml"], arguments].concat(), 2);
+    assert!(!folder.path("scene.png").exists());
     message
 }
 
@@ -33,9 +33,9 @@ strategies = ["naive"]
 /// Runs CONFIG with a part of its text replaced, checks that the run fails and writes nothing, and returns the message.
 fn config_mistake(from: &str, to: &str) -> String {
     assert!(CONFIG.contains(from));
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &CONFIG.replace(from, to))]);
-    let message = place.mistake(&["run", "config.toml", "--out", "out"], 2);
-    assert!(!place.path("out").exists());
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", &CONFIG.replace(from, to))]);
+    let message = folder.mistake(&["run", "config.toml", "--out", "out"], 2);
+    assert!(!folder.path("out").exists());
     message
 }
 
@@ -63,10 +63,10 @@ fn a_wrong_type() {
 
 #[test]
 fn a_missing_file_is_answered_with_the_nearest() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
-    has(&place.mistake(&["render", "secne.toml"], 2), &["secne.toml", "did you mean `scene.toml`"]);
-    has(&place.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean `config.toml`"]);
-    has(&place.mistake(&["run", "nothing-like-it"], 2), &["nothing-like-it", "configs/quick.toml"]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
+    has(&folder.mistake(&["render", "secne.toml"], 2), &["secne.toml", "did you mean `scene.toml`"]);
+    has(&folder.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean `config.toml`"]);
+    has(&folder.mistake(&["run", "nothing-like-it"], 2), &["nothing-like-it", "configs/quick.toml"]);
     let message = config_mistake("\"scene.toml\"", "\"scene.tml\"");
     has(&message, &["config.toml:3", "scene.tml", "did you mean scene.toml"]);
 }
@@ -74,8 +74,8 @@ fn a_missing_file_is_answered_with_the_nearest() {
 #[test]
 fn a_missing_mesh_is_answered_with_the_nearest() {
     let text = "[[object]]\nobj = \"tepot.obj\"\n";
-    let place = Place::with(&[("scene.toml", text), ("teapot.obj", "")]);
-    let message = place.mistake(&["render", "scene.toml"], 2);
+    let folder = WorkFolder::with(&[("scene.toml", text), ("teapot.obj", "")]);
+    let message = folder.mistake(&["render", "scene.toml"], 2);
     has(&message, &["scene.toml:2", "no mesh file `tepot.obj`", "did you mean `teapot.obj`", "relative"]);
 }
 
@@ -101,14 +101,14 @@ fn an_image_that_the_device_cannot_hold() {
 #[test]
 fn a_scene_without_light_is_rendered_with_a_remark() {
     let dark = TRIANGLE.replace("[[light]]\nposition = [1, 3, 1]\npower = 10\n", "");
-    let place = Place::with(&[("scene.toml", &dark)]);
+    let folder = WorkFolder::with(&[("scene.toml", &dark)]);
     let small =
         ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &crate::binary::device()];
     let small = [&small[..], &["--strategy", "deferred"]].concat();
-    has(&place.output(&small), &["note", "scene.toml:", "no light", "add [[light]] with position"]);
-    assert!(place.path("scene.png").exists());
+    has(&folder.output(&small), &["note", "scene.toml:", "no light", "add [[light]] with position"]);
+    assert!(folder.path("scene.png").exists());
     let json: serde_json::Value =
-        serde_json::from_str(&place.output(&[&small[..], &["--json"]].concat())).expect("JSON");
+        serde_json::from_str(&folder.output(&[&small[..], &["--json"]].concat())).expect("JSON");
     has(json["notes"][0].as_str().expect("a note"), &["no light"]);
     assert_eq!(json["shadow_rays_per_s"], 0.0);
 }
@@ -128,9 +128,9 @@ fn nan_in_an_obj() {
 #[test]
 fn values_of_an_obj_that_are_not_valid_and_not_needed_are_remarked_on() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 inf 1\nv nan 0 0\nf 1//1 2//1 3//1\n";
-    let place = Place::with(&[("mesh.obj", text)]);
+    let folder = WorkFolder::with(&[("mesh.obj", text)]);
     let device = crate::binary::device();
-    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    let text = folder.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
     has(
         &text,
         &[
@@ -147,9 +147,9 @@ fn a_normal_index_that_does_not_exist() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
     // Incorrect faces that some exporters write and other programs accept cause only a note.
     let device = crate::binary::device();
-    let place =
-        Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1//0 2//1 3//1\nf 1 2\n"))]);
-    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    let folder =
+        WorkFolder::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1//0 2//1 3//1\nf 1 2\n"))]);
+    let text = folder.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
     has(
         &text,
         &[
@@ -167,9 +167,9 @@ fn a_normal_index_that_does_not_exist() {
 #[test]
 fn a_normal_index_that_is_left_out_is_remarked_on() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n";
-    let place = Place::with(&[("mesh.obj", text)]);
+    let folder = WorkFolder::with(&[("mesh.obj", text)]);
     let device = crate::binary::device();
-    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    let text = folder.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
     has(&text, &["mesh.obj: line 5", "a normal index at some corners only", "`f 1//1 2//1 3//1`"]);
 }
 
@@ -216,20 +216,20 @@ fn an_output_that_cannot_be_written_is_refused_before_any_work() {
     has(&argument_mistake(&["-o", "."]), &["name the file './picture.png'"]);
     has(&argument_mistake(&["-o", "nowhere/a.png"]), &["no folder 'nowhere'", "mkdir"]);
     // The output is checked before the scene is read: the message does not mention the missing scene.
-    let message = Place::new().mistake(&["render", "no-scene.toml", "-o", "nowhere/a.png"], 2);
+    let message = WorkFolder::new().mistake(&["render", "no-scene.toml", "-o", "nowhere/a.png"], 2);
     has(&message, &["no folder 'nowhere'"]);
 }
 
 #[test]
 fn a_picture_in_a_deleted_folder_is_refused_before_any_work() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let raycl = program();
     let mut bash = std::process::Command::new("bash");
     bash.args(["-c", "mkdir gone && cd gone && rmdir ../gone && exec \"$@\"", "bash"]);
-    bash.arg(raycl.get_program()).arg("render").arg(place.path("scene.toml")).args(["-o", "t.png"]);
+    bash.arg(raycl.get_program()).arg("render").arg(folder.path("scene.toml")).args(["-o", "t.png"]);
     bash.envs(raycl.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    // Without drivers, a command that begins to work fails with another message.
-    let output = run(bash.current_dir(place.path("")).env("OCL_ICD_VENDORS", "/nonexistent"));
+    // In this environment, no driver is found, so a command that began to work would fail with another message.
+    let output = run(bash.current_dir(folder.path("")).env("OCL_ICD_VENDORS", "/nonexistent"));
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     has(&said, &["cannot write 't.png': the current folder no longer exists", "change to a folder"]);
@@ -256,21 +256,21 @@ fn a_folder_of_kernels_that_is_not_there() {
 
 #[test]
 fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let kernels = folder.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
     let device = crate::binary::device();
     let render =
         ["render", "scene.toml", "--device", &device, "--strategy", "deferred", "--cl-dir", &kernels];
-    let message = place.mistake(&render, 2);
+    let message = folder.mistake(&render, 2);
     has(&message, &["does not compile", &format!("{kernels}/cast/shade.cl:1:"), "raycl kernel"]);
     assert!(!message.contains("####"), "{message}");
 }
 
 #[test]
 fn without_a_platform_every_command_says_so() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
     for arguments in [&["render", "scene.toml"], &["run", "config.toml"], &["devices", "--json"]] {
-        let mut command = place.raycl(arguments);
+        let mut command = folder.raycl(arguments);
         let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(1).get_output().clone();
         let message = String::from_utf8(output.stderr).expect("UTF-8");
         has(&message, &["no OpenCL platform", "pocl-opencl-icd", "make setup"]);

@@ -1,6 +1,7 @@
-//! docs/ as a book, and the links in the documents: each must lead to a file that exists and, if it names a heading,
-//! to a heading of that file. Pictures and stored records are in the repository and not in the package. Besides,
-//! ARCHITECTURE.md must list every file and folder of src/.
+//! Tests of the book that is made from docs/, and of the links in the documents. Each link must lead to a file that
+//! exists and, if it names a heading, to a heading of that file. These tests need the repository, since the package
+//! contains neither pictures nor stored records. Another test checks that ARCHITECTURE.md lists every file and folder
+//! of src/.
 
 use crate::binary::repository;
 use std::collections::BTreeSet;
@@ -18,16 +19,16 @@ fn pages() -> BTreeSet<String> {
 /// Returns a text without code, which is in fenced blocks or between backticks.
 fn without_code(text: &str) -> String {
     let mut fenced = false;
-    let mut kept = String::new();
+    let mut prose = String::new();
     for line in text.lines() {
         if line.trim_start().starts_with("```") {
             fenced = !fenced;
         } else if !fenced {
-            kept.extend(line.split('`').step_by(2));
-            kept.push('\n');
+            prose.extend(line.split('`').step_by(2));
+            prose.push('\n');
         }
     }
-    kept
+    prose
 }
 
 /// Returns the targets of a page's links and pictures, except web addresses.

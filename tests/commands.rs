@@ -1,7 +1,7 @@
 //! Commands that only print: devices, strategies, occupancy, man pages and completions. Also messages about mistakes,
 //! and colours.
 
-use crate::binary::{Place, TRIANGLE, device, finish, run};
+use crate::binary::{TRIANGLE, WorkFolder, device, finish, run};
 use std::process::{Command, Stdio};
 
 use assert_cmd::assert::OutputAssertExt as _;
@@ -99,9 +99,9 @@ fn a_command_that_cannot_print_fails() {
         let full = std::fs::File::options().write(true).open("/dev/full").expect("a device");
         let child = raycl(words).stdout(full).stderr(Stdio::piped()).spawn().expect("it runs");
         let output = finish(child);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{words:?}: {told}");
-        assert!(told.contains("cannot write to standard output"), "{words:?}: {told}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{words:?}: {message}");
+        assert!(message.contains("cannot write to standard output"), "{words:?}: {message}");
     }
 }
 
@@ -207,11 +207,11 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
         )
     };
     let cases = case("little one") + &case("another");
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("cases.toml", &cases)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("cases.toml", &cases)]);
     let device = device();
     let options = ["--only", "little", "--rounds", "2", "--conditions", "a quiet room", "-o", "sweep.json"];
-    let table = place.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
-    let sweep: serde_json::Value = serde_json::from_str(&place.text("sweep.json")).expect("JSON");
+    let table = folder.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
+    let sweep: serde_json::Value = serde_json::from_str(&folder.text("sweep.json")).expect("JSON");
     assert_eq!((sweep["rounds"].as_u64(), sweep["conditions"].as_str()), (Some(2), Some("a quiet room")));
     let [case] = &sweep["cases"].as_array().expect("cases")[..] else { panic!("{sweep}") };
     for (key, expected) in [
@@ -227,14 +227,14 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
     assert!(times.contains_key("exhaustive") && times.contains_key("single"), "{times:?}");
     assert!(times.values().all(|ms| ms.as_f64().is_some_and(|ms| ms > 0.0)), "{times:?}");
     assert!(table.contains("shortest times of 2 rounds") && table.contains("little one"), "{table}");
-    assert_eq!(place.output(&["rule", "--show", "sweep.json"]), table);
-    // On standard output, the JSON stands alone, so that a file with this output is a sweep.
+    assert_eq!(folder.output(&["rule", "--show", "sweep.json"]), table);
+    // With `-o -`, standard output contains only the JSON, so that a file with this output can be read as a sweep.
     let options = ["--only", "little", "--rounds", "2", "-o", "-"];
-    let printed = place.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
-    place.write("printed.json", &printed);
-    let shown = place.output(&["rule", "--show", "printed.json"]);
+    let printed = folder.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
+    folder.write("printed.json", &printed);
+    let shown = folder.output(&["rule", "--show", "printed.json"]);
     assert!(shown.contains("shortest times of 2 rounds") && shown.contains("little one"), "{shown}");
-    assert!(!place.path("-").exists());
-    let none = place.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
+    assert!(!folder.path("-").exists());
+    let none = folder.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
     assert!(none.contains("none of the 2 cases of 'cases.toml'") && none.contains("'great'"), "{none}");
 }

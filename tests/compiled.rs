@@ -2,7 +2,7 @@
 //! that working vectors and triangles lie in the memory that a strategy names. `raycl compile` stores its
 //! results on any device.
 
-use crate::binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
 use serde_json::Value;
 
@@ -100,65 +100,67 @@ fn volatile_vectors_are_loaded_at_every_test() {
     }
 }
 
-/// The value of a shell's variable that is not set is an empty text.
+/// A script that passes a shell's variable as the strategy passes an empty text if the variable is not set.
 #[test]
 fn a_strategy_without_a_name_is_refused_and_nothing_is_written() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let said = place.mistake(&["compile", "scene.toml", "--strategy", "", "--out", "made"], 2);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let said = folder.mistake(&["compile", "scene.toml", "--strategy", "", "--out", "made"], 2);
     has(&said, &["'' names no strategy", "deferred,width=4"]);
-    assert!(!place.path("made").exists());
+    assert!(!folder.path("made").exists());
     has(
-        &place.mistake(&["render", "scene.toml", "--strategy", ",", "-o", "a.png"], 2),
+        &folder.mistake(&["render", "scene.toml", "--strategy", ",", "-o", "a.png"], 2),
         &["',' names no strategy"],
     );
-    assert!(!place.path("a.png").exists());
+    assert!(!folder.path("a.png").exists());
 }
 
 /// No local size is usual for both strategies, since 32 work-items share a tile in one of them.
 #[test]
 fn each_strategy_is_compiled_at_its_usual_local_size() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let device = device();
     let arguments = ["compile", "scene.toml", "--device", &device, "--strategy", "naive"];
-    let text = place.output(&[&arguments[..], &["--strategy", "tile-group"]].concat());
+    let text = folder.output(&[&arguments[..], &["--strategy", "tile-group"]].concat());
     has(&text, &["naive at local size 8 x 8", "tile-group at local size 32 x "]);
 }
 
 #[test]
 fn a_strategy_that_does_not_compile_leaves_the_others() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let (device, kernels) = (device(), place.kernels("cast/shading/eager.cl", "void on_nearer_hit", "oops;"));
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let (device, kernels) =
+        (device(), folder.kernels("cast/shading/eager.cl", "void on_nearer_hit", "oops;"));
     let strategies = ["naive", "deferred", "local-vectors"].map(|name| ["--strategy", name]).concat();
     let arguments = ["compile", "scene.toml", "--device", &device, "--cl-dir", &kernels, "--out", "made"];
-    let output = place.raycl(&[&arguments[..], &strategies].concat()).assert().code(2).get_output().clone();
+    let output = folder.raycl(&[&arguments[..], &strategies].concat()).assert().code(2).get_output().clone();
     let [text, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
     has(&text, &["deferred at local size 8 x 8", "Written to made"]);
     has(&said, &["naive:\n", "eager.cl:", "2 of 3 programs were not compiled: naive and local-vectors"]);
-    assert!(place.path("made/deferred/made.json").exists() && !place.path("made/naive").exists());
+    assert!(folder.path("made/deferred/made.json").exists() && !folder.path("made/naive").exists());
 }
 
 #[test]
 fn compile_keeps_source_log_binary_and_what_was_made() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let work_folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let device = device();
     let arguments = ["compile", "scene.toml", "--device", &device, "--out", "made", "--local-size", "4x2"];
-    let text =
-        place.output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
+    let text = work_folder
+        .output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
     has(
         &text,
         &["naive at local size 4 x 2", "cast_frame", "deferred,width=4", "cast_primary", "shade_nearest"],
     );
     for folder in ["made/naive", "made/deferred-width-4"] {
-        let made: Value = serde_json::from_str(&place.text(&format!("{folder}/made.json"))).expect("JSON");
+        let made: Value =
+            serde_json::from_str(&work_folder.text(&format!("{folder}/made.json"))).expect("JSON");
         for kernel in made["kernels"].as_array().expect("a list") {
             assert!(kernel["work_group_size"].as_u64() >= Some(8), "{kernel}");
             // Memory instructions are only counted if the binary is PTX.
             assert_eq!(kernel["census"].is_null(), made["binary_is_ptx"] == false, "{kernel}");
         }
-        has(&place.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast/entry.cl\""]);
-        has(&place.text(&format!("{folder}/options.txt")), &["-D LOCAL_X=4 -D LOCAL_Y=2"]);
+        has(&work_folder.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast/entry.cl\""]);
+        has(&work_folder.text(&format!("{folder}/options.txt")), &["-D LOCAL_X=4 -D LOCAL_Y=2"]);
         let binary = if made["binary_is_ptx"] == true { "binary.ptx" } else { "binary.bin" };
-        assert!(place.path(folder).join(binary).metadata().expect("a binary").len() > 0);
-        assert!(place.path(folder).join("build.log").exists());
+        assert!(work_folder.path(folder).join(binary).metadata().expect("a binary").len() > 0);
+        assert!(work_folder.path(folder).join("build.log").exists());
     }
 }

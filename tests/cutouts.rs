@@ -1,6 +1,6 @@
 //! Cut-outs: surfaces with holes, in every family that casts them.
 
-use crate::binary::{Place, apart, device, has};
+use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
 use crate::textures::gltf;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
@@ -60,10 +60,10 @@ fn leaf() -> RgbaImage {
     })
 }
 
-fn room(mtl: &str) -> Place {
-    let place = Place::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
-    leaf().save(place.path("leaf.png")).expect("a picture");
-    place
+fn room(mtl: &str) -> WorkFolder {
+    let folder = WorkFolder::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
+    leaf().save(folder.path("leaf.png")).expect("a picture");
+    folder
 }
 
 const STRATEGIES: [&str; 12] = [
@@ -83,72 +83,73 @@ const STRATEGIES: [&str; 12] = [
 
 #[test]
 fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
-    let place = room(MTL);
-    let (expected, said) = place.picture(&["--verify"]);
+    let folder = room(MTL);
+    let (expected, said) = folder.picture(&["--verify"]);
     assert!(!said.contains("map_d"), "{said}");
     // Holes show the wall, and let light through to it.
     let whole = MTL.replace("map_d leaf.png\n", "");
     let opaque = room(&whole).picture(&["--verify"]).0;
     assert!(apart(&expected, &opaque) > 300, "{}", apart(&expected, &opaque));
     for strategy in STRATEGIES {
-        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
-        assert!(apart(&found, &expected) <= 8, "{strategy}: {}", apart(&found, &expected));
+        let (cut, _) = folder.picture(&["--verify", "--strategy", strategy]);
+        assert!(apart(&cut, &expected) <= 8, "{strategy}: {}", apart(&cut, &expected));
     }
 }
 
-/// The rays to soft lights and to a sky have no common origin.
+/// The rays to soft lights and to a sky have no common origin, so kernels cast them with other code, which must also
+/// know holes.
 #[test]
 fn soft_light_falls_through_holes() {
-    let place = room(MTL);
+    let folder = room(MTL);
     let sky = "[sky]\nzenith = 0.2\nhorizon = [0.1, 0.1, 0.2]\n";
     let soft = SCENE.replace("power = 30", "power = 30\nradius = 0.2") + sky;
-    std::fs::write(place.path("scene.toml"), soft).expect("a file");
+    std::fs::write(folder.path("scene.toml"), soft).expect("a file");
     for strategy in ["deferred", "wide-common-origin", "bvh-packet", "tile", "tile-group"] {
-        place.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
+        folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
 }
 
 #[test]
 fn a_family_without_cut_outs_says_so_and_a_scene_can_leave_them_out() {
-    let place = room(MTL);
+    let folder = room(MTL);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
-    place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
+    has(&folder.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
+    folder.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
 }
 
 #[test]
 fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
-    let place = room(&MTL.replace("map_Kd leaf.png\nmap_d leaf.png", "map_d mask.png"));
+    let folder = room(&MTL.replace("map_Kd leaf.png\nmap_d leaf.png", "map_d mask.png"));
     let bright = image::DynamicImage::from(leaf()).to_rgba8();
     let bright = RgbImage::from_fn(8, 8, |x, y| Rgb([bright[(x, y)].0[3]; 3]));
-    bright.save(place.path("mask.png")).expect("a picture");
-    let (found, _) = place.picture(&["--verify"]);
-    let plain = place.picture(&["--set", "textures=false"]).0;
-    assert!(apart(&found, &plain) > 300, "{}", apart(&found, &plain));
+    bright.save(folder.path("mask.png")).expect("a picture");
+    let (cut, _) = folder.picture(&["--verify"]);
+    let plain = folder.picture(&["--set", "textures=false"]).0;
+    assert!(apart(&cut, &plain) > 300, "{}", apart(&cut, &plain));
     // Now the alpha of the colour texture defines the holes; it has the same values as the mask.
     let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =
         |picture: &RgbImage| (0..45).map(|y| (0..72).filter(|x| wall(picture, *x, y)).count()).sum::<usize>();
-    assert!(holes(&found) > 300 && holes(&coloured) > holes(&found));
+    assert!(holes(&cut) > 300 && holes(&coloured) > holes(&cut));
 }
 
 #[test]
 fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
-    let place = room(&MTL.replace("map_d leaf.png", "map_d none.png"));
-    let (found, said) = place.picture(&["--verify"]);
+    let folder = room(&MTL.replace("map_d leaf.png", "map_d none.png"));
+    let (cut, said) = folder.picture(&["--verify"]);
     has(&said, &["room.mtl:6: mask `none.png` cannot be read", "its surface has no holes"]);
     let whole = room(&MTL.replace("map_d leaf.png\n", ""));
-    assert_eq!(found, whole.picture(&[]).0);
-    let place = room(&MTL.replace("map_d leaf.png", "map_d -s 2 2 leaf.png"));
-    has(&place.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
+    assert_eq!(cut, whole.picture(&[]).0);
+    let folder = room(&MTL.replace("map_d leaf.png", "map_d -s 2 2 leaf.png"));
+    has(&folder.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
 /// The changed kernels ignore holes, read a wrong channel or a wrong texel, or apply holes only to rays from the eye.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
-    let place = room(MTL);
+    let folder = room(MTL);
     for (file, from, to, strategy) in due([
         ("common/cutouts.cl", "if (!mask) return 1;", "return 1;", "deferred"),
         ("common/cutouts.cl", "(float)(words[at.d] >> 24)", "(float)(words[at.d] >> 8 & 255)", "bvh"),
@@ -167,7 +168,7 @@ fn a_broken_cut_out_is_a_wrong_picture() {
         ),
         (
             "cast/bvh.cl",
-            "SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);\n                if",
+            "SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);\n                if",
             "hit.lanes;\n                if",
             "bvh",
         ),
@@ -179,7 +180,7 @@ fn a_broken_cut_out_is_a_wrong_picture() {
         ),
         ("tile_gpu/walk.cl", "vec3(x, y, 1.0f), 1);", "vec3(y, x, 1.0f), 1);", "tile-group"),
     ]) {
-        place.notices((file, from, to), strategy, &["--verify"]);
+        folder.notices((file, from, to), strategy, &["--verify"]);
     }
 }
 
@@ -191,9 +192,9 @@ fn a_broken_cut_out_is_a_wrong_picture() {
 fn a_triangle_of_a_later_tile_has_its_own_holes() {
     let ball =
         "[[object]]\nshape = \"sphere\"\ntriangles = 300\nscale = 0.1\ntranslation = [0, 0.5, 3]\n[[object]]";
-    let place = room(MTL);
-    place.write("scene.toml", &SCENE.replace("[[object]]", ball));
-    place.picture(&["--verify", "--strategy", "tiled"]);
+    let folder = room(MTL);
+    folder.write("scene.toml", &SCENE.replace("[[object]]", ball));
+    folder.picture(&["--verify", "--strategy", "tiled"]);
     for (from, to) in [
         ("open &= !SOLID(&scene->textures, first + k, hit);", "open &= !SOLID(&scene->textures, k, hit);"),
         (
@@ -201,24 +202,24 @@ fn a_triangle_of_a_later_tile_has_its_own_holes() {
             "hit.lanes = SOLID(&scene->textures, k, hit);",
         ),
     ] {
-        place.notices(("cast/exhaustive.cl", from, to), "tiled", &["--verify"]);
+        folder.notices(("cast/exhaustive.cl", from, to), "tiled", &["--verify"]);
     }
 }
 
 /// A quad from a glTF file with the leaf's picture, in front of the wall.
 #[test]
 fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
-    let place = room(MTL);
+    let folder = room(MTL);
     let whole = gltf("{}", "");
     let (before, after) = whole.split_once("\"uri\": \"data:image").expect("a picture in the file");
     let after = after.split_once('"').expect("its end").1;
     let whole = format!("{before}\"uri\": \"leaf.png\"{after}");
-    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
+    std::fs::write(folder.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
     let of = |mode: &str, factor: &str| {
         let text = whole.replace("\"materials\": [{", &format!("\"materials\": [{{{mode} "));
         let text = text.replace("0.7, 1]", &format!("0.7, {factor}]"));
-        std::fs::write(place.path("quad.gltf"), text).expect("a file");
-        place.picture(&["--verify"])
+        std::fs::write(folder.path("quad.gltf"), text).expect("a file");
+        folder.picture(&["--verify"])
     };
     let (opaque, said) = of("", "1");
     assert!(!said.contains("asks for"), "{said}");
@@ -231,17 +232,17 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     // In this picture, one texel is a hole, and the alpha of all other texels equals the cutoff. Rounding must not turn
     // these other texels into holes.
     let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
-    RgbaImage::from_fn(8, 8, hole).save(place.path("leaf.png")).expect("a picture");
+    RgbaImage::from_fn(8, 8, hole).save(folder.path("leaf.png")).expect("a picture");
     let whole = of("", "1").0;
     let solid = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.2,", "1").0;
-    let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
-    let holes = place.picture(&["--cl-dir", &kernels]).0;
+    let kernels = folder.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
+    let holes = folder.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
     // Only the hole differs. If the kernel did not subtract one unit from the least alpha, rounding would
     // also turn an eighth of the solid pixels into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
-    leaf().save(place.path("leaf.png")).expect("a picture");
+    leaf().save(folder.path("leaf.png")).expect("a picture");
     let (blended, said) = of("\"alphaMode\": \"BLEND\",", "0.9");
     has(
         &said,

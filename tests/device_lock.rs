@@ -1,7 +1,7 @@
 //! Two commands that measure on one device: the second one waits, reports which process it waits for, and never
 //! measures at the same time as the first.
 
-use crate::binary::{Place, TRIANGLE, config, device, has, repository, send_interrupt, until};
+use crate::binary::{TRIANGLE, WorkFolder, config, device, has, repository, send_interrupt, until};
 use crate::faults::{children, is_alive};
 use serde_json::Value;
 use std::fs::{File, TryLockError};
@@ -18,16 +18,16 @@ baselines = ["serial"]
 /// Options that make a run hang while it times a point of a kernel.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
 /// Starts the binary in the folder, with its standard error written to a file there.
-fn start(place: &Place, arguments: &[&str], said: &str) -> Child {
+fn start(folder: &WorkFolder, arguments: &[&str], said: &str) -> Child {
     let mut command = crate::binary::program();
-    command.args(arguments).current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
+    command.args(arguments).current_dir(folder.path("")).env("RAYCL_LOCK_DIR", folder.path(".locks"));
     command.env("RAYCL_CACHE_MIB", "0");
-    let said = File::create(place.path(said)).expect("a file");
+    let said = File::create(folder.path(said)).expect("a file");
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said).spawn().expect("it starts")
 }
 
@@ -36,17 +36,17 @@ fn run<'a>(out: &'a str, device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// Starts a run that hangs while it times a point, and therefore keeps the device locked.
-fn holder(place: &Place, device: &str) -> Child {
-    let holder = start(place, &run("first", device, &HANGS), "first.txt");
-    until("the first hangs", || place.path("first/.hangs").exists());
+fn holder(folder: &WorkFolder, device: &str) -> Child {
+    let holder = start(folder, &run("first", device, &HANGS), "first.txt");
+    until("the first hangs", || folder.path("first/.hangs").exists());
     holder
 }
 
 /// Starts a run, with these further options, that waits for `holder`.
-fn waiter(place: &Place, device: &str, more: &[&str], holder: &Child) -> Child {
-    let waiter = start(place, &run("second", device, more), "second.txt");
+fn waiter(folder: &WorkFolder, device: &str, more: &[&str], holder: &Child) -> Child {
+    let waiter = start(folder, &run("second", device, more), "second.txt");
     let words = format!("waiting for process {}, `raycl run test.toml", holder.id());
-    until("the second waits", || place.text("second.txt").contains(&words));
+    until("the second waits", || folder.text("second.txt").contains(&words));
     waiter
 }
 
@@ -62,16 +62,16 @@ fn code(process: Child) -> Option<i32> {
 
 #[test]
 fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
-    let (place, device) = (place(), device());
-    let first = holder(&place, &device);
-    let second = waiter(&place, &device, &[], &first);
+    let (folder, device) = (new_folder(), device());
+    let first = holder(&folder, &device);
+    let second = waiter(&folder, &device, &[], &first);
     // While the first run holds the device, the second run may time only its baseline, with at most three samples. If
     // the device is the host's CPU, it must not time even that.
-    let timed = place.json_lines("second/samples.jsonl").len();
+    let timed = folder.json_lines("second/samples.jsonl").len();
     assert!(timed <= 3, "{timed} samples beside the first");
     end(first);
-    assert_eq!(code(second), Some(0), "{}", place.text("second.txt"));
-    let records = place.json_lines("second/records.jsonl");
+    assert_eq!(code(second), Some(0), "{}", folder.text("second.txt"));
+    let records = folder.json_lines("second/records.jsonl");
     assert!(
         records.len() == 5 && records.iter().all(|record| record["outcome"] == "measured"),
         "{records:?}"
@@ -80,8 +80,8 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
 
 #[test]
 fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
-    let (place, device) = (place(), device());
-    let first = holder(&place, &device);
+    let (folder, device) = (new_folder(), device());
+    let first = holder(&folder, &device);
     let process = format!("process {}, `raycl run test.toml", first.id());
     let render = ["render", "scene.toml", "--width", "40", "--height", "25", "--device", &device];
     for arguments in [
@@ -90,43 +90,43 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
         vec!["render", "scene.toml", "--devices", &device, "--repeat", "2", "--no-wait"],
         vec!["peak", "--device", &device, "--no-wait"],
     ] {
-        let message = place.mistake(&arguments, 1);
+        let message = folder.mistake(&arguments, 1);
         has(&message, &[&process, "without --no-wait, raycl waits"]);
     }
-    let refused = place.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
+    let refused = folder.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
     has(&String::from_utf8_lossy(&refused.get_output().stderr), &[&process]);
     // The results of `raycl noise` are in a temporary folder, so no command can continue it.
-    let noise = place.mistake(&["noise", "--quiet", "--device", &device, "--no-wait"], 1);
+    let noise = folder.mistake(&["noise", "--quiet", "--device", &device, "--no-wait"], 1);
     has(&noise, &[&process, "without --no-wait, raycl waits"]);
     assert!(!noise.contains("to continue from here"), "{noise}");
-    place.output(&render);
+    folder.output(&render);
     end(first);
-    place.output(&[&render[..], &["--repeat", "2", "--no-wait", "-o", "other.png"]].concat());
+    folder.output(&[&render[..], &["--repeat", "2", "--no-wait", "-o", "other.png"]].concat());
 }
 
 #[test]
 fn the_time_for_which_a_picture_waits_is_not_the_time_of_its_frames() {
-    let (place, device) = (place(), device());
-    let first = holder(&place, &device);
+    let (folder, device) = (new_folder(), device());
+    let first = holder(&folder, &device);
     let render = ["render", "scene.toml", "--width", "40", "--height", "25", "--device", &device];
     // The report is on standard error, because the picture is on standard output.
-    let second = start(&place, &[&render[..], &["--repeat", "2", "--json", "-o", "-"]].concat(), "said.txt");
+    let second = start(&folder, &[&render[..], &["--repeat", "2", "--json", "-o", "-"]].concat(), "said.txt");
     let words = format!("waiting for process {}", first.id());
-    until("the picture waits", || place.text("said.txt").contains(&words));
+    until("the picture waits", || folder.text("said.txt").contains(&words));
     std::thread::sleep(Duration::from_millis(100));
     end(first);
-    assert_eq!(code(second), Some(0), "{}", place.text("said.txt"));
-    let said = place.text("said.txt");
+    assert_eq!(code(second), Some(0), "{}", folder.text("said.txt"));
+    let said = folder.text("said.txt");
     let report = said.find('{').map(|begin| serde_json::from_str::<Value>(&said[begin..]).expect("JSON"));
     let parts = report.expect("a report")["parts"].as_array().expect("a list").clone();
     let wait = parts.iter().find(|part| part["part"] == "wait").expect("a part");
-    // raycl began to wait before it said so, and the device was held for 100 ms after that.
+    // raycl began to wait before it printed the message, and the device was held for 100 ms after this message.
     assert!(wait["ms"].as_f64().is_some_and(|ms| ms >= 100.0), "{said}");
 }
 
 /// Returns whether a process holds a lock.
-fn is_held(place: &Place) -> bool {
-    let files = std::fs::read_dir(place.path(".locks")).into_iter().flatten().flatten();
+fn is_held(folder: &WorkFolder) -> bool {
+    let files = std::fs::read_dir(folder.path(".locks")).into_iter().flatten().flatten();
     files
         .filter_map(|file| File::open(file.path()).ok())
         .any(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
@@ -141,12 +141,12 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
         [&["render", "scene.toml", "--devices", &device], &frames[..]].concat(),
         vec!["peak", "--device", &device],
     ] {
-        let place = place();
-        let mut process = start(&place, &arguments, "said.txt");
+        let folder = new_folder();
+        let mut process = start(&folder, &arguments, "said.txt");
         // The test looks ten times in a row, since a process may hold a lock for a moment only to look at it.
         let look = || {
             std::thread::sleep(Duration::from_millis(2));
-            is_held(&place)
+            is_held(&folder)
         };
         let held = loop {
             if (0..10).all(|_| look()) {
@@ -156,60 +156,61 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
                 break false;
             }
         };
-        assert!(held, "{arguments:?}: {}", place.text("said.txt"));
+        assert!(held, "{arguments:?}: {}", folder.text("said.txt"));
         end(process);
     }
 }
 
 #[test]
 fn ctrl_c_ends_the_waiting_and_says_how_to_go_on() {
-    let (place, device) = (place(), device());
-    let first = holder(&place, &device);
-    let second = waiter(&place, &device, &[], &first);
+    let (folder, device) = (new_folder(), device());
+    let first = holder(&folder, &device);
+    let second = waiter(&folder, &device, &[], &first);
     send_interrupt(second.id());
     assert_eq!(code(second), Some(130));
-    has(&place.text("second.txt"), &["interrupted", "to continue from here", "--resume"]);
+    has(&folder.text("second.txt"), &["interrupted", "to continue from here", "--resume"]);
     end(first);
-    place.output(&run("second", &device, &["--resume"]));
+    folder.output(&run("second", &device, &["--resume"]));
 }
 
 #[test]
 fn a_shard_that_waits_for_its_peak_rates_is_going_and_an_interruption_ends_its_processes() {
-    let (place, device) = (place(), device());
-    let first = holder(&place, &device);
+    let (folder, device) = (new_folder(), device());
+    let first = holder(&folder, &device);
     let options = ["--shard", "1/1", "--peak", "--hang-limit", "2"];
-    let second = waiter(&place, &device, &options, &first);
-    // `raycl peak` protects itself from drivers that crash, so its child process waits for the device.
+    let second = waiter(&folder, &device, &options, &first);
+    // `raycl peak` measures in a child process, so that a driver's crash does not end raycl. This child process waits
+    // for the device.
     let waiting: Vec<u32> = children(second.id()).into_iter().flat_map(children).collect();
     assert_eq!(waiting.len(), 1, "{waiting:?}");
-    // Between the two readings, the shard counts five seconds. If it did not tell that it waits, it would count as hung
-    // from then on.
+    // In the five seconds between the two readings of its counter, the shard makes no progress. If it did not report
+    // that it waits, it would count as hung after two seconds (`--hang-limit`).
     let status = ["merge", "second", "--status", "--between", "5", "--json"];
-    until("the shard is going", || place.output(&status).contains("\"going\""));
+    until("the shard is going", || folder.output(&status).contains("\"going\""));
     // The signal reaches only the run, unlike Ctrl-C in a terminal.
     send_interrupt(second.id());
     assert_eq!(code(second), Some(130));
-    has(&place.text("second.txt"), &["interrupted: the devices' peak rates were being measured"]);
+    has(&folder.text("second.txt"), &["interrupted: the devices' peak rates were being measured"]);
     until("the process that waited has ended", || !is_alive(waiting[0]));
     end(first);
 }
 
 #[test]
 fn two_runs_at_once_both_measure_everything() {
-    let (place, device) = (place(), device());
-    let runs = ["a", "b"].map(|out| (out, start(&place, &run(out, &device, &[]), &format!("{out}.txt"))));
+    let (folder, device) = (new_folder(), device());
+    let runs = ["a", "b"].map(|out| (out, start(&folder, &run(out, &device, &[]), &format!("{out}.txt"))));
     for (out, process) in runs {
-        assert_eq!(code(process), Some(0), "{}", place.text(&format!("{out}.txt")));
-        assert_eq!(place.json_lines(&format!("{out}/records.jsonl")).len(), 5);
+        assert_eq!(code(process), Some(0), "{}", folder.text(&format!("{out}.txt")));
+        assert_eq!(folder.json_lines(&format!("{out}/records.jsonl")).len(), 5);
     }
 }
 
 #[test]
 fn a_folder_that_cannot_hold_locks_is_an_error_with_its_remedy() {
-    let place = place();
-    std::fs::write(place.path("file"), "").expect("a file");
-    let mut command = place.raycl(&run("out", &device(), &[]));
-    let refused = command.env("RAYCL_LOCK_DIR", place.path("file/locks")).assert().code(1);
+    let folder = new_folder();
+    std::fs::write(folder.path("file"), "").expect("a file");
+    let mut command = folder.raycl(&run("out", &device(), &[]));
+    let refused = command.env("RAYCL_LOCK_DIR", folder.path("file/locks")).assert().code(1);
     has(&String::from_utf8_lossy(&refused.get_output().stderr), &["file/locks", "RAYCL_LOCK_DIR"]);
 }
 
@@ -217,7 +218,7 @@ fn a_folder_that_cannot_hold_locks_is_an_error_with_its_remedy() {
 fn pocl_has_no_more_threads_than_the_process_may_run_on() {
     let scene = repository("scenes/triangle.toml");
     let threads = |program: &str, more: &[&str], variable: Option<&str>| {
-        let place = Place::new();
+        let folder = WorkFolder::new();
         let mut command = Command::new(program);
         command.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS);
         command.args(more).arg(env!("CARGO_BIN_EXE_raycl")).arg("render").arg(&scene);
@@ -230,7 +231,7 @@ fn pocl_has_no_more_threads_than_the_process_may_run_on() {
             "portable computing language",
             "--json",
         ]);
-        command.current_dir(place.path(""));
+        command.current_dir(folder.path(""));
         for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS"] {
             command.env_remove(name);
         }

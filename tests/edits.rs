@@ -2,13 +2,13 @@
 //! are measured again. All views of the results (summaries, report, exports and comparisons) show the same points,
 //! medians and winners.
 
-use crate::binary::{Place, TRIANGLE, device, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, repository};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A folder of results with the inputs of its experiment, and the settings for the next run.
 struct Ground {
-    place: Place,
+    folder: WorkFolder,
     /// The config's top-level lines by their keys; `tables` is the text that follows them.
     config: BTreeMap<&'static str, String>,
     tables: String,
@@ -118,22 +118,22 @@ impl Ground {
             ("strategies", "[\"naive\", \"deferred\"]"),
             ("baselines", "[\"parallel\"]"),
         ];
-        let place = Place::new();
-        ["a", "b", "c"].iter().for_each(|name| std::fs::create_dir(place.path(name)).expect("a folder"));
+        let folder = WorkFolder::new();
+        ["a", "b", "c"].iter().for_each(|name| std::fs::create_dir(folder.path(name)).expect("a folder"));
         let ground = Self {
-            place,
+            folder,
             config: config.map(|(key, value)| (key, value.to_owned())).into(),
             tables: TIMING.to_owned(),
             variables: Vec::new(),
         };
         // Without a name of its own, the scene is named after its file.
         ground.write("a/scene.toml", &TRIANGLE.replace("name = \"little\"\n", ""));
-        ground.place.kernels("cast/shading/deferred.cl", "", "");
+        ground.folder.kernels("cast/shading/deferred.cl", "", "");
         ground
     }
 
     fn write(&self, name: &str, text: &str) {
-        self.place.write(name, text);
+        self.folder.write(name, text);
     }
 
     fn set(&mut self, key: &'static str, value: &str) {
@@ -141,18 +141,18 @@ impl Ground {
     }
 
     fn edit(&mut self, name: &str, from: &str, to: &str) {
-        let text = self.place.text(name);
+        let text = self.folder.text(name);
         assert!(text.contains(from), "{name} has no {from}");
         self.write(name, &text.replacen(from, to, 1));
     }
 
     fn moves(&mut self, from: &str, to: &str) {
-        std::fs::rename(self.place.path(from), self.place.path(to)).expect("a file");
+        std::fs::rename(self.folder.path(from), self.folder.path(to)).expect("a file");
         self.set("scenes", &format!("[\"{to}\"]"));
     }
 
     fn second_scene(&mut self) {
-        let text = self.place.text("a/scene.toml");
+        let text = self.folder.text("a/scene.toml");
         self.write("b/scene.toml", &text.replace("[0, 1, -2]", "[0, 1.5, -2]"));
         self.set("scenes", "[\"a/scene.toml\", \"b/scene.toml\"]");
     }
@@ -185,28 +185,28 @@ impl Ground {
         let device = device();
         let arguments =
             ["run", "config.toml", "--out", "out", "--quiet", "--cl-dir", "kernels", "--device", &device];
-        let mut command = self.place.raycl(&[&arguments, more].concat());
+        let mut command = self.folder.raycl(&[&arguments, more].concat());
         command.envs(self.variables.iter().map(|(name, value)| (name, value))).assert().success();
         self.record_count() - before
     }
 
     fn record_count(&self) -> usize {
-        match self.place.path("out/records.jsonl").exists() {
-            true => self.place.json_lines("out/records.jsonl").len(),
+        match self.folder.path("out/records.jsonl").exists() {
+            true => self.folder.json_lines("out/records.jsonl").len(),
             false => 0,
         }
     }
 
-    /// Returns the points, medians and winners of the folder, and checks that all files in it and `raycl compare` show
-    /// the same.
+    /// Returns the points, medians and winners of the folder, and checks that all files in the folder, and `raycl
+    /// compare`, show the same points, medians and winners.
     fn agreed(&self, edit: &str, scenes: &[&str]) -> Shown {
-        let csv = self.place.text("out/summary.csv");
-        assert_eq!(self.place.text("out/exports/points.csv"), csv, "{edit}: points.csv");
+        let csv = self.folder.text("out/summary.csv");
+        assert_eq!(self.folder.text("out/exports/points.csv"), csv, "{edit}: points.csv");
         let medians = of_csv(&csv);
         let shown_scenes: BTreeSet<_> = medians.keys().map(|(scene, ..)| scene.as_str()).collect();
         assert_eq!(shown_scenes, scenes.iter().copied().collect(), "{edit}");
-        let summary = of_markdown(&self.place.text("out/summary.md"));
-        let page = of_page(&self.place.text("out/report.html"));
+        let summary = of_markdown(&self.folder.text("out/summary.md"));
+        let page = of_page(&self.folder.text("out/report.html"));
         assert!(!summary.winners.is_empty(), "{edit}: no winner");
         assert_eq!(summary.winners, page.winners, "{edit}: the winners of summary.md and report.html");
         same(&summary.medians, &medians, 1e-3, &format!("{edit}: summary.md"));
@@ -221,34 +221,34 @@ impl Ground {
 
     /// Returns the medians that `raycl compare` shows if the folder is compared with itself.
     fn compared(&self) -> BTreeMap<Name, f64> {
-        let text = self.place.output(&["compare", "out", "out", "--json"]);
-        let found: Value = serde_json::from_str(&text).expect("JSON");
+        let text = self.folder.output(&["compare", "out", "out", "--json"]);
+        let comparison: Value = serde_json::from_str(&text).expect("JSON");
         let point = |point: &Value| {
             let size =
                 point["local_size"].as_array().map_or("-".into(), |size| format!("{}x{}", size[0], size[1]));
             ((word(&point["scene"]), word(&point["name"]), size), number(&point["median_ms"][1]))
         };
-        found["points"].as_array().expect("a list").iter().map(point).collect()
+        comparison["points"].as_array().expect("a list").iter().map(point).collect()
     }
 
     fn t4(&self) -> BTreeMap<Name, f64> {
-        let found: Value =
-            serde_json::from_str(&self.place.text("out/exports/t4-results.json")).expect("JSON");
+        let results: Value =
+            serde_json::from_str(&self.folder.text("out/exports/t4-results.json")).expect("JSON");
         let point = |result: &Value| {
             let at = &result["configuration"];
             let size = format!("{}x{}", at["block_size_x"], at["block_size_y"]);
             ((word(&at["scene"]), word(&at["name"]), size), number(&result["measurements"][0]["value"]))
         };
-        found["results"].as_array().expect("a list").iter().map(point).collect()
+        results["results"].as_array().expect("a list").iter().map(point).collect()
     }
 
     /// Returns the medians in the cache files that raycl exports for Kernel Tuner, an auto-tuner. Only the name of a
-    /// cache file tells its scene, so the scene is found by the beginning of this name.
+    /// cache file states the scene of its points, so the scene is found by the beginning of this name.
     fn kernel_tuner(&self) -> BTreeMap<Name, f64> {
         let mut points = BTreeMap::new();
         let t4 = self.t4();
         let scenes: BTreeSet<_> = t4.keys().map(|(scene, ..)| scene.clone()).collect();
-        let files = std::fs::read_dir(self.place.path("out/exports")).expect("a folder").flatten();
+        let files = std::fs::read_dir(self.folder.path("out/exports")).expect("a folder").flatten();
         for file in files.filter(|file| file.file_name().to_string_lossy().starts_with("kernel-tuner-")) {
             let name = file.file_name().to_string_lossy().into_owned();
             let of_file =
@@ -278,7 +278,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")
 }
 
-/// Fails unless both have the same points, and medians that differ relatively by no more than `part`.
+/// Fails unless `one` and `other` have the same points, and medians that differ relatively by no more than `part`.
 #[track_caller]
 fn same(one: &BTreeMap<Name, f64>, other: &BTreeMap<Name, f64>, part: f64, what: &str) {
     let names = |points: &BTreeMap<Name, f64>| points.keys().cloned().collect::<Vec<_>>();
@@ -360,10 +360,10 @@ fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
 #[test]
 fn results_of_before_are_read_without_a_plan() {
     let folder = repository("tests/data/old-results");
-    let place = Place::new();
-    let out = place.path("out");
+    let work_folder = WorkFolder::new();
+    let out = work_folder.path("out");
     let names = [folder.to_str().expect("UTF-8"), out.to_str().expect("UTF-8")];
-    place.output(&["report", names[0], "--out", names[1]]);
+    work_folder.output(&["report", names[0], "--out", names[1]]);
     let lines = std::fs::read_to_string(folder.join("records.jsonl")).expect("records").lines().count();
-    assert_eq!(place.text("out/exports/points.csv").lines().count(), lines + 1);
+    assert_eq!(work_folder.text("out/exports/points.csv").lines().count(), lines + 1);
 }

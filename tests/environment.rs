@@ -1,6 +1,6 @@
 //! Skies that are pictures of all directions, in every family that has a sky.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::due;
 use image::{Rgb, Rgb32FImage};
 use raycl::scene::load_scene;
@@ -48,32 +48,32 @@ fn sky() -> Rgb32FImage {
     })
 }
 
-fn place(scene: &str) -> Place {
-    let place = Place::with(&[("scene.toml", scene)]);
-    sky().save(place.path("sky.hdr")).expect("a picture");
-    sky().save(place.path("sky.exr")).expect("a picture");
-    place
+fn folder_with(scene: &str) -> WorkFolder {
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
+    sky().save(folder.path("sky.hdr")).expect("a picture");
+    sky().save(folder.path("sky.exr")).expect("a picture");
+    folder
 }
 
-fn render(place: &Place, options: &[&str]) -> Rgb32FImage {
+fn render(folder: &WorkFolder, options: &[&str]) -> Rgb32FImage {
     let device = device();
     let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
-    place.output(&[&usual, &["-o", "out.exr", "--force"][..], options].concat());
-    image::open(place.path("out.exr")).expect("a picture").to_rgb32f()
+    folder.output(&[&usual, &["-o", "out.exr", "--force"][..], options].concat());
+    image::open(folder.path("out.exr")).expect("a picture").to_rgb32f()
 }
 
 const FAMILIES: [&str; 6] = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "tile", "tile-group"];
 
 #[test]
 fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
-    let place = place(SCENE);
+    let folder = folder_with(SCENE);
     for strategy in FAMILIES {
         for samples in ["1", "4"] {
-            render(&place, &["--verify=300", "--strategy", strategy, "--samples", samples]);
+            render(&folder, &["--verify=300", "--strategy", strategy, "--samples", samples]);
         }
     }
     for strategy in ["bvh", "tile"] {
-        render(&place, &["--verify=300", "--strategy", strategy, "--samples", "16", "--adaptive"]);
+        render(&folder, &["--verify=300", "--strategy", strategy, "--samples", "16", "--adaptive"]);
     }
 }
 
@@ -81,24 +81,24 @@ fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
 /// right.
 #[test]
 fn directions_are_where_they_belong() {
-    let place = place(EMPTY);
-    let ahead = render(&place, &["--verify"]);
+    let folder = folder_with(EMPTY);
+    let ahead = render(&folder, &["--verify"]);
     let [left, middle, right] = [0, 30, 60].map(|x| ahead[(x, 21)].0);
     assert!(left[2] > left[0] + 0.005 && right[0] > right[2] + 0.005, "{left:?} {right:?}");
     assert!((middle[0] - middle[2]).abs() < 0.002, "{middle:?}");
     assert!(ahead[(30, 0)].0[1] > ahead[(30, 42)].0[1] + 0.01, "brighter above");
     // After a quarter turn (counter-clockwise, seen from above), the picture's left part is behind the
     // camera, and its middle is on the left.
-    let turned = render(&place, &["--set", "sky.turn_degrees=90", "--verify"]);
+    let turned = render(&folder, &["--set", "sky.turn_degrees=90", "--verify"]);
     assert!(turned[(30, 21)].0[0] > middle[0] + 0.005, "{:?}", turned[(30, 21)]);
-    let stronger = render(&place, &["--set", "sky.strength=3"]);
+    let stronger = render(&folder, &["--set", "sky.strength=3"]);
     assert!((stronger[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 3.0).abs() < 1e-3);
     // A pixel of an HDR file has 8 bits per channel and an exponent that all channels share, so colours may differ by
     // 2%.
-    let hdr = render(&place, &["--set", "sky.picture='sky.hdr'"]);
+    let hdr = render(&folder, &["--set", "sky.picture='sky.hdr'"]);
     assert!((hdr[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 1.0).abs() < 0.02);
     // A background that the user sets hides the picture of the sky.
-    let hidden = render(&place, &["--background", "black", "--verify"]);
+    let hidden = render(&folder, &["--background", "black", "--verify"]);
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
 }
 
@@ -106,8 +106,8 @@ fn directions_are_where_they_belong() {
 /// fails to continue the picture beyond one of these edges.
 #[test]
 fn the_picture_s_left_edge_continues_at_its_right_edge() {
-    let place = place(&EMPTY.replace("[[object]]", "turn_degrees = 180\n[[object]]"));
-    let seam = render(&place, &["--verify", "--strategy", "bvh"]);
+    let folder = folder_with(&EMPTY.replace("[[object]]", "turn_degrees = 180\n[[object]]"));
+    let seam = render(&folder, &["--verify", "--strategy", "bvh"]);
     let [left, middle, right] = [0, 30, 60].map(|x| seam[(x, 21)].0);
     assert!(left[0] > left[2] + 0.005 && right[2] > right[0] + 0.005, "{left:?} {right:?}");
     assert!((middle[0] - middle[2]).abs() < 0.002 && middle[0] > middle[1] + 0.01, "{middle:?}");
@@ -115,15 +115,15 @@ fn the_picture_s_left_edge_continues_at_its_right_edge() {
         ("SELECT(x0 < 0, (varying_int)(width - 1),", "SELECT(x0 < 0, (varying_int)(0),"),
         ("first + 1, (varying_int)(0))", "first + 1, first)"),
     ] {
-        place.notices(("common/environment.cl", from, to), "bvh", &["--verify"]);
+        folder.notices(("common/environment.cl", from, to), "bvh", &["--verify"]);
     }
 }
 
 #[test]
-fn what_is_wrong_with_a_sky_is_told() {
+fn what_is_wrong_with_a_sky_is_reported() {
     let device = device();
-    let refused = |place: &Place| place.mistake(&["render", "scene.toml", "--device", &device], 2);
-    let with = |from: &str, to: &str| place(&SCENE.replace(from, to));
+    let refused = |folder: &WorkFolder| folder.mistake(&["render", "scene.toml", "--device", &device], 2);
+    let with = |from: &str, to: &str| folder_with(&SCENE.replace(from, to));
     has(&refused(&with("sky.hdr", "skies.hdr")), &["scene.toml:5", "did you mean `sky.hdr`?"]);
     has(&refused(&with("\"sky.hdr\"", "\"scene.toml\"")), &["is neither a Radiance HDR nor an OpenEXR"]);
     has(&refused(&with("strength = 0.5", "zenith = 1")), &["a sky is a picture, or has a zenith"]);
@@ -134,18 +134,18 @@ fn what_is_wrong_with_a_sky_is_told() {
     );
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
     has(
-        &place(SCENE).mistake(&raster, 2),
+        &folder_with(SCENE).mistake(&raster, 2),
         &["traversal = raster does not support a sky, which the scene has"],
     );
 }
 
 #[test]
 fn texels_that_are_clearly_negative_or_not_a_number_are_noted_and_infinite_ones_are_refused() {
-    let place = place(EMPTY);
+    let folder = folder_with(EMPTY);
     let load = |blue: f32| {
         let texel = |x, _| Rgb([1.0, 1.0, if x == 1 { blue } else { 1.0 }]);
-        Rgb32FImage::from_fn(4, 2, texel).save(place.path("sky.exr")).expect("a picture");
-        load_scene(&place.path("scene.toml"))
+        Rgb32FImage::from_fn(4, 2, texel).save(folder.path("sky.exr")).expect("a picture");
+        load_scene(&folder.path("scene.toml"))
     };
     let notes = |blue| -> Vec<String> {
         let notes = load(blue).expect("a scene").notes;
@@ -163,18 +163,18 @@ fn texels_that_are_clearly_negative_or_not_a_number_are_noted_and_infinite_ones_
 /// A frame must not depend on which pixels saw the sky in the previous frame.
 #[test]
 fn a_frame_is_the_same_after_another_one_as_alone() {
-    let place = place(SCENE);
+    let folder = folder_with(SCENE);
     let device = device();
     let frames = |name: &str, strategy: &str, more: &[&str]| {
         let usual =
             ["render", "scene.toml", "--turntable", "3", "--samples", "4", "--width", "61", "--height", "43"];
         let ends = ["--device", &device, "--strategy", strategy, "-o", name, "--force"];
-        place.output(&[&usual[..], &ends, more].concat());
+        folder.output(&[&usual[..], &ends, more].concat());
     };
     for strategy in ["deferred", "tile"] {
         frames("all.png", strategy, &[]);
         frames("last.png", strategy, &["--frames", "3..3"]);
-        let read = |name: &str| image::open(place.path(name)).expect("a picture").to_rgb8();
+        let read = |name: &str| image::open(folder.path(name)).expect("a picture").to_rgb8();
         assert!(read("all-0003.png") == read("last-0003.png"), "{strategy}");
         assert!(read("all-0002.png") != read("all-0003.png"), "{strategy}");
     }
@@ -184,7 +184,7 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
 /// front of surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
-    let place = place(SCENE);
+    let folder = folder_with(SCENE);
     for (file, from, to, strategy, samples) in due([
         ("common/environment.cl", "blue.each[lane] = texel[2]", "blue.each[lane] = texel[1]", "bvh", "1"),
         ("common/environment.cl", "clamp(y0 + 1, 0, height - 1)", "clamp(y0, 0, height - 1)", "tile", "1"),
@@ -195,7 +195,7 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
         ("common/show_sky.cl", "earlier ? hits_before[at] : 0", "0", "tile", "4"),
         ("common/show_sky.cl", "shown / count", "shown", "tile-group", "4"),
     ]) {
-        place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
+        folder.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
     }
 }
 
@@ -210,29 +210,32 @@ fn a_shiny_surface_mirrors_the_sky_once_if_the_lights_fill_a_round() {
     assert_eq!(lights, tiles.lights_of_round());
     let (device, path) = (device(), path.to_str().expect("UTF-8"));
     let usual = ["render", path, "--width", "61", "--height", "43", "--device", &device];
-    Place::new().output(&[&usual[..], &["--verify", "--strategy", "tile-group", "-o", "a.png"]].concat());
+    WorkFolder::new()
+        .output(&[&usual[..], &["--verify", "--strategy", "tile-group", "-o", "a.png"]].concat());
 }
 
 /// A blunt highlight has many half vectors whose mirrored direction is below the surface.
 #[test]
 fn what_is_mirrored_from_below_a_surface_is_dark() {
-    let place = place(&SCENE.replace("shininess = 60", "shininess = 2"));
-    render(&place, &["--verify", "--strategy", "bvh"]);
-    let lighter = ("common/environment.cl", "max(dot3(way, normal), (varying)(0.0f))", "dot3(way, normal)");
-    place.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
+    let folder = folder_with(&SCENE.replace("shininess = 60", "shininess = 2"));
+    render(&folder, &["--verify", "--strategy", "bvh"]);
+    let lighter =
+        ("common/environment.cl", "max(dot3(direction, normal), (varying)(0.0f))", "dot3(direction, normal)");
+    folder.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
 }
 
-/// Under a uniform picture, a highlight seen from straight above reflects the integral of its lobe.
+/// Under a picture of a sky that has the same radiance everywhere, a highlight seen from straight above reflects the
+/// integral of its lobe.
 #[test]
 fn a_shiny_surface_mirrors_what_its_highlight_says_on_average() {
     let scene = "[camera]\nposition = [0, 0, 5]\nfov_x_degrees = 1\n[sky]\npicture = \"sky.exr\"\n[[object]]\n\
                  vertices = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]\nfaces = [[0, 1, 2, 3]]\n\
                  material = { k_l = 0, k_g = 0.5, shininess = 20 }\n";
-    let place = Place::with(&[("scene.toml", scene)]);
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
     let radiance = 0.05;
-    Rgb32FImage::from_pixel(4, 2, Rgb([radiance; 3])).save(place.path("sky.exr")).expect("a picture");
-    let found = render(&place, &["--samples", "64"]);
-    let mean = found.pixels().map(|pixel| pixel.0[1]).sum::<f32>() / (61.0 * 43.0);
+    Rgb32FImage::from_pixel(4, 2, Rgb([radiance; 3])).save(folder.path("sky.exr")).expect("a picture");
+    let picture = render(&folder, &["--samples", "64"]);
+    let mean = picture.pixels().map(|pixel| pixel.0[1]).sum::<f32>() / (61.0 * 43.0);
     // The integral, over half vectors with the cosine c, of the product of their density, c, and the mirrored
     // direction's cosine 2 c^2 - 1.
     let steps = 100_000;

@@ -86,11 +86,11 @@ fn the_complete_example_of_the_experiments_page_uses_every_key() {
     let rest = page.split_once("\n## A complete example\n").expect("the heading").1;
     let block = rest.split("\n```").nth(1).and_then(|block| block.strip_prefix("toml\n")).expect("TOML");
     let (example, config) = (read(block), schema("config"));
-    let found = mistakes(&example, &config, "");
-    assert!(found.is_empty(), "{found:#?}");
+    let mistakes_found = mistakes(&example, &config, "");
+    assert!(mistakes_found.is_empty(), "{mistakes_found:#?}");
     let [_, (_, scene), (_, strategy), (_, emulate), (_, timing)] = tables_of_experiment(&config);
-    let of = |place: &Value| -> BTreeSet<String> {
-        let tables = place.as_array().cloned().unwrap_or_else(|| vec![place.clone()]);
+    let of = |part: &Value| -> BTreeSet<String> {
+        let tables = part.as_array().cloned().unwrap_or_else(|| vec![part.clone()]);
         tables.iter().flat_map(|table| table.as_object().expect("a table").keys().cloned()).collect()
     };
     for (used, schema) in [

@@ -13,7 +13,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// One baseline and four kernels at two sizes.
+/// Number of points: one baseline and four kernels, each at two image sizes.
 const POINTS: usize = 10;
 
 /// A folder with a config, in which the test starts runs.
@@ -416,7 +416,7 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     ground.resume();
 }
 
-/// Even if all points are measured, and if nothing is measured yet.
+/// The disk is full in two cases: before anything is measured, and after all points are measured.
 #[test]
 fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_continued() {
     let ground = Ground::new(3);
@@ -450,16 +450,16 @@ fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_conti
 fn a_folder_that_cannot_be_written_is_the_users_mistake() {
     let mut ground = Ground::new(3);
     // Not even root can create folders in /sys.
-    let mut places = vec![PathBuf::from("/sys/raycl")];
+    let mut paths = vec![PathBuf::from("/sys/raycl")];
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).expect("a mode");
     // Root may write to folders without write permission, so the test uses this folder only if writing to it fails.
     if std::fs::write(closed.join("probe"), "").is_err() {
-        places.push(closed.join("out"));
+        paths.push(closed.join("out"));
     }
-    for place in places {
-        ground.out = place;
+    for path in paths {
+        ground.out = path;
         let output = ground.run(&[]);
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(

@@ -11,7 +11,7 @@ fn documents() -> Documents {
     Documents::read(Path::new(env!("CARGO_MANIFEST_DIR"))).expect("the documents and docs/figures.toml")
 }
 
-fn told(differences: &[(&str, Difference)]) -> String {
+fn message_of(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
         format!("{file}:{line}: the document has '{stands}', the records give {records_say}\n")
     };
@@ -21,7 +21,7 @@ fn told(differences: &[(&str, Difference)]) -> String {
 #[test]
 fn every_number_of_the_documents_has_its_record() {
     let differences = documents().differences();
-    assert!(differences.is_empty(), "`make figures` makes them again:\n{}", told(&differences));
+    assert!(differences.is_empty(), "`make figures` makes them again:\n{}", message_of(&differences));
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn the_rules_constants_are_made_of_the_stored_sweeps() {
 /// Returns the positions of the numbers in a document's prose and tables, but not in comments, code or the targets of
 /// links.
 fn numbers(text: &str) -> Vec<Range<usize>> {
-    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut positions: Vec<Range<usize>> = Vec::new();
     let mut start = 0;
     let mut fenced = false;
     for line in text.split_inclusive('\n') {
@@ -63,13 +63,13 @@ fn numbers(text: &str) -> Vec<Range<usize>> {
             }
             let digits = rest.chars().take_while(char::is_ascii_digit).count();
             if digits > 0 {
-                found.push(start + at..start + at + digits);
+                positions.push(start + at..start + at + digits);
             }
             at += digits.max(rest.chars().next().map_or(1, char::len_utf8));
         }
         start += line.len();
     }
-    found
+    positions
 }
 
 #[test]
@@ -79,12 +79,12 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let text = documents.text(name).expect("it was read");
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
-        for (place, at) in numbers.into_iter().enumerate() {
+        for (index, at) in numbers.into_iter().enumerate() {
             // A generated part of a document is compared as a whole, so only some of its numbers need to be
             // changed.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
-            if is_made && place % 20 != 0 {
+            if is_made && index % 20 != 0 {
                 continue;
             }
             let word = text[..at.start].rsplit(char::is_whitespace).next().unwrap_or_default();
@@ -118,7 +118,10 @@ fn a_figure_that_is_off_by_one_in_its_last_digit_is_noticed() {
         let last = text[..at.end].bytes().last().expect("a digit") - b'0';
         let mut changed = text.to_owned();
         changed.replace_range(at.end - 1..at.end, &((last + 1) % 10).to_string());
-        let found = documents.check(&changed);
-        assert!(matches!(&found[..], [one] if one.line > 0 && one.stands != one.records_say), "{found:?}");
+        let differences = documents.check(&changed);
+        assert!(
+            matches!(&differences[..], [one] if one.line > 0 && one.stands != one.records_say),
+            "{differences:?}"
+        );
     }
 }

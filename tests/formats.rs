@@ -1,6 +1,6 @@
 //! Files whose format is not the expected one: a message of two lines names the format and the remedy.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{TRIANGLE, WorkFolder, device, has};
 
 const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -13,8 +13,8 @@ strategies = ["naive"]
 "#;
 
 /// Runs a command that must fail with a message of at most two short lines, and returns the message.
-fn told(place: &Place, arguments: &[&str]) -> String {
-    let message = place.mistake(arguments, 2);
+fn message_of(folder: &WorkFolder, arguments: &[&str]) -> String {
+    let message = folder.mistake(arguments, 2);
     let lines: Vec<_> = message.lines().filter(|line| !line.trim().is_empty()).collect();
     assert!(lines.len() <= 2 && lines.iter().all(|line| line.len() < 200), "{message}");
     message
@@ -35,39 +35,48 @@ fn foreign() -> Vec<(Vec<u8>, &'static str)> {
 #[test]
 fn other_formats_are_named_wherever_a_file_is_taken() {
     let scene = format!("{TRIANGLE}\n[[object]]\nobj = \"other\"\n");
-    let place = Place::with(&[("scene.toml", &scene), ("config.toml", CONFIG)]);
+    let folder = WorkFolder::with(&[("scene.toml", &scene), ("config.toml", CONFIG)]);
     for (bytes, name) in foreign() {
         for ending in ["other", "other.obj", "other.toml"] {
-            std::fs::write(place.path(ending), &bytes).expect("a file");
-            has(&told(&place, &["render", ending]), &[name, "which raycl does not read", "help"]);
+            std::fs::write(folder.path(ending), &bytes).expect("a file");
+            has(&message_of(&folder, &["render", ending]), &[name, "which raycl does not read", "help"]);
         }
-        has(&told(&place, &["run", "other"]), &[name, "help"]);
-        has(&told(&place, &["render", "scene.toml"]), &["scene.toml:15", name, "help"]);
-        has(&told(&place, &["run", "config.toml"]), &["config.toml:3", name, "help"]);
+        has(&message_of(&folder, &["run", "other"]), &[name, "help"]);
+        has(&message_of(&folder, &["render", "scene.toml"]), &["scene.toml:15", name, "help"]);
+        has(&message_of(&folder, &["run", "config.toml"]), &["config.toml:3", name, "help"]);
     }
 }
 
 #[test]
-fn scenes_meshes_and_experiments_are_told_apart() {
+fn scenes_meshes_and_experiments_are_distinguished() {
     let config = CONFIG.replace("other", "scene.toml");
     let scene = "[[object]]\nobj = \"config.toml\"\n";
     let files = [("scene.toml", TRIANGLE), ("mesh.obj", MESH), ("config.toml", &config), ("odd.toml", scene)];
-    let place = Place::with(&files);
-    has(&told(&place, &["run", "scene.toml"]), &["a scene, not an experiment", "`raycl render scene.toml`"]);
-    has(&told(&place, &["run", "mesh.obj"]), &["an OBJ mesh, not an experiment", "`raycl render mesh.obj`"]);
+    let folder = WorkFolder::with(&files);
     has(
-        &told(&place, &["render", "config.toml"]),
+        &message_of(&folder, &["run", "scene.toml"]),
+        &["a scene, not an experiment", "`raycl render scene.toml`"],
+    );
+    has(
+        &message_of(&folder, &["run", "mesh.obj"]),
+        &["an OBJ mesh, not an experiment", "`raycl render mesh.obj`"],
+    );
+    has(
+        &message_of(&folder, &["render", "config.toml"]),
         &["an experiment, not a scene", "`raycl run config.toml`"],
     );
-    has(&told(&place, &["render", "odd.toml"]), &["odd.toml:2", "config.toml is a TOML file, not a mesh"]);
+    has(
+        &message_of(&folder, &["render", "odd.toml"]),
+        &["odd.toml:2", "config.toml is a TOML file, not a mesh"],
+    );
 }
 
 #[test]
 fn a_file_is_read_by_what_it_holds_and_that_is_said() {
-    let place = Place::with(&[("mesh.txt", MESH), ("scene.obj", TRIANGLE), ("mesh", MESH)]);
+    let folder = WorkFolder::with(&[("mesh.txt", MESH), ("scene.obj", TRIANGLE), ("mesh", MESH)]);
     let device = device();
     let render =
-        |name| place.output(&["render", name, "--width", "16", "--height", "10", "--device", &device]);
+        |name| folder.output(&["render", name, "--width", "16", "--height", "10", "--device", &device]);
     has(&render("mesh.txt"), &["note      mesh.txt: read as an OBJ mesh"]);
     has(&render("scene.obj"), &["note      scene.obj: read as a scene (TOML)"]);
     assert!(!render("mesh").contains("note      mesh"));
@@ -79,29 +88,29 @@ fn a_binary_stl_whose_length_does_not_match_its_count_is_known_by_its_name() {
     let triangle =
         [[0; 12].to_vec(), corners.iter().flat_map(|x| x.to_le_bytes()).collect(), vec![0; 2]].concat();
     let file = |count: u8| [&[0; 80][..], &[count, 0, 0, 0], &triangle, &[0]].concat();
-    let place = Place::with(&[("a.txt", "")]);
+    let folder = WorkFolder::with(&[("a.txt", "")]);
     for (name, count) in [("a.stl", 1), ("b.stl", 2), ("c.obj", 1)] {
-        std::fs::write(place.path(name), file(count)).expect("a file");
+        std::fs::write(folder.path(name), file(count)).expect("a file");
     }
     let device = device();
     let render = ["render", "a.stl", "--width", "16", "--height", "10", "--device", &device];
-    has(&place.output(&render), &["1 byte after the last triangle is ignored"]);
-    has(&told(&place, &["render", "b.stl"]), &["the header says 2 triangles, but the file holds 1"]);
-    has(&told(&place, &["render", "c.obj"]), &["a binary file of an unknown kind"]);
+    has(&folder.output(&render), &["1 byte after the last triangle is ignored"]);
+    has(&message_of(&folder, &["render", "b.stl"]), &["the header says 2 triangles, but the file holds 1"]);
+    has(&message_of(&folder, &["render", "c.obj"]), &["a binary file of an unknown kind"]);
 }
 
 #[test]
 fn empty_files_and_other_text() {
     let text = "Notes on my scene\nand more\n";
-    let place = Place::with(&[("a.toml", " \n"), ("a.txt", text), ("a.obj", "")]);
-    has(&told(&place, &["render", "a.toml"]), &["a.toml is empty", "[[object]]"]);
-    has(&told(&place, &["run", "a.toml"]), &["a.toml is empty", "configs/quick.toml"]);
+    let folder = WorkFolder::with(&[("a.toml", " \n"), ("a.txt", text), ("a.obj", "")]);
+    has(&message_of(&folder, &["render", "a.toml"]), &["a.toml is empty", "[[object]]"]);
+    has(&message_of(&folder, &["run", "a.toml"]), &["a.toml is empty", "configs/quick.toml"]);
     has(
-        &told(&place, &["render", "a.txt"]),
+        &message_of(&folder, &["render", "a.txt"]),
         &["a.txt:1", "neither a scene (TOML) nor a mesh", "raycl reads"],
     );
-    has(&place.mistake(&["run", "a.txt"], 2), &["a.txt:1", "not TOML", "reads experiments (TOML)"]);
-    has(&place.mistake(&["render", "a.obj"], 2), &["a.obj:1", "the file is empty", "`f 1 2 3`"]);
+    has(&folder.mistake(&["run", "a.txt"], 2), &["a.txt:1", "not TOML", "reads experiments (TOML)"]);
+    has(&folder.mistake(&["render", "a.obj"], 2), &["a.obj:1", "the file is empty", "`f 1 2 3`"]);
 }
 
 #[test]
@@ -117,9 +126,9 @@ fn no_long_line_of_a_file_is_printed() {
         format!("question = \"{long}\"\nx = 1\n"),
     ];
     for text in text {
-        let place = Place::with(&[("a.toml", &text)]);
+        let folder = WorkFolder::with(&[("a.toml", &text)]);
         for command in ["render", "run"] {
-            let message = place.mistake(&[command, "a.toml"], 2);
+            let message = folder.mistake(&[command, "a.toml"], 2);
             assert!(message.lines().all(|line| line.chars().count() < 450), "{text:.40}: {message:.2000}");
         }
     }
@@ -136,10 +145,10 @@ fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
         ("scene.toml", scene),
         ("c.toml", &config),
     ];
-    let place = Place::with(&files);
+    let folder = WorkFolder::with(&files);
     let (device, textures) = (device(), "mesh.obj: 1 material asks for textures (map_Ks)");
     let render = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &device];
-    let text = place.output(&render);
+    let text = folder.output(&render);
     has(&text, &[&format!("note      {textures}"), "1 statement asks for lines (l)"]);
     assert_eq!(
         text.matches("note      mesh.obj").count(),
@@ -147,11 +156,11 @@ fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
         "each note on a mesh of two objects is printed once: {text}"
     );
     let json: serde_json::Value =
-        serde_json::from_str(&place.output(&[&render[..], &["--json"]].concat())).expect("JSON");
+        serde_json::from_str(&folder.output(&[&render[..], &["--json"]].concat())).expect("JSON");
     has(json["notes"][1].as_str().expect("a note"), &[textures]);
     let bands = ["--devices", &device, "--json"];
     let json: serde_json::Value =
-        serde_json::from_str(&place.output(&[&render[..6], &bands].concat())).expect("JSON");
+        serde_json::from_str(&folder.output(&[&render[..6], &bands].concat())).expect("JSON");
     has(json["notes"][1].as_str().expect("a note"), &[textures]);
-    has(&place.output(&["run", "c.toml", "--dry-run", "--device", &device]), &[textures]);
+    has(&folder.output(&["run", "c.toml", "--dry-run", "--device", &device]), &[textures]);
 }

@@ -4,7 +4,7 @@
 //! The formulas and the single triangle are from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
 //! Practice*, 3rd ed., chapter 15. The scenes are the paper's.
 
-use crate::binary::{Place, device, repository};
+use crate::binary::{WorkFolder, device, repository};
 use glam::{DVec3, dvec3};
 use image::RgbImage;
 use raycl::image::psnr_db;
@@ -80,8 +80,8 @@ impl Figure {
         if self.triangles.iter().any(blocks) {
             return DVec3::ZERO;
         }
-        let half_way = (to_light + to_eye).normalize();
-        let highlight = triangle.glossy * 108.0 * normal.dot(half_way).max(0.0).powi(100) / 8.0;
+        let half_vector = (to_light + to_eye).normalize();
+        let highlight = triangle.glossy * 108.0 * normal.dot(half_vector).max(0.0).powi(100) / 8.0;
         let reflectance = (triangle.lambertian + DVec3::splat(highlight)) / PI;
         let power = 10.0 / (4.0 * PI * distance * distance);
         power * reflectance * to_light.dot(normal).max(0.0)
@@ -158,11 +158,11 @@ fn figures() -> [Figure; 4] {
 
 /// Returns the picture that the binary renders of a scene file at the paper's 800 x 500; `name` is the picture's file.
 fn rendered(scene: &str, strategy: &[&str], name: &str) -> RgbImage {
-    let (place, device) = (Place::new(), device());
+    let (folder, device) = (WorkFolder::new(), device());
     let path = repository(&format!("scenes/{scene}.toml"));
     let render = ["render", path.to_str().expect("UTF-8"), "-o", name, "--width", "800", "--height", "500"];
-    place.output(&[&render[..], &["--device", &device], strategy].concat());
-    image::open(place.path(name)).expect("a picture").to_rgb8()
+    folder.output(&[&render[..], &["--device", &device], strategy].concat());
+    image::open(folder.path(name)).expect("a picture").to_rgb8()
 }
 
 #[test]
@@ -192,14 +192,14 @@ fn the_reference_agrees_with_the_formulas() {
     for figure in figures() {
         let path = repository(&format!("scenes/{}.toml", figure.scene));
         let scene = load_scene(&path).expect("a scene").scene;
-        let found = reference(&scene, size, Culling::None).radiance;
-        let apart = |(found, expected): (&[f32; 3], DVec3)| {
-            let found = DVec3::from_array(found.map(f64::from));
-            (found - expected).abs().max_element() > 1e-4 * expected.max_element().max(0.005)
+        let actual = reference(&scene, size, Culling::None).radiance;
+        let apart = |(actual, expected): (&[f32; 3], DVec3)| {
+            let actual = DVec3::from_array(actual.map(f64::from));
+            (actual - expected).abs().max_element() > 1e-4 * expected.max_element().max(0.005)
         };
-        let pairs = found.pixels.iter().zip(figure.image(size));
+        let pairs = actual.pixels.iter().zip(figure.image(size));
         let wrong = pairs.filter(|pair| apart(*pair)).count();
-        // Scene files are read as f32, which moves an edge by a pixel here and there.
+        // Scene files are read as f32, which may move parts of an edge by a pixel.
         assert!(wrong <= 10, "{}: {wrong} of 27510 pixels", figure.scene);
     }
 }

@@ -1,7 +1,7 @@
 //! raycl reads only ordinary files within limits. Its messages show only text of files that the user named, or that
 //! lie in the same folder as the file that names them.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 /// The text of files that the user did not name. No message may show it.
@@ -16,11 +16,11 @@ strategies = ["naive"]
 "#;
 
 /// Writes a file, and beside it a folder `inner` with a scene or a config that names the file.
-fn place(outer: (&str, &str), inner: (&str, &str)) -> Place {
-    let place = Place::with(&[outer]);
-    std::fs::create_dir(place.path("inner")).expect("a folder");
-    std::fs::write(place.path("inner").join(inner.0), inner.1).expect("a file");
-    place
+fn folder_with(outer: (&str, &str), inner: (&str, &str)) -> WorkFolder {
+    let folder = WorkFolder::with(&[outer]);
+    std::fs::create_dir(folder.path("inner")).expect("a folder");
+    std::fs::write(folder.path("inner").join(inner.0), inner.1).expect("a file");
+    folder
 }
 
 fn object(file: &str) -> String {
@@ -30,11 +30,11 @@ fn object(file: &str) -> String {
 #[test]
 fn memory_beyond_a_limit_of_the_address_space_is_not_available() {
     let scene = "[[object]]\nshape = \"terrain\"\ntriangles = 16_000_000\n";
-    let place = Place::with(&[("scene.toml", scene)]);
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
     let program = crate::binary::program();
     let mut limited = std::process::Command::new("sh");
     limited.args(["-c", "ulimit -v 1000000; exec \"$@\"", "sh"]).arg(program.get_program());
-    limited.arg("render").arg(place.path("scene.toml")).arg("--output").arg(place.path("picture.png"));
+    limited.arg("render").arg(folder.path("scene.toml")).arg("--output").arg(folder.path("picture.png"));
     let output = crate::binary::run(&mut limited);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
@@ -43,54 +43,54 @@ fn memory_beyond_a_limit_of_the_address_space_is_not_available() {
 
 #[test]
 fn pipes_and_devices_are_refused_at_once_wherever_a_file_is_named() {
-    let place = Place::with(&[
+    let folder = WorkFolder::with(&[
         ("scene.toml", TRIANGLE),
         ("zero.toml", &object("/dev/zero")),
         ("piped.toml", &object("pipe")),
         ("config.toml", &CONFIG.replace("scene.toml", "pipe")),
     ]);
-    mknodat(CWD, place.path("pipe"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
+    mknodat(CWD, folder.path("pipe"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
     for file in ["/dev/zero", "/dev/stdin", "pipe"] {
         for command in ["render", "run"] {
-            has(&place.mistake(&[command, file], 2), &[file, "expected an ordinary file", "help:"]);
+            has(&folder.mistake(&[command, file], 2), &[file, "expected an ordinary file", "help:"]);
         }
-        let compared = place.mistake(&["compare-images", file, file], 2);
+        let compared = folder.mistake(&["compare-images", file, file], 2);
         has(&compared, &[file, "expected an ordinary file", "help:"]);
     }
     for (command, file) in [("render", "zero.toml"), ("render", "piped.toml"), ("run", "config.toml")] {
-        has(&place.mistake(&[command, file], 2), &["help:"]);
+        has(&folder.mistake(&[command, file], 2), &["help:"]);
     }
 }
 
 #[test]
 fn a_pipe_with_the_name_of_a_frame_is_refused_at_once() {
-    let (place, device) = (Place::with(&[("scene.toml", TRIANGLE)]), device());
-    mknodat(CWD, place.path("a-0001.png"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
+    let (folder, device) = (WorkFolder::with(&[("scene.toml", TRIANGLE)]), device());
+    mknodat(CWD, folder.path("a-0001.png"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
     for force in [&[][..], &["--force"]] {
         let turn = ["render", "scene.toml", "--turntable", "2", "-o", "a.png", "--device", &device];
-        let message = place.mistake(&[&turn[..], force].concat(), 2);
+        let message = folder.mistake(&[&turn[..], force].concat(), 2);
         has(&message, &["'a-0001.png' is not an ordinary file, and is not replaced"]);
     }
 }
 
 #[test]
 fn what_is_too_large_is_refused_with_the_limit() {
-    let place = Place::with(&[
+    let folder = WorkFolder::with(&[
         ("scene.toml", TRIANGLE),
         ("mesh.obj", "mtllib large.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
     ]);
-    let file = std::fs::File::create(place.path("large.toml")).expect("a file");
+    let file = std::fs::File::create(folder.path("large.toml")).expect("a file");
     std::io::Write::write_all(&mut &file, b"name = \"x\"\n").expect("a line");
     file.set_len((16 << 20) + 1).expect("a long file");
     for command in ["render", "run"] {
         has(
-            &place.mistake(&[command, "large.toml"], 2),
+            &folder.mistake(&[command, "large.toml"], 2),
             &["large.toml", "a TOML file may have at most 16 MiB"],
         );
     }
-    std::fs::create_dir_all(place.path("cl/cast")).expect("a folder");
-    std::fs::write(place.path("cl/cast/shade.cl"), vec![b'/'; (1 << 20) + 1]).expect("a file");
-    let kernel = place.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2);
+    std::fs::create_dir_all(folder.path("cl/cast")).expect("a folder");
+    std::fs::write(folder.path("cl/cast/shade.cl"), vec![b'/'; (1 << 20) + 1]).expect("a file");
+    let kernel = folder.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2);
     has(&kernel, &["shade.cl", "a kernel file may have at most 1 MiB"]);
 }
 
@@ -106,17 +106,17 @@ fn text_of_a_mesh_elsewhere_is_not_shown() {
         (&vertex, "1: expected `v x y z`"),
         (&face, "2: expected `f 1 2 3`"),
     ] {
-        let place = place(("outer.obj", text), ("scene.toml", &object("../outer.obj")));
-        let said = place.mistake(&["render", "inner/scene.toml"], 2);
+        let folder = folder_with(("outer.obj", text), ("scene.toml", &object("../outer.obj")));
+        let said = folder.mistake(&["render", "inner/scene.toml"], 2);
         has(&said, &["outer.obj", line, "help:", "not shown"]);
         assert!(!said.contains(SECRET), "{said}");
         // Messages may show the text of a file that the user named.
         if !text.starts_with("root") {
-            has(&place.mistake(&["render", "outer.obj"], 2), &[SECRET]);
+            has(&folder.mistake(&["render", "outer.obj"], 2), &[SECRET]);
         }
-        std::fs::write(place.path("beside.toml"), object("outer.obj")).expect("a scene");
+        std::fs::write(folder.path("beside.toml"), object("outer.obj")).expect("a scene");
         if !text.starts_with("root") {
-            has(&place.mistake(&["render", "beside.toml"], 2), &[SECRET]);
+            has(&folder.mistake(&["render", "beside.toml"], 2), &[SECRET]);
         }
     }
 }
@@ -133,12 +133,14 @@ fn text_of_a_scene_elsewhere_is_not_shown() {
         ),
     ];
     for (text, line) in [key, value, syntax, shape] {
-        let place =
-            place(("outer.toml", &text), ("config.toml", &CONFIG.replace("scene.toml", "../outer.toml")));
-        let said = place.mistake(&["run", "inner/config.toml", "--dry-run"], 2);
+        let folder = folder_with(
+            ("outer.toml", &text),
+            ("config.toml", &CONFIG.replace("scene.toml", "../outer.toml")),
+        );
+        let said = folder.mistake(&["run", "inner/config.toml", "--dry-run"], 2);
         has(&said, &["outer.toml", line, "help:"]);
         assert!(!said.contains(SECRET), "{said}");
-        has(&place.mistake(&["render", "outer.toml"], 2), &[SECRET]);
+        has(&folder.mistake(&["render", "outer.toml"], 2), &[SECRET]);
     }
 }
 
@@ -146,21 +148,25 @@ fn text_of_a_scene_elsewhere_is_not_shown() {
 fn words_of_a_mesh_elsewhere_are_in_no_note() {
     let mesh =
         format!("{SECRET} 1\nmtllib {SECRET}.mtl\nusemtl {SECRET}\nv 0 0 -1\nv 1 0 -1\nv 0 1 -1\nf 1 2 3\n");
-    let place = place(("outer.obj", &mesh), ("scene.toml", &object("../outer.obj")));
-    let notes = |path: &str| raycl::scene::load_scene(&place.path(path)).expect("a scene").notes.join("\n");
-    let (told, shown) = (notes("inner/scene.toml"), notes("outer.obj"));
-    assert!(!told.contains(SECRET), "{told}");
-    assert_eq!(told.lines().filter(|note| note.contains("outer.obj")).count(), 3, "{told}");
-    assert_eq!(shown.matches(SECRET).count(), 3, "{shown}");
+    let folder = folder_with(("outer.obj", &mesh), ("scene.toml", &object("../outer.obj")));
+    let notes = |path: &str| raycl::scene::load_scene(&folder.path(path)).expect("a scene").notes.join("\n");
+    let (notes_of_scene, notes_of_mesh) = (notes("inner/scene.toml"), notes("outer.obj"));
+    assert!(!notes_of_scene.contains(SECRET), "{notes_of_scene}");
+    assert_eq!(
+        notes_of_scene.lines().filter(|note| note.contains("outer.obj")).count(),
+        3,
+        "{notes_of_scene}"
+    );
+    assert_eq!(notes_of_mesh.matches(SECRET).count(), 3, "{notes_of_mesh}");
 }
 
 #[test]
 fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
-    let place = Place::with(&[("outer.cl", SECRET)]);
-    std::fs::create_dir_all(place.path("cl/cast")).expect("a folder");
+    let folder = WorkFolder::with(&[("outer.cl", SECRET)]);
+    std::fs::create_dir_all(folder.path("cl/cast")).expect("a folder");
     let refused = |text: &str| {
-        std::fs::write(place.path("cl/cast/shade.cl"), text).expect("a file");
-        place.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2)
+        std::fs::write(folder.path("cl/cast/shade.cl"), text).expect("a file");
+        folder.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2)
     };
     has(&refused("#include \"cast/shade.cl\"\n"), &["cast/shade.cl includes cast/shade.cl", "help:"]);
     has(&refused("#include \"cast/entry.cl\"\n"), &["a kernel file includes itself", "help:"]);
@@ -183,8 +189,8 @@ fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
 fn values_that_leave_single_precision_are_refused_with_their_line() {
     let scene = |from: &str, to: &str| {
         assert!(TRIANGLE.contains(from));
-        let place = Place::with(&[("scene.toml", &TRIANGLE.replace(from, to))]);
-        place.mistake(&["render", "scene.toml"], 2)
+        let folder = WorkFolder::with(&[("scene.toml", &TRIANGLE.replace(from, to))]);
+        folder.mistake(&["render", "scene.toml"], 2)
     };
     let faces = "faces = [[0, 1, 2]]";
     for (from, to, said) in [
@@ -217,18 +223,18 @@ fn values_of_a_material_file_that_leave_single_precision_are_ignored_with_a_note
     for (line, said) in
         [("Kd 3e38", "`3e38` in Kd"), ("Ks 1 2 1e7", "`1e7` in Ks"), ("Ns 1e7", "`1e7` in Ns")]
     {
-        let place = Place::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
-        let text = place.output(&[&["render", "a.obj"][..], &small].concat());
+        let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
+        let text = folder.output(&[&["render", "a.obj"][..], &small].concat());
         has(&text, &["a.mtl:2: ", said, "from 0 to 1e6", "1 such line is ignored"]);
     }
 }
 
 #[test]
 fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let device = crate::binary::device();
     let from = "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));";
-    place.kernels(
+    folder.kernels(
         "cast/shade.cl",
         from,
         "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), 1.0f / 0.0f));",
@@ -236,47 +242,48 @@ fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
     let render =
         ["render", "scene.toml", "--cl-dir", "kernels", "--strategy", "naive", "--local-size", "8x8"];
     let size = ["--width", "40", "--height", "30", "--device", &device];
-    let said = place.mistake(&[&render[..], &size, &["--quiet"]].concat(), 1);
+    let said = folder.mistake(&[&render[..], &size, &["--quiet"]].concat(), 1);
     has(&said, &["pixels are not finite; the first, (", "inf", "help:", "scene.png"]);
-    let said = place.mistake(&[&render[..], &size, &["--turntable", "2"]].concat(), 1);
+    let said = folder.mistake(&[&render[..], &size, &["--turntable", "2"]].concat(), 1);
     has(&said, &["pixels are not finite", "help:", "frame 1 was not written"]);
 }
 
 #[test]
-fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
-    let place = Place::new();
-    std::fs::create_dir(place.path("out")).expect("a folder");
+fn a_journal_with_damaged_lines_is_shown_reported_and_repaired() {
+    let folder = WorkFolder::new();
+    std::fs::create_dir(folder.path("out")).expect("a folder");
     let record = serde_json::to_string(&raycl::record::Record { key: "a".into(), ..Default::default() })
         .expect("JSON");
     let text = format!("{record}\nrubbish \u{1b}]0;x\u{7}\n{record}\n");
-    std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
-    let reported = place.raycl(&["report", "out"]).output().expect("raycl starts");
+    std::fs::write(folder.path("out/records.jsonl"), &text).expect("a journal");
+    let reported = folder.raycl(&["report", "out"]).output().expect("raycl starts");
     let notes = String::from_utf8_lossy(&reported.stderr);
     has(&notes, &["note: out: raycl ignores 1 damaged line of records.jsonl; the first is line 2."]);
     assert!(reported.status.success() && !notes.contains('\u{1b}'), "{notes}");
-    let quiet = place.raycl(&["report", "out", "--quiet"]).output().expect("raycl starts");
+    let quiet = folder.raycl(&["report", "out", "--quiet"]).output().expect("raycl starts");
     assert_eq!(String::from_utf8_lossy(&quiet.stderr), "");
     has(
-        &place.text("out/summary.md"),
+        &folder.text("out/summary.md"),
         &["raycl ignores 1 damaged line of records.jsonl; the first is line 2."],
     );
     has(
-        &place.output(&["repair", "out"]),
+        &folder.output(&["repair", "out"]),
         &["records.jsonl: removed damaged lines: 1, lines kept: 2", "records.jsonl.damaged-1"],
     );
-    assert_eq!(place.text("out/records.jsonl"), format!("{record}\n{record}\n"));
-    assert_eq!(place.text("out/records.jsonl.damaged-1"), text);
-    has(&place.output(&["repair", "out"]), &["no line is damaged"]);
-    // Files that are no journals cannot be repaired.
-    std::fs::write(place.path("out/peak.json"), "no rates").expect("a file");
+    assert_eq!(folder.text("out/records.jsonl"), format!("{record}\n{record}\n"));
+    assert_eq!(folder.text("out/records.jsonl.damaged-1"), text);
+    has(&folder.output(&["repair", "out"]), &["no line is damaged"]);
+    // `raycl repair` can repair only journals (files with one record or sample per line), so the remedy for any other
+    // damaged file is to delete it.
+    std::fs::write(folder.path("out/peak.json"), "no rates").expect("a file");
     let damaged =
         ["out/peak.json does not contain peak rates: ", "line 1", "; delete the file; then `raycl run"];
-    let reported = place.raycl(&["report", "out"]).output().expect("raycl starts");
+    let reported = folder.raycl(&["report", "out"]).output().expect("raycl starts");
     has(&String::from_utf8_lossy(&reported.stderr), &damaged);
-    let repaired = place.output(&["repair", "out"]);
+    let repaired = folder.output(&["repair", "out"]);
     has(&repaired, &damaged);
     assert!(!repaired.contains("no line is damaged"), "{repaired}");
-    has(&place.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
+    has(&folder.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
 }
 
 #[test]
@@ -284,7 +291,7 @@ fn nothing_of_a_name_steers_a_terminal() {
     let hostile = "\u{1b}]0;title\u{7}\u{9b}2J";
     let name = format!("{hostile}.toml");
     let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
-    let place = Place::with(&[
+    let folder = WorkFolder::with(&[
         (&name, "name = "),
         (
             "a.toml",
@@ -301,12 +308,12 @@ fn nothing_of_a_name_steers_a_terminal() {
     ]);
     for file in [&name, "a.toml", &format!("{hostile}.obj"), &format!("{hostile}.png")] {
         for command in ["render", "run", "repair"] {
-            let said = place.mistake(&[command, file], 2);
+            let said = folder.mistake(&[command, file], 2);
             assert!(!steers(&said), "{said:?}");
         }
     }
     let device = crate::binary::device();
     let said =
-        place.output(&["render", "named.toml", "--width", "16", "--height", "10", "--device", &device]);
+        folder.output(&["render", "named.toml", "--width", "16", "--height", "10", "--device", &device]);
     assert!(!steers(&said) && said.contains("\\u001b]0;title\\u0007"), "{said:?}");
 }

@@ -1,6 +1,6 @@
 //! Soft light at half resolution: the default look of bare meshes.
 
-use crate::binary::{Place, device};
+use crate::binary::{WorkFolder, device};
 use crate::common::due;
 use image::RgbImage;
 
@@ -18,16 +18,16 @@ fn options<'a>(device: &'a str, size: [&'a str; 4], more: &[&'a str]) -> Vec<&'a
     [&usual[..], &size, more].concat()
 }
 
-fn picture(place: &Place, size: [&str; 4], more: &[&str]) -> RgbImage {
-    place.output(&options(&device(), size, more));
-    image::open(place.path("a.png")).expect("a picture").to_rgb8()
+fn picture(folder: &WorkFolder, size: [&str; 4], more: &[&str]) -> RgbImage {
+    folder.output(&options(&device(), size, more));
+    image::open(folder.path("a.png")).expect("a picture").to_rgb8()
 }
 
 #[test]
 fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
-    let place = Place::with(&[("mesh.obj", MESH)]);
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
     for size in [EVEN, ODD] {
-        let all = FAMILIES.map(|family| picture(&place, size, &["--verify", "--strategy", family]));
+        let all = FAMILIES.map(|family| picture(&folder, size, &["--verify", "--strategy", family]));
         for (family, other) in FAMILIES.iter().zip(&all) {
             let differ = all[0]
                 .pixels()
@@ -36,30 +36,31 @@ fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
             assert!(differ.count() * 200 < all[0].pixels().len(), "{family}");
         }
     }
-    picture(&place, EVEN, &["--verify=50"]);
+    picture(&folder, EVEN, &["--verify=50"]);
 }
 
 /// Soft light at half resolution approximates a picture of many samples that casts soft light for each
 /// sample.
 #[test]
 fn it_is_nearly_the_picture_of_many_samples() {
-    let place = Place::with(&[("mesh.obj", MESH)]);
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
     let size = ["--width", "240", "--height", "150"];
     let psnr_db = |a: &RgbImage, b: &RgbImage| {
         let square: f64 =
             a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
         10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / square).log10()
     };
-    let many = picture(&place, size, &["--samples", "128"]);
-    let [half, two] = [&[][..], &["--samples", "2"]].map(|more| psnr_db(&picture(&place, size, more), &many));
+    let many = picture(&folder, size, &["--samples", "128"]);
+    let [half, two] =
+        [&[][..], &["--samples", "2"]].map(|more| psnr_db(&picture(&folder, size, more), &many));
     assert!(half > 35.0 && half > two + 3.0, "{half} dB at half resolution, {two} dB with two samples");
 }
 
 #[test]
 fn a_transparent_background_keeps_its_coverage() {
-    let place = Place::with(&[("mesh.obj", MESH)]);
-    picture(&place, EVEN, &["--background", "transparent", "--verify"]);
-    let image = image::open(place.path("a.png")).expect("a picture").to_rgba8();
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
+    picture(&folder, EVEN, &["--background", "transparent", "--verify"]);
+    let image = image::open(folder.path("a.png")).expect("a picture").to_rgba8();
     assert_eq!(image[(0, 0)].0, [0; 4]);
     assert!(
         image.pixels().any(|pixel| pixel.0[3] == 255)
@@ -113,7 +114,7 @@ const CHANGES: &[[&str; 4]] = &[
 
 #[test]
 fn a_broken_half_picture_is_a_wrong_picture() {
-    let place = Place::with(&[("mesh.obj", MESH)]);
+    let folder = WorkFolder::with(&[("mesh.obj", MESH)]);
     // These changes are only visible if there is no ground behind the mesh.
     let behind = [
         [FILTER, "subtract(own, behind)", "own", "bvh"],
@@ -130,15 +131,15 @@ fn a_broken_half_picture_is_a_wrong_picture() {
     let grounded = CHANGES.iter().map(|change| (*change, &[][..]));
     let all = grounded.chain(behind.map(|change| (change, &["--background", "#808080"][..])));
     for ([file, from, to, family], background) in due(all) {
-        let kernels = place.kernels(file, from, to);
+        let kernels = folder.kernels(file, from, to);
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
         let more = [&more[..], background].concat();
-        let output = place.raycl(&options(&device(), EVEN, &more)).output().expect("the program");
+        let output = folder.raycl(&options(&device(), EVEN, &more)).output().expect("the program");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         if output.status.code() != Some(1) || !said.contains("the picture is wrong: ") {
             unnoticed.push(format!("{file}: {from} -> {to}: {said}"));
         }
-        std::fs::remove_dir_all(place.path(&kernels)).expect("the folder of kernels");
+        std::fs::remove_dir_all(folder.path(&kernels)).expect("the folder of kernels");
     }
     assert!(unnoticed.is_empty(), "{unnoticed:#?}");
 }

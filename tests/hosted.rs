@@ -2,7 +2,7 @@
 //! in the script for archives exists, and the citation file names this version. The folder .ci is in the repository,
 //! but not in the package.
 
-use crate::binary::{Place, has, repository};
+use crate::binary::{WorkFolder, has, repository};
 use clap::Parser as _;
 use std::fs::read_to_string;
 use yaml_rust2::{Yaml, YamlLoader};
@@ -121,18 +121,18 @@ fn the_citation_is_of_this_version() {
 #[cfg(unix)]
 #[test]
 fn an_archive_holds_the_binary_its_pages_and_its_completions() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     // The tests' own binary is large. The test packs a short script instead, which starts this binary.
-    place.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
+    folder.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-    std::fs::set_permissions(place.path("raycl"), executable).expect("permissions");
+    std::fs::set_permissions(folder.path("raycl"), executable).expect("permissions");
     let mut pack = std::process::Command::new("bash");
     pack.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS);
-    pack.arg(repository(".ci/archive")).args(["raycl", "raycl-here"]).current_dir(place.path(""));
+    pack.arg(repository(".ci/archive")).args(["raycl", "raycl-here"]).current_dir(folder.path(""));
     let packed = crate::binary::run(&mut pack);
     assert!(packed.status.success(), "{packed:?}");
     let mut list = std::process::Command::new("tar");
-    let listed = crate::binary::run(list.args(["-tzf", "raycl-here.tar.gz"]).current_dir(place.path("")));
+    let listed = crate::binary::run(list.args(["-tzf", "raycl-here.tar.gz"]).current_dir(folder.path("")));
     let names = String::from_utf8(listed.stdout).expect("UTF-8");
     has(
         &names,
@@ -142,7 +142,7 @@ fn an_archive_holds_the_binary_its_pages_and_its_completions() {
 }
 
 /// Checking the fuzz targets takes half a minute if it shares compiled crates with the lints, and five minutes
-/// otherwise.
+/// otherwise. Only programs that are built with the same profile share compiled crates.
 #[test]
 fn the_fuzz_targets_are_compiled_as_the_crate_is() {
     let profile = |path: &str| {

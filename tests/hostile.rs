@@ -1,7 +1,7 @@
 //! Obstacles that an attacker or a broken machine may cause: drivers that crash when they are listed, folders
 //! of results with links to other places, arguments that are not UTF-8 text.
 
-use crate::binary::{Place, TRIANGLE, device, has, one_point, until};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, one_point, until};
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
@@ -13,8 +13,8 @@ fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// Returns a folder of drivers with a single driver, which runs `body` as soon as it is loaded.
-fn driver(place: &Place, body: &str) -> std::path::PathBuf {
-    let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| place.path(name));
+fn driver(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
+    let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| folder.path(name));
     let code = format!(
         "#include <stdlib.h>\n#include <unistd.h>\n__attribute__((constructor)) static void load(void) {{ {body}; }}\n"
     );
@@ -29,10 +29,10 @@ fn driver(place: &Place, body: &str) -> std::path::PathBuf {
 
 #[test]
 fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
-    let place = one_point();
-    let vendors = driver(&place, "abort()");
+    let folder = one_point();
+    let vendors = driver(&folder, "abort()");
     let output =
-        place.raycl(&run("all", &[])).env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
+        folder.raycl(&run("all", &[])).env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
     let said = String::from_utf8(output.stderr).expect("UTF-8");
     has(
         &said.replace("\n  │ ", " "),
@@ -41,8 +41,8 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
 }
 
 /// Returns a folder of all drivers of this machine and a broken one.
-fn among_good_ones(place: &Place, body: &str) -> std::path::PathBuf {
-    let vendors = driver(place, body);
+fn among_good_ones(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
+    let vendors = driver(folder, body);
     for icd in std::fs::read_dir("/etc/OpenCL/vendors").expect("PoCL: `make setup`").flatten() {
         std::fs::copy(icd.path(), vendors.join(icd.file_name())).expect("a copy");
     }
@@ -52,18 +52,18 @@ fn among_good_ones(place: &Place, body: &str) -> std::path::PathBuf {
 /// Checks that `render` and `devices` work without this driver, since one broken driver must not disable the others.
 #[track_caller]
 fn is_left_out(body: &str, reason: &str) {
-    let place = one_point();
-    let vendors = among_good_ones(&place, body);
+    let folder = one_point();
+    let vendors = among_good_ones(&folder, body);
     let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--device", "cpu"];
     for arguments in [&picture[..], &["devices"]] {
-        let mut raycl = place.raycl(arguments);
+        let mut raycl = folder.raycl(arguments);
         // This time limit is long enough for drivers that work, even on a busy machine.
         raycl.env("OCL_ICD_VENDORS", &vendors).env("RAYCL_TEST_DRIVER_LIMIT_MS", "10000");
         let output = raycl.assert().success().get_output().clone();
         let said = String::from_utf8(output.stderr).expect("UTF-8");
         has(&said, &["note: the driver", "bad.icd is left out", reason]);
     }
-    assert!(place.path("a.png").is_file());
+    assert!(folder.path("a.png").is_file());
 }
 
 #[test]
@@ -76,15 +76,15 @@ fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
 /// original value: with another value, it would list all devices again or miss some.
 #[test]
 fn a_variable_that_is_cut_while_drivers_load_is_whole_for_the_next_process() {
-    let place = one_point();
+    let folder = one_point();
     let cut = "for (char *c = getenv(\"OCL_ICD_FILENAMES\"); c && *c; c++) if (*c == ':') *c = 0";
-    let vendors = among_good_ones(&place, cut);
+    let vendors = among_good_ones(&folder, cut);
     let mut raycl =
-        place.raycl(&["render", "scene.toml", "--width", "8", "--height", "5", "--device", "cpu"]);
+        folder.raycl(&["render", "scene.toml", "--width", "8", "--height", "5", "--device", "cpu"]);
     raycl.env("OCL_ICD_VENDORS", vendors).env("OCL_ICD_FILENAMES", "libone.so:libtwo.so");
-    raycl.env("XDG_CACHE_HOME", place.path(".caches")).env("RAYCL_CACHE_MIB", "64").assert().success();
+    raycl.env("XDG_CACHE_HOME", folder.path(".caches")).env("RAYCL_CACHE_MIB", "64").assert().success();
     let count = |kind: &str| {
-        let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+        let files = std::fs::read_dir(folder.path(".caches/raycl")).expect("a cache");
         let names = files.map(|file| file.expect("a file").file_name().into_string().expect("text"));
         names.filter(|name| name.starts_with(kind)).count()
     };
@@ -99,29 +99,29 @@ fn a_driver_that_hangs_when_it_is_listed_is_left_out_of_pictures_and_lists() {
 
 #[test]
 fn nothing_is_left_behind_of_a_driver_that_is_left_out_and_a_pipe_is_read_once() {
-    let place = one_point();
-    let vendors = among_good_ones(&place, "abort()");
-    std::fs::create_dir(place.path("tmp")).expect("a folder");
+    let folder = one_point();
+    let vendors = among_good_ones(&folder, "abort()");
+    std::fs::create_dir(folder.path("tmp")).expect("a folder");
     let failing = |scene: &str, code| {
-        let mut raycl = place.raycl(&["render", scene, "-o", "a.png", "--device", "cpu"]);
-        raycl.env("OCL_ICD_VENDORS", &vendors).env("TMPDIR", place.path("tmp")).write_stdin(TRIANGLE);
+        let mut raycl = folder.raycl(&["render", scene, "-o", "a.png", "--device", "cpu"]);
+        raycl.env("OCL_ICD_VENDORS", &vendors).env("TMPDIR", folder.path("tmp")).write_stdin(TRIANGLE);
         String::from_utf8(raycl.assert().code(code).get_output().stderr.clone()).expect("UTF-8")
     };
     has(&failing("nothing.toml", 2), &["bad.icd is left out", "nothing.toml"]);
     let said = failing("-", 1);
     has(&said, &["bad.icd is left out", "standard input cannot be read again", "name a file instead of `-`"]);
     let left =
-        std::fs::read_dir(place.path("tmp")).expect("the folder").map(|entry| entry.expect("a file").path());
+        std::fs::read_dir(folder.path("tmp")).expect("the folder").map(|entry| entry.expect("a file").path());
     let left: Vec<_> = left.filter(|path| path.join("000.icd").exists()).collect();
     assert!(left.is_empty(), "{left:?}");
-    assert!(!place.path("a.png").exists());
+    assert!(!folder.path("a.png").exists());
 }
 
 #[test]
 fn where_the_only_driver_dies_there_is_no_picture_but_a_message() {
-    let place = one_point();
-    let vendors = driver(&place, "abort()");
-    let mut raycl = place.raycl(&["render", "scene.toml", "-o", "a.png"]);
+    let folder = one_point();
+    let vendors = driver(&folder, "abort()");
+    let mut raycl = folder.raycl(&["render", "scene.toml", "-o", "a.png"]);
     let output = raycl.env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
     let said = String::from_utf8(output.stderr).expect("UTF-8");
     has(&said, &["bad.icd is left out", "no OpenCL platform was found"]);
@@ -129,26 +129,26 @@ fn where_the_only_driver_dies_there_is_no_picture_but_a_message() {
 
 #[test]
 fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
-    let place = one_point();
+    let folder = one_point();
     let name = OsStr::from_bytes(b"o\xffut");
     for option in ["--out", "--cl-dir"] {
         let refused =
-            place.raycl(&["run", "config.toml", option]).arg(name).assert().code(2).get_output().clone();
+            folder.raycl(&["run", "config.toml", option]).arg(name).assert().code(2).get_output().clone();
         has(&String::from_utf8_lossy(&refused.stderr), &["o\u{fffd}ut", "not UTF-8"]);
     }
     // A name with a line break is valid text, and the record of the command keeps it as one argument.
     let device = device();
-    place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
-    std::fs::rename(place.path("a\nb"), place.path("x").with_file_name(name)).expect("a new name");
-    place.raycl(&["report"]).arg(name).assert().success();
+    folder.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
+    std::fs::rename(folder.path("a\nb"), folder.path("x").with_file_name(name)).expect("a new name");
+    folder.raycl(&["report"]).arg(name).assert().success();
     // In JSON, the wrong bytes of a path are replaced.
     let json = |command: &str| {
         let output =
-            place.raycl(&[command, "--json"]).arg(name).assert().success().get_output().stdout.clone();
+            folder.raycl(&[command, "--json"]).arg(name).assert().success().get_output().stdout.clone();
         serde_json::from_slice::<serde_json::Value>(&output).expect("JSON")
     };
     assert_eq!(json("report")["report"], "o\u{fffd}ut/report.html");
-    let journal = place.path("x").with_file_name(name).join("records.jsonl");
+    let journal = folder.path("x").with_file_name(name).join("records.jsonl");
     let lines = std::fs::read_to_string(&journal).expect("records") + "no JSON\n";
     std::fs::write(&journal, lines).expect("it writes");
     let repaired = &json("repair")["repaired"][0];
@@ -157,10 +157,10 @@ fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
 
 #[test]
 fn a_folder_of_results_leads_nowhere_else() {
-    let place = one_point();
+    let folder = one_point();
     let device = device();
-    place.raycl(&run(&device, &[])).assert().success();
-    let elsewhere = place.path("elsewhere");
+    folder.raycl(&run(&device, &[])).assert().success();
+    let elsewhere = folder.path("elsewhere");
     std::fs::create_dir(&elsewhere).expect("a folder");
     let victim = elsewhere.join("victim");
     std::fs::write(&victim, "precious, without a last newline").expect("a file");
@@ -172,34 +172,34 @@ fn a_folder_of_results_leads_nowhere_else() {
         ("plots", &elsewhere),
         ("exports", &elsewhere),
     ] {
-        let [at, kept] = [place.path("out").join(name), place.path("kept")];
-        std::fs::rename(&at, &kept).expect("it was there");
+        let [at, aside] = [folder.path("out").join(name), folder.path("kept")];
+        std::fs::rename(&at, &aside).expect("it was there");
         symlink(target, &at).expect("a link");
-        let message = place.mistake(&run(&device, &["--resume"]), 1);
+        let message = folder.mistake(&run(&device, &["--resume"]), 1);
         has(&message, &[name, "link"]);
         std::fs::remove_file(&at).expect("the link");
-        std::fs::rename(&kept, &at).expect("its place");
+        std::fs::rename(&aside, &at).expect("its place");
     }
     // When raycl writes a file again, it replaces the link, and not the file to which the link leads.
     for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
-        std::fs::remove_file(place.path("out").join(name)).expect("it was there");
-        symlink(&victim, place.path("out").join(name)).expect("a link");
+        std::fs::remove_file(folder.path("out").join(name)).expect("it was there");
+        symlink(&victim, folder.path("out").join(name)).expect("a link");
     }
-    place.raycl(&run(&device, &["--resume"])).assert().success();
+    folder.raycl(&run(&device, &["--resume"])).assert().success();
     assert_eq!(std::fs::read_to_string(&victim).expect("a file"), "precious, without a last newline");
     assert_eq!(std::fs::read_dir(&elsewhere).expect("a folder").count(), 1);
 }
 
 #[test]
 fn a_device_in_the_place_of_a_file_is_not_read() {
-    let place = one_point();
+    let folder = one_point();
     let device = device();
-    place.raycl(&run(&device, &[])).assert().success();
+    folder.raycl(&run(&device, &[])).assert().success();
     for name in ["samples.jsonl", "records.jsonl"] {
-        let at = place.path("out").join(name);
+        let at = folder.path("out").join(name);
         std::fs::remove_file(&at).expect("it was there");
         symlink("/dev/zero", &at).expect("a link");
-        place.mistake(&run(&device, &["--resume"]), 1);
+        folder.mistake(&run(&device, &["--resume"]), 1);
     }
-    place.mistake(&["report", "out"], 2);
+    folder.mistake(&["report", "out"], 2);
 }

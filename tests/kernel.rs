@@ -1,7 +1,7 @@
 //! `raycl kernel`: it prints the text that a compiler gets. A program built from this text casts the same
 //! image as the strategy.
 
-use crate::binary::{Place, has, repository};
+use crate::binary::{WorkFolder, has, repository};
 use crate::common::Stand;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::image::Radiance;
@@ -86,11 +86,20 @@ fn printed(strategy: &str, scene: &Path, local_size: [u32; 2]) -> String {
     let device = crate::binary::device();
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
     let size = format!("{x}x{y}");
-    Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
+    WorkFolder::new().output(&[
+        "kernel",
+        strategy,
+        "--device",
+        &device,
+        "--scene",
+        scene,
+        "--local-size",
+        &size,
+    ])
 }
 
-/// Returns the same program, but from the text that the binary prints, and without defines as compiler
-/// options, since the text contains all defines.
+/// Returns the program `built` again, but made from the text that the binary prints. The new program has no defines as
+/// compiler options, since the text contains all defines.
 fn reprinted(name: &str, scene: &Path, built: &Prepared) -> ProgramSpec {
     let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
     let options = options.collect::<Vec<_>>().join(" ");
@@ -138,20 +147,20 @@ fn what_is_printed_casts_the_same_image() {
     }
 }
 
-/// Without light, tiles that work-items share have other kernels.
+/// In a scene without lights, a strategy whose work-items share tiles has other kernels.
 #[test]
 fn what_is_printed_for_a_dark_scene_has_all_kernels() {
     let dark = "[camera]\nposition = [0, 1, 3]\nlook_at = [0, 0, 0]\n[[object]]\n\
                 vertices = [[-1, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
-    let place = Place::with(&[("dark.toml", dark)]);
-    let file = place.path("dark.toml");
+    let folder = WorkFolder::with(&[("dark.toml", dark)]);
+    let file = folder.path("dark.toml");
     let stand = Stand::new(load_scene(&file).expect("a scene").scene, [30, 20]);
     check_printed(&stand, &file, ("tile-group", false));
 }
 
 #[test]
 fn a_kernel_is_printed_to_be_read() {
-    let text = Place::new().output(&["kernel", "naive"]);
+    let text = WorkFolder::new().output(&["kernel", "naive"]);
     has(
         &text,
         &[
@@ -175,7 +184,7 @@ fn a_kernel_is_printed_to_be_read() {
     for gone in ["\n#", "cast_rays", "cast_primary", "tile_", "\n\n\n", " \n", "BIND_"] {
         assert!(!text.contains(gone), "{gone:?} is in:\n{text}");
     }
-    let all = Place::new().output(&["kernel", "naive", "--all"]);
+    let all = WorkFolder::new().output(&["kernel", "naive", "--all"]);
     has(&all, &["store_nearest("]);
     assert!(!text.contains("store_nearest("));
     assert!(!all.contains("left out") && all.lines().count() > text.lines().count());
@@ -185,13 +194,16 @@ fn a_kernel_is_printed_to_be_read() {
 fn sizes_are_those_of_the_scene_and_the_local_size() {
     let scene = crate::binary::repository("scenes/teapot.toml");
     let scene = scene.to_str().expect("a path");
-    let place = Place::new();
-    let text = place.output(&["kernel", "bvh", "--scene", scene, "--local-size", "16x2"]);
+    let folder = WorkFolder::new();
+    let text = folder.output(&["kernel", "bvh", "--scene", scene, "--local-size", "16x2"]);
     has(
         &text,
         &["// local size: 16 x 2 work-items;", "1026 triangles", "reqd_work_group_size(16 /* LOCAL_X */, 2"],
     );
-    has(&place.output(&["kernel", "tile-group"]), &["// local size: 32 x 1 ", "exchange values by barriers"]);
+    has(
+        &folder.output(&["kernel", "tile-group"]),
+        &["// local size: 32 x 1 ", "exchange values by barriers"],
+    );
 }
 
 /// The microscope counts the lines of a program from the first line after the comment with which `raycl kernel` begins.
@@ -200,7 +212,7 @@ fn the_kernels_page_has_the_numbers_of_lines_of_naive() {
     let page = std::fs::read_to_string(repository("docs/kernels.md")).expect("a page");
     let table =
         page.split("\nline  source").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a table");
-    let text = Place::new().output(&["kernel", "naive"]);
+    let text = WorkFolder::new().output(&["kernel", "naive"]);
     let (_, program) = text.split_once("\n\n").expect("a comment and a program");
     let lines: Vec<&str> = program.lines().map(str::trim).collect();
     let rows: Vec<&str> = table.lines().skip(1).collect();
@@ -214,9 +226,10 @@ fn the_kernels_page_has_the_numbers_of_lines_of_naive() {
 
 #[test]
 fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
-    let (place, file) = (Place::new(), "cast/intersect/moller_trumbore.cl");
-    let folder = place.kernels(file, "// This test", "// Quite another comment:\n\n  // This test");
-    let of = |arguments: &[&str]| place.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
+    let (work_folder, file) = (WorkFolder::new(), "cast/intersect/moller_trumbore.cl");
+    let folder = work_folder.kernels(file, "// This test", "// Quite another comment:\n\n  // This test");
+    let of =
+        |arguments: &[&str]| work_folder.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
     assert_eq!(of(&[]), of(&["--cl-dir", &folder]));
     assert_ne!(of(&[]), of(&["--local-size", "4x4"]));
 }
@@ -231,13 +244,16 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
         ("#if 1 +\n#endif", "a value is missing at the condition's end"),
         ("#error \"not yet\"", "#error \"not yet\""),
     ] {
-        let place = Place::new();
-        let folder = place.kernels(file, "\n\n", &format!("\n{line}\n"));
-        let message = place.mistake(&["kernel", "naive", "--cl-dir", &folder], 2);
+        let work_folder = WorkFolder::new();
+        let folder = work_folder.kernels(file, "\n\n", &format!("\n{line}\n"));
+        let message = work_folder.mistake(&["kernel", "naive", "--cl-dir", &folder], 2);
         has(&message, &[&format!(" {folder}/{file}, line {at}: {said}"), "help: "]);
     }
-    let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
+    let message = WorkFolder::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
     has(&message, &["cl/common/lanes.cl, line ", "32 work-items", "help: "]);
-    has(&Place::new().mistake(&["kernel", "navie"], 2), &["naive"]);
-    has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["is not allowed"]);
+    has(&WorkFolder::new().mistake(&["kernel", "navie"], 2), &["naive"]);
+    has(
+        &WorkFolder::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2),
+        &["is not allowed"],
+    );
 }

@@ -86,8 +86,8 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     all_agree(&mut stand, points, may_not_fit);
 }
 
-/// Tests the code for GPUs, on which vectors are separate scalars: each edge is checked separately, and masks
-/// are reduced by trees of operations.
+/// Tests the code for GPUs, on which vectors are separate scalars: each edge is checked separately, and the masks of
+/// all lanes are combined by pairwise operations.
 #[test]
 fn presets_of_vectors_that_no_built_in_reduces() {
     apart!();

@@ -79,7 +79,7 @@ fn a_launch_that_loses_its_worker_is_repeated_whole() {
 }
 
 #[test]
-fn how_long_a_run_takes_is_told_by_earlier_times() {
+fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     let folder = folder();
     let expected = |earlier: &[Record], done: &[Record]| {
         let past = Past { records: done.to_vec(), ..Past::default() };
@@ -88,9 +88,9 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
     // The records of the mock (a run with simulated workers) have neither times nor sizes, so they are set here.
-    let timed = |(place, record): (usize, &Record)| Record {
+    let timed = |(index, record): (usize, &Record)| Record {
         host_median_ms: Some(1000.0),
-        image_size: if place < 3 { [8, 5] } else { [16, 10] },
+        image_size: if index < 3 { [8, 5] } else { [16, 10] },
         local_size: (!record.is_baseline()).then_some([1, 1]),
         ..record.clone()
     };

@@ -1,30 +1,30 @@
 //! Layers, which `raycl render --layers` writes beside a picture: for each pixel, the depth, the normal, the numbers of
 //! the triangle and its object, and the costs of the ray.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
 
 const SIZE: [&str; 4] = ["--width", "40", "--height", "25"];
 
-fn render(place: &Place, options: &[&str]) {
+fn render(folder: &WorkFolder, options: &[&str]) {
     let device = device();
-    place.output(&[&["render", "scene.toml", "--device", &device], &SIZE[..], options].concat());
+    folder.output(&[&["render", "scene.toml", "--device", &device], &SIZE[..], options].concat());
 }
 
-/// Returns a place with a scene of two objects: a triangle at z = -2, and the ground.
-fn place() -> Place {
-    Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))])
+/// Returns a folder with a scene of two objects: a triangle at z = -2, and the ground.
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))])
 }
 
 #[test]
 fn one_exr_holds_all_layers_and_the_picture() {
-    let place = place();
-    render(&place, &["--layers", "all.exr", "-o", "picture.exr"]);
-    let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
+    let folder = new_folder();
+    render(&folder, &["--layers", "all.exr", "-o", "picture.exr"]);
+    let read = read_first_flat_layer_from_file(folder.path("all.exr")).expect("an EXR");
     assert_eq!(read.layer_data.encoding.compression, exr::prelude::Compression::ZIP16);
     let channel = |name: &str| {
-        let found = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq(name));
-        &found.unwrap_or_else(|| panic!("no channel {name}")).sample_data
+        let named = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq(name));
+        &named.unwrap_or_else(|| panic!("no channel {name}")).sample_data
     };
     let floats = |name: &str| match channel(name) {
         FlatSamples::F32(values) => values.clone(),
@@ -40,46 +40,46 @@ fn one_exr_holds_all_layers_and_the_picture() {
     assert_eq!([words("triangle")[middle], words("triangle")[sky]], [0, u32::MAX]);
     assert_eq!([words("object")[middle], words("object")[corner], words("object")[sky]], [0, 1, u32::MAX]);
     assert!(words("tests")[middle] > 0 && words("nodes")[middle] > 0);
-    let picture = image::open(place.path("picture.exr")).expect("a picture").to_rgb32f();
+    let picture = image::open(folder.path("picture.exr")).expect("a picture").to_rgb32f();
     let reds: Vec<f32> = picture.pixels().map(|pixel| pixel.0[0]).collect();
     assert_eq!(floats("R"), reds);
 }
 
 #[test]
 fn pngs_are_one_of_each_and_files_of_others_stay() {
-    let place = place();
-    render(&place, &["--layers", "a.png"]);
+    let folder = new_folder();
+    render(&folder, &["--layers", "a.png"]);
     let size =
-        |name: &str| image::image_dimensions(place.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        |name: &str| image::image_dimensions(folder.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
     for name in ["a-depth.png", "a-normal.png", "a-triangle.png", "a-object.png"] {
         assert_eq!(size(name), (40, 25), "{name}");
     }
     for name in ["a-tests.png", "a-nodes.png"] {
         assert!(size(name).1 > 25, "{name} has a scale below");
     }
-    let depth = image::open(place.path("a-depth.png")).expect("a picture").to_rgb8();
+    let depth = image::open(folder.path("a-depth.png")).expect("a picture").to_rgb8();
     assert_eq!(depth[(0, 0)].0, [0; 3]);
     assert!(depth[(20, 12)].0 > depth[(39, 20)].0, "the triangle is nearer than the ground behind it");
-    std::fs::write(place.path("a-nodes.png"), "mine").expect("a file");
-    let message = place.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
+    std::fs::write(folder.path("a-nodes.png"), "mine").expect("a file");
+    let message = folder.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
     has(&message, &["'a-nodes.png' exists", "--layers FILE"]);
     has(
-        &place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2),
+        &folder.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2),
         &["NAME.exr for one file with all layers"],
     );
 }
 
 #[test]
 fn a_layer_does_not_replace_the_picture() {
-    let place = place();
+    let folder = new_folder();
     for picture in ["a-depth.png", "./a-depth.png", "a-nodes.png"] {
-        let message = place.mistake(&["render", "scene.toml", "-o", picture, "--layers", "a.png"], 2);
+        let message = folder.mistake(&["render", "scene.toml", "-o", picture, "--layers", "a.png"], 2);
         has(&message, &["is both the picture and a layer", "`-o FILE`", "`--layers FILE`"]);
-        assert!(!place.path(picture).exists(), "{picture}");
+        assert!(!folder.path(picture).exists(), "{picture}");
     }
     // One EXR file holds both the picture and the layers.
-    render(&place, &["-o", "all.exr", "--layers", "./all.exr"]);
-    let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
+    render(&folder, &["-o", "all.exr", "--layers", "./all.exr"]);
+    let read = read_first_flat_layer_from_file(folder.path("all.exr")).expect("an EXR");
     let has_channel =
         |name: &str| read.layer_data.channel_data.list.iter().any(|channel| channel.name.eq(name));
     assert!(has_channel("R") && has_channel("Z"));
@@ -88,13 +88,13 @@ fn a_layer_does_not_replace_the_picture() {
 /// The order of the triangle's corners is reversed, so that the camera sees the triangle's back.
 #[test]
 fn layers_show_what_the_strategy_shows_of_backs() {
-    let place =
-        Place::with(&[("scene.toml", &TRIANGLE.replace("faces = [[0, 1, 2]]", "faces = [[2, 1, 0]]"))]);
+    let folder =
+        WorkFolder::with(&[("scene.toml", &TRIANGLE.replace("faces = [[0, 1, 2]]", "faces = [[2, 1, 0]]"))]);
     let depth = |strategy: &str| {
-        render(&place, &["--layers", "all.exr", "-o", "picture.png", "--strategy", strategy]);
-        let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
-        let found = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq("Z"));
-        match found.map(|channel| channel.sample_data.clone()) {
+        render(&folder, &["--layers", "all.exr", "-o", "picture.png", "--strategy", strategy]);
+        let read = read_first_flat_layer_from_file(folder.path("all.exr")).expect("an EXR");
+        let depth = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq("Z"));
+        match depth.map(|channel| channel.sample_data.clone()) {
             Some(FlatSamples::F32(values)) => values[12 * 40 + 20],
             other => panic!("{other:?}"),
         }
@@ -106,10 +106,10 @@ fn layers_show_what_the_strategy_shows_of_backs() {
 /// Layers take more of the host's memory than the picture, so raycl counts them before it casts.
 #[test]
 fn the_predicted_memory_of_the_host_includes_the_layers() {
-    let (place, device) = (place(), device());
+    let (folder, device) = (new_folder(), device());
     let predicted = |options: &[&str]| {
         let usual = ["render", "scene.toml", "--device", &device, "-o", "picture.png", "--json"];
-        let said = place.output(&[&usual, &SIZE[..], options].concat());
+        let said = folder.output(&[&usual, &SIZE[..], options].concat());
         let report: serde_json::Value = serde_json::from_str(&said).expect("JSON");
         report["host_bytes"].as_u64().expect("a number of bytes")
     };

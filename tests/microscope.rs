@@ -6,7 +6,7 @@
 //! right lines: the lines before and after the stores must have no stores, the line of the loads must have no stores,
 //! and the line after it no loads.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{WorkFolder, device, has, repository};
 use serde_json::Value;
 
 /// Returns the output of `raycl compile --json` for the whole-frame kernel of a strategy, as compiled by the driver.
@@ -15,7 +15,7 @@ fn listing(strategy: &str) -> Value {
     let device = device();
     let scene = scene.to_str().expect("a path");
     let text =
-        Place::new().output(&["compile", scene, "--device", &device, "--strategy", strategy, "--json"]);
+        WorkFolder::new().output(&["compile", scene, "--device", &device, "--strategy", strategy, "--json"]);
     let made: Value = serde_json::from_str(&text).expect("JSON");
     let listings = made["microscope"]["listings"].as_array().expect("a list");
     let of_frame = listings.iter().find(|listing| listing["kernel"] == "cast_frame");
@@ -66,8 +66,8 @@ fn check_working_vectors(strategy: &str, named: &str) {
         [0; 2],
         "{strategy}: beside the stores"
     );
-    // A ray's origin and direction, three numbers each, are read at each test. They are volatile, so no load
-    // is removed.
+    // A ray's origin and direction, three numbers each, are read at each test. The vectors are volatile, so the
+    // compiler removes no load.
     let get = line_of(&listing, "return vec3(at[0], at[1], at[2]);");
     let loads = count(&listing, get, &load);
     assert!(loads >= 12, "{strategy}: {loads} loads");
@@ -100,38 +100,38 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
 #[test]
 fn the_page_stands_alone_with_source_and_instructions() {
     let scene = repository("scenes/teapot.toml");
-    let (place, device) = (Place::new(), device());
+    let (folder, device) = (WorkFolder::new(), device());
     let arguments = ["compile", scene.to_str().expect("a path"), "--device", &device, "--out", "made"];
-    place.output(&[&arguments[..], &["--strategy", "naive"]].concat());
-    let page = place.text("made/naive/microscope.html");
+    folder.output(&[&arguments[..], &["--strategy", "naive"]].concat());
+    let page = folder.text("made/naive/microscope.html");
     has(&page, &["<h1>naive</h1>", "at[0] = value.x;", "data-line=", "default-src 'none'", "cast_frame: "]);
     for outside in ["<link", "src=\"http", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
     assert_eq!(page.matches("<script").count(), 1);
-    let made: Value = serde_json::from_str(&place.text("made/naive/made.json")).expect("JSON");
+    let made: Value = serde_json::from_str(&folder.text("made/naive/made.json")).expect("JSON");
     let rows = &made["microscope"]["listings"][0]["rows"];
     assert!(rows.as_array().is_some_and(|rows| rows.len() > 20), "{rows}");
 }
 
 #[test]
 fn without_objdump_the_page_says_what_is_missing() {
-    let (place, device) = (Place::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
+    let (work_folder, device) = (WorkFolder::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
     let mut command =
-        place.raycl(&["compile", "scene.toml", "--device", &device, "--strategy", "naive", "--json"]);
+        work_folder.raycl(&["compile", "scene.toml", "--device", &device, "--strategy", "naive", "--json"]);
     // In this `PATH`, raycl does not find `objdump`; PoCL finds the linker, which it needs for kernels that are not in
     // its cache.
-    std::fs::create_dir(place.path("tools")).expect("a folder");
+    std::fs::create_dir(work_folder.path("tools")).expect("a folder");
     let path = std::env::var_os("PATH").expect("a PATH");
     if let Some(linker) =
         std::env::split_paths(&path).map(|folder| folder.join("ld")).find(|file| file.exists())
     {
-        std::os::unix::fs::symlink(linker, place.path("tools/ld")).expect("a link");
+        std::os::unix::fs::symlink(linker, work_folder.path("tools/ld")).expect("a link");
     }
     for cache in ["XDG_CACHE_HOME", "POCL_CACHE_DIR"] {
-        command.env(cache, place.path("cache"));
+        command.env(cache, work_folder.path("cache"));
     }
-    let output = command.env("PATH", place.path("tools")).output().expect("it runs");
+    let output = command.env("PATH", work_folder.path("tools")).output().expect("it runs");
     let made: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     if made["binary_is_ptx"] == false {
         let notes = made["microscope"]["notes"].to_string();

@@ -1,49 +1,51 @@
 //! Mip levels: textures that are seen from far away, in every family that supports them.
 
-use crate::binary::{Place, apart, has, repository};
+use crate::binary::{WorkFolder, apart, has, repository};
 use crate::common::due;
 use image::{Rgb, RgbImage};
 
 /// The files of a scene: a chequered floor that is seen at a grazing angle, and a wall in front of it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
-/// Rows of a picture in which the floor is so far away that a pixel is longer than a square of the chequers.
+/// Rows of a picture in which the floor is so far away that a pixel covers a longer part of the floor than one square
+/// of the chequers.
 const FAR: std::ops::Range<u32> = 25..30;
 
-fn floor() -> Place {
-    let place = Place::new();
+fn floor() -> WorkFolder {
+    let folder = WorkFolder::new();
     for file in FILES {
-        std::fs::copy(repository("tests/data").join(file), place.path(file)).expect("a copy");
+        std::fs::copy(repository("tests/data").join(file), folder.path(file)).expect("a copy");
     }
-    change(&place, "chequers.toml", "scene.toml", &[]);
-    place
+    change(&folder, "chequers.toml", "scene.toml", &[]);
+    folder
 }
 
 /// Writes a copy of a file under another name, with some parts of its text replaced.
-fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
-    let mut text = place.text(file);
+fn change(folder: &WorkFolder, file: &str, name: &str, texts: &[(&str, &str)]) {
+    let mut text = folder.text(file);
     for (from, to) in texts {
         assert!(text.contains(from), "{file} no longer says {from}");
         text = text.replace(from, to);
     }
-    place.write(name, &text);
+    folder.write(name, &text);
 }
 
 /// Returns the root mean square difference of the 8-bit channels (0 to 255), in some rows to the right of the
 /// wall.
 fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
-    let places: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
-    let squared = |place: &(u32, u32)| {
-        let channels = a.get_pixel(place.0, place.1).0.into_iter().zip(b.get_pixel(place.0, place.1).0);
+    let positions: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
+    let squared = |position: &(u32, u32)| {
+        let channels =
+            a.get_pixel(position.0, position.1).0.into_iter().zip(b.get_pixel(position.0, position.1).0);
         channels.map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>()
     };
-    (places.iter().map(squared).sum::<f64>() / (3 * places.len()) as f64).sqrt()
+    (positions.iter().map(squared).sum::<f64>() / (3 * positions.len()) as f64).sqrt()
 }
 
 #[test]
 fn every_family_takes_the_reference_s_levels() {
-    let place = floor();
-    let (expected, _) = place.picture(&["--verify"]);
+    let folder = floor();
+    let (expected, _) = folder.picture(&["--verify"]);
     for strategy in [
         "naive",
         "naive,layout=indexed16,vectors=global",
@@ -57,40 +59,40 @@ fn every_family_takes_the_reference_s_levels() {
         "tile-group",
         "tile-group-watertight,passes=separate",
     ] {
-        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
-        assert!(apart(&found, &expected) <= 8, "{strategy}: {}", apart(&found, &expected));
+        let (picture, _) = folder.picture(&["--verify", "--strategy", strategy]);
+        assert!(apart(&picture, &expected) <= 8, "{strategy}: {}", apart(&picture, &expected));
     }
 }
 
 #[test]
 fn samples_have_narrower_cones_in_soft_light_too() {
-    let place = floor();
+    let folder = floor();
     let soft = ("8e4]", "8e4]\nradius = 20\n[sky]\nzenith = 0.02");
-    change(&place, "scene.toml", "scene.toml", &[soft]);
+    change(&folder, "scene.toml", "scene.toml", &[soft]);
     for strategy in ["deferred", "bvh-packet", "tile", "tile-group"] {
-        place.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
-        place.picture(&["--verify", "--samples", "8", "--adaptive", "--strategy", strategy]);
+        folder.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
+        folder.picture(&["--verify", "--samples", "8", "--adaptive", "--strategy", strategy]);
     }
 }
 
 #[test]
 fn a_distant_chequer_is_close_to_its_mean() {
-    let place = floor();
-    let one = place.picture(&[]).0;
-    let aliased = place.picture(&OFF).0;
-    let exact = place.picture(&[&OFF[..], &["--samples", "256"]].concat()).0;
+    let folder = floor();
+    let one = folder.picture(&[]).0;
+    let aliased = folder.picture(&OFF).0;
+    let exact = folder.picture(&[&OFF[..], &["--samples", "256"]].concat()).0;
     let [with, without] = [&one, &aliased].map(|picture| error(picture, &exact, FAR));
     assert!(4.0 * with < without, "{with} with mip levels, {without} without");
     // With several samples per pixel, ray cones are narrower, so the picture is sharper than with one sample.
-    let several = place.picture(&["--samples", "64"]).0;
+    let several = folder.picture(&["--samples", "64"]).0;
     let sharp = error(&several, &exact, 36..45);
     assert!(sharp < 4.0 && 2.0 * sharp < error(&one, &exact, 36..45), "{sharp}");
 }
 
 #[test]
 fn where_texels_are_larger_than_pixels_nothing_changes() {
-    let place = floor();
-    let [with, without] = [place.picture(&[]).0, place.picture(&OFF).0];
+    let folder = floor();
+    let [with, without] = [folder.picture(&[]).0, folder.picture(&OFF).0];
     // The wall is in the left half of the picture. It hides the rows at the horizon, and some rows above and below
     // them.
     let wall = |picture: &RgbImage| image::imageops::crop_imm(picture, 16, 17, 12, 11).to_image();
@@ -102,16 +104,16 @@ fn where_texels_are_larger_than_pixels_nothing_changes() {
 /// Leaves of one colour lie between transparent texels of another colour. The background has a third colour.
 #[test]
 fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
-    let place = floor();
-    change(&place, "chequers.mtl", "chequers.mtl", &[("map_Kd", "map_d chequers.png\nmap_Kd")]);
+    let folder = floor();
+    change(&folder, "chequers.mtl", "chequers.mtl", &[("map_Kd", "map_d chequers.png\nmap_Kd")]);
     let leaves = image::RgbaImage::from_fn(32, 32, |x, y| match (x / 8 + y / 8) % 3 {
         0 => image::Rgba([20, 200, 20, 255]),
         _ => image::Rgba([250, 0, 250, 0]),
     });
-    leaves.save(place.path("chequers.png")).expect("a picture");
-    change(&place, "scene.toml", "scene.toml", &[("[0.01, 0.02, 0.05]", "\"#0000ff\"")]);
+    leaves.save(folder.path("chequers.png")).expect("a picture");
+    change(&folder, "scene.toml", "scene.toml", &[("[0.01, 0.02, 0.05]", "\"#0000ff\"")]);
     let holes = |options: &[&str]| {
-        let picture = place.picture(&[&["--verify"], options].concat()).0;
+        let picture = folder.picture(&[&["--verify"], options].concat()).0;
         let hole = |pixel: &Rgb<u8>| pixel.0 == [0, 0, 255];
         (picture.pixels().map(hole).collect::<Vec<_>>(), picture)
     };
@@ -120,17 +122,17 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     // Far away, a leaf covers about a pixel and is read from a level of few texels. It is still green, although
     // texels at its edge are mixed with others.
     let rows = FAR.start * 72..FAR.end * 72;
-    let leaf = |place: u32| picture.get_pixel(place % 72, place / 72).0;
-    let leaves: Vec<_> = rows.filter(|place| !with[*place as usize]).map(leaf).collect();
+    let leaf = |index: u32| picture.get_pixel(index % 72, index / 72).0;
+    let leaves: Vec<_> = rows.filter(|index| !with[*index as usize]).map(leaf).collect();
     let green = leaves.iter().filter(|leaf| leaf[1] > leaf[0]).count();
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// The changes to the kernels: a level of another size, swapped weights of two levels, a wrong cone, texels
-/// of the previous level.
+/// The changes to the kernels are a level of another size, swapped weights of two levels, a wrong cone, and texels of
+/// the previous level.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
-    let place = floor();
+    let folder = floor();
     let changes = [
         ("log2(width / across)", "log2(width / across) + 0.5f"),
         ("log2(width / across)", "log2(width)"),
@@ -141,30 +143,30 @@ fn a_broken_level_is_a_wrong_picture() {
     ];
     let all = ["deferred", "tile"].into_iter().flat_map(|strategy| changes.map(|change| (strategy, change)));
     for (strategy, (from, to)) in due(all) {
-        place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
+        folder.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
     }
 }
 
 /// The last levels of these pictures, with few rows or columns, are one texel high or wide.
 #[test]
 fn levels_of_pictures_with_few_rows_or_columns_keep_one_of_them() {
-    let place = floor();
+    let folder = floor();
     for (size, from, to) in [
         ([64, 4], "level.height = max(level.height / 2, 1)", "level.height = level.height / 2"),
         ([4, 64], "level.width = max(level.width / 2, 1)", "level.width = level.width / 2"),
     ] {
         let pixel = |x: u32, y: u32| Rgb([(60 * x % 256) as u8, (50 * y % 256) as u8, 200]);
-        RgbImage::from_fn(size[0], size[1], pixel).save(place.path("chequers.png")).expect("a picture");
+        RgbImage::from_fn(size[0], size[1], pixel).save(folder.path("chequers.png")).expect("a picture");
         for strategy in ["deferred", "tile"] {
-            place.picture(&["--verify", "--strategy", strategy]);
+            folder.picture(&["--verify", "--strategy", strategy]);
         }
-        place.notices(("common/textures.cl", from, to), "deferred", &["--verify"]);
+        folder.notices(("common/textures.cl", from, to), "deferred", &["--verify"]);
     }
 }
 
 #[test]
 fn an_option_that_is_misspelt_is_refused() {
-    let place = floor();
-    change(&place, "scene.toml", "scene.toml", &[("background", "mip_levels = 3\nbackground")]);
-    has(&place.mistake(&["render", "scene.toml"], 2), &["scene.toml:3", "mip_levels"]);
+    let folder = floor();
+    change(&folder, "scene.toml", "scene.toml", &[("background", "mip_levels = 3\nbackground")]);
+    has(&folder.mistake(&["render", "scene.toml"], 2), &["scene.toml:3", "mip_levels"]);
 }

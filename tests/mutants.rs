@@ -1,7 +1,7 @@
 //! Broken kernels: verification must notice every change to a kernel file that tests/mutants/kernels.toml lists. `make
 //! test` tries some of these changes, `make test-long` all.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::apart::apart;
 use crate::common::{self, compiles_soon, is_long};
 use crate::watertight::faults;
@@ -120,7 +120,7 @@ impl Mutant {
 
     /// Casts an image with the change, and fails if verification does not notice it.
     fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
-        let place = Place::new();
+        let work_folder = WorkFolder::new();
         let local_size = match strategy.family().name {
             "tile-cpu" => "1x1",
             "tile-gpu" => "32x1",
@@ -130,20 +130,20 @@ impl Mutant {
         let scene = scene.to_str().expect("UTF-8");
         let device = device();
         let cast = ["render", scene, "--device", &device, "--local-size", local_size, "--strategy", name];
-        let folder = self.folder(&place);
+        let folder = self.folder(&work_folder);
         let width = self.width.unwrap_or(SIZE[0]).to_string();
         let size = ["--width", &width, "--height", &SIZE[1].to_string()];
         let ends = ["--verify", "--quiet", "-o", "wrong.png", "--cl-dir", &folder];
-        let message = place.mistake(&[&cast[..], &size, &ends].concat(), 1);
+        let message = work_folder.mistake(&[&cast[..], &size, &ends].concat(), 1);
         has(&message, &["the picture is wrong: "]);
     }
 
     /// Returns a folder for `--cl-dir` that applies the change to the built-in kernels.
-    fn folder(&self, place: &Place) -> String {
+    fn folder(&self, folder: &WorkFolder) -> String {
         let text = Sources::Embedded.read(&self.file).expect("a kernel file");
-        let found = text.matches(&self.from).count();
-        assert_eq!(found, 1, "{}: {:?} has to be there once", self.file, self.from);
-        place.kernels(&self.file, &self.from, &self.to)
+        let count = text.matches(&self.from).count();
+        assert_eq!(count, 1, "{}: {:?} has to be there once", self.file, self.from);
+        folder.kernels(&self.file, &self.from, &self.to)
     }
 }
 
@@ -196,8 +196,8 @@ fn a_broken_kernel_is_a_wrong_picture() {
 fn a_broken_edge_leaks() {
     apart!();
     for mutant in of_command(Some("leaks"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {
-        let place = Place::new();
-        let folder = place.path(&mutant.folder(&place));
+        let work_folder = WorkFolder::new();
+        let folder = work_folder.path(&mutant.folder(&work_folder));
         let strategies = mutant.strategies();
         assert!(!strategies.is_empty(), "{}: no strategy uses it", mutant.file);
         for (name, strategy) in strategies {
@@ -214,20 +214,22 @@ fn a_broken_edge_leaks() {
 fn broken_lane_operations_are_the_users_mistake() {
     let lanes = common::device().info.builtins().lanes;
     for mutant in of_command(Some("probe"), 3).iter().filter(|mutant| mutant.is_about(lanes)) {
-        let place = Place::new();
-        let folder = mutant.folder(&place);
-        let message = place.mistake(&["kernel", "tile-group", "--device", &device(), "--cl-dir", &folder], 2);
+        let work_folder = WorkFolder::new();
+        let folder = mutant.folder(&work_folder);
+        let message =
+            work_folder.mistake(&["kernel", "tile-group", "--device", &device(), "--cl-dir", &folder], 2);
         has(&message, &["get wrong values with ", "lanes.cl", "help: "]);
     }
 }
 
-/// Testing a change takes seconds, since `raycl peak` measures before it reports a wrong result.
+/// Testing a change takes seconds, since `raycl peak` measures before it reports a wrong result. `make test` therefore
+/// tests only one change.
 #[test]
 fn a_broken_kernel_of_peak_is_no_figure() {
     for mutant in of_command(Some("peak"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {
-        let place = Place::new();
-        let folder = mutant.folder(&place);
-        let message = place.mistake(&["peak", "--device", &device(), "--cl-dir", &folder], 1);
+        let work_folder = WorkFolder::new();
+        let folder = mutant.folder(&work_folder);
+        let message = work_folder.mistake(&["peak", "--device", &device(), "--cl-dir", &folder], 1);
         has(&message, &[" returned ", ", not "]);
     }
 }

@@ -56,7 +56,7 @@ fn shadow_rays_end_at_lights_and_meet_all_before() {
 }
 
 #[test]
-fn surfaces_whose_boxes_overlap_are_told_apart() {
+fn surfaces_whose_boxes_overlap_are_distinguished() {
     is_right_in_all("layers.toml");
 }
 

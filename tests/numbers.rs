@@ -1,7 +1,7 @@
 //! Numbers at which other ray casters fail: very small and very large scenes, lights on surfaces, cameras
 //! inside meshes and on triangles, normals of length zero.
 
-use crate::binary::Place;
+use crate::binary::WorkFolder;
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::Vec3;
@@ -213,9 +213,9 @@ fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
 fn weights_of_needles_are_clamped_to_the_triangle() {
     apart!();
     assert!(are_no_brighter_than_their_brightest_corner(&Sources::Embedded));
-    let place = Place::new();
-    let folder = place.kernels("common/meet_plane.cl", "zero), one - hit.w1);", "zero), one);");
-    assert!(!are_no_brighter_than_their_brightest_corner(&Sources::Folder(place.path(&folder))));
+    let work_folder = WorkFolder::new();
+    let folder = work_folder.kernels("common/intersect_plane.cl", "zero), one - hit.w1);", "zero), one);");
+    assert!(!are_no_brighter_than_their_brightest_corner(&Sources::Folder(work_folder.path(&folder))));
 }
 
 /// Returns a sphere on the ground in light as far away as `distance`, which arrives as strongly from any distance.
@@ -238,8 +238,8 @@ fn dark_share(sources: &Sources, strategy: &Strategy) -> f64 {
 }
 
 /// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the hit than
-/// this end. A ray from the hit meets it. So the shadow near the point where the sphere touches the ground is
-/// uncertain, and both pictures are right.
+/// this end. A shadow ray that starts at the hit meets this surface. So the shadow near the point where the sphere
+/// touches the ground is uncertain, and both pictures are right.
 #[test]
 fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     apart!();
@@ -256,8 +256,9 @@ fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     }
 }
 
-/// Rounding moves a surface, seen from a distant light, by more than the shadow bias. Such pixels are uncertain, so
-/// that `verify` cannot notice the speckles.
+/// Rounding changes the distance between a surface and a distant light by more than the shadow bias. If the bias alone
+/// decided where shadow rays end, many pixels would be dark (speckles). Such pixels are uncertain, so `verify` cannot
+/// notice speckles; this test counts dark pixels instead.
 #[test]
 fn a_distant_light_makes_no_speckles() {
     apart!();
@@ -266,9 +267,9 @@ fn a_distant_light_makes_no_speckles() {
         let dark = dark_share(&Sources::Embedded, &strategy(name));
         assert!(dark < 0.01, "{name}: {dark}");
     }
-    let place = Place::new();
+    let work_folder = WorkFolder::new();
     let bias_only = "bias_per_distance + 0.0f * (";
-    let folder = place.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
-    let dark = dark_share(&Sources::Folder(place.path(&folder)), &strategy("tile"));
+    let folder = work_folder.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
+    let dark = dark_share(&Sources::Folder(work_folder.path(&folder)), &strategy("tile"));
     assert!(dark > 0.1, "with the bias alone: {dark}");
 }

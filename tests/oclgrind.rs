@@ -66,7 +66,8 @@ impl Simulation<'_> {
         let is_refused =
             ["cannot cast this frame", "cannot cast the scene"].iter().any(|part| said.contains(part));
         let does_not_fit = output.status.code() == Some(2) && is_refused;
-        // tests/kernels.rs reports programs that no compiler accepts.
+        // A program that does not build is skipped here, since tests/kernels.rs reports programs that no compiler
+        // accepts.
         if does_not_fit || said.contains("the build of the kernels failed") {
             return None;
         }
@@ -144,8 +145,8 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
 
 #[test]
 fn presets_of_one_ray_read_nothing_unwritten() {
-    // With this check, Oclgrind crashes on wide vectors. It also reports values that clEnqueueFillBuffer wrote, such as
-    // the rasteriser's depths, as unwritten.
+    // When Oclgrind looks for memory that was never written, it crashes on wide vectors. It also reports values that
+    // clEnqueueFillBuffer wrote, such as the rasteriser's depths, as unwritten.
     let checkable = |s: &Strategy| s.width == Width::W1 && s.traversal != Traversal::Raster;
     let narrow: Vec<_> = presets().into_iter().filter(checkable).collect();
     assert_eq!(all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED), narrow.len());
@@ -210,8 +211,8 @@ fn barriers() -> Vec<(&'static str, usize, &'static str)> {
         let text = Sources::Embedded.read(file).expect("a kernel");
         let calls = ["barrier(CLK_LOCAL_MEM_FENCE)", "lane_sync(group)"];
         let all = calls.into_iter().flat_map(|call| {
-            let places: Vec<usize> = text.match_indices(call).map(|(at, _)| at).collect();
-            places.into_iter().map(move |at| (at, call))
+            let positions: Vec<usize> = text.match_indices(call).map(|(at, _)| at).collect();
+            positions.into_iter().map(move |at| (at, call))
         });
         // Barriers of sub-groups are left out, since Oclgrind has no sub-groups.
         let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();

@@ -1,7 +1,7 @@
 //! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as
 //! docs/own-kernels.md describes.
 
-use crate::binary::{Place, TRIANGLE, config, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
@@ -18,8 +18,8 @@ const ADDED: &str = "intersector=baldwin-weber";
 const FILE: &str = "cast/intersect/baldwin_weber.cl";
 
 /// Returns a folder with the example's file, under the name `file`, with a part of its text replaced.
-fn changed(place: &Place, file: &str, from: &str, to: &str) -> String {
-    place.kernels_of(&format!("docs/kernels/{FILE}"), file, from, to)
+fn changed(folder: &WorkFolder, file: &str, from: &str, to: &str) -> String {
+    folder.kernels_of(&format!("docs/kernels/{FILE}"), file, from, to)
 }
 
 const POINTS: &str = r#"
@@ -38,15 +38,15 @@ records = "once"
 
 #[test]
 fn a_file_is_a_value_at_once() {
-    let (place, cl) = (Place::new(), example());
-    has(&place.output(&["strategies", "--cl-dir", &cl]), &["  baldwin-weber", "a matrix per triangle"]);
-    assert!(!place.output(&["strategies"]).contains("baldwin-weber"));
+    let (folder, cl) = (WorkFolder::new(), example());
+    has(&folder.output(&["strategies", "--cl-dir", &cl]), &["  baldwin-weber", "a matrix per triangle"]);
+    assert!(!folder.output(&["strategies"]).contains("baldwin-weber"));
     let scene = repository("scenes/gourd.toml");
     let device = device();
     let render = |strategy: &str| {
         let text = ["render", scene.to_str().expect("UTF-8"), "--device", &device, "--cl-dir", &cl];
         let size = ["--width", "75", "--height", "47", "--local-size", "4x4", "--verify", "--force"];
-        place.output(&[&text[..], &size, &["--strategy", strategy, "-o", "a.png"]].concat())
+        folder.output(&[&text[..], &size, &["--strategy", strategy, "-o", "a.png"]].concat())
     };
     for strategy in ["naive,epsilons=relative", "tiled-wide", "bvh-packet"] {
         render(&format!("{strategy},intersector=baldwin-weber"));
@@ -55,33 +55,33 @@ fn a_file_is_a_value_at_once() {
             assert!(said.lines().any(|line| line.starts_with("records ")), "{said}");
         }
     }
-    let kernel = place.output(&["kernel", "deferred,intersector=baldwin-weber", "--cl-dir", &cl]);
+    let kernel = folder.output(&["kernel", "deferred,intersector=baldwin-weber", "--cl-dir", &cl]);
     has(&kernel, &[FILE, "const float nx"]);
 }
 
 #[test]
 fn an_experiment_takes_it_and_its_text_is_in_the_key() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 0, 5))]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 0, 5))]);
     let device = device();
     let run = |cl: &str| {
         let run =
             ["run", "test.toml", "--device", &device, "--out", "out", "--quiet", "--resume", "--cl-dir", cl];
-        place.output(&run);
-        place.json_lines("out/records.jsonl")
+        folder.output(&run);
+        folder.json_lines("out/records.jsonl")
     };
-    let first = run(&changed(&place, FILE, "", ""));
+    let first = run(&changed(&folder, FILE, "", ""));
     let names: Vec<_> = first.iter().filter_map(|record| record["name"].as_str()).collect();
     assert_eq!(names.iter().filter(|name| name.contains(ADDED)).count(), 2, "{names:?}");
     assert!(
         first.iter().all(|record| record["outcome"] == "measured" && record["unexplained_pixels"] == 0),
         "{first:?}"
     );
-    has(&place.text("out/report.html"), &["baldwin-weber"]);
+    has(&folder.text("out/report.html"), &["baldwin-weber"]);
     for record in &first {
         let once = record["strategy"].as_str().is_some_and(|strategy| strategy.contains("records=once"));
         assert_eq!(record["records_ms"].as_f64().is_some_and(|ms| ms > 0.0), once, "{record}");
     }
-    let second = run(&changed(&place, FILE, "typedef struct", "// changed\ntypedef struct"));
+    let second = run(&changed(&folder, FILE, "typedef struct", "// changed\ntypedef struct"));
     // Older records are kept; only points whose kernels have the changed text are measured again.
     let is_new = |record: &&Value| first.iter().all(|other| other["key"] != record["key"]);
     let new: Vec<_> = second.iter().filter(is_new).collect();
@@ -91,9 +91,10 @@ fn an_experiment_takes_it_and_its_text_is_in_the_key() {
 
 #[test]
 fn a_wrong_name_is_answered_with_the_nearest_and_a_contradiction_with_its_reason() {
-    let (place, cl) = (Place::with(&[("scene.toml", TRIANGLE)]), example());
-    let mistake =
-        |strategy: &str| place.mistake(&["render", "scene.toml", "--cl-dir", &cl, "--strategy", strategy], 2);
+    let (folder, cl) = (WorkFolder::with(&[("scene.toml", TRIANGLE)]), example());
+    let mistake = |strategy: &str| {
+        folder.mistake(&["render", "scene.toml", "--cl-dir", &cl, "--strategy", strategy], 2)
+    };
     has(&mistake("deferred,intersector=baldwin-webber"), &["did you mean 'baldwin-weber'?"]);
     let said = mistake("deferred,intersector=baldwin-weber,culling=back");
     let because =
@@ -113,27 +114,31 @@ fn a_wrong_name_is_answered_with_the_nearest_and_a_contradiction_with_its_reason
 }
 
 #[test]
-fn a_mistake_in_a_folder_has_its_place_and_remedy() {
-    let mistake = |place: &Place, folder: &str| place.mistake(&["strategies", "--cl-dir", folder], 2);
-    let place = Place::new();
-    let folder = changed(&place, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
-    let said = mistake(&place, &folder);
+fn a_mistake_in_a_folder_has_its_position_and_remedy() {
+    let mistake =
+        |work_folder: &WorkFolder, folder: &str| work_folder.mistake(&["strategies", "--cl-dir", folder], 2);
+    let work_folder = WorkFolder::new();
+    let folder = changed(&work_folder, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
+    let said = mistake(&work_folder, &folder);
     has(&said, &[FILE, "line 4", "'any-rays' is not a valid 'prepared_for'", "did you mean 'any-ray'?"]);
     // A file that replaces a built-in value of an axis needs a header (comment lines such as `// meaning: TEXT`), too.
-    let place = Place::new();
-    let folder = changed(&place, "cast/intersect/watertight.cl", "// meaning: ", "// ");
-    has(&mistake(&place, &folder), &["watertight.cl, line 1", "no 'meaning'", "`// record_floats: 1 to 64`"]);
-
-    let place = Place::new();
-    let folder = changed(&place, "cast/intersct/baldwin_weber.cl", "", "");
+    let work_folder = WorkFolder::new();
+    let folder = changed(&work_folder, "cast/intersect/watertight.cl", "// meaning: ", "// ");
     has(
-        &mistake(&place, &folder),
+        &mistake(&work_folder, &folder),
+        &["watertight.cl, line 1", "no 'meaning'", "`// record_floats: 1 to 64`"],
+    );
+
+    let work_folder = WorkFolder::new();
+    let folder = changed(&work_folder, "cast/intersct/baldwin_weber.cl", "", "");
+    has(
+        &mistake(&work_folder, &folder),
         &["no file includes it", "did you mean cast/intersect/baldwin_weber.cl?", "tile_gpu/intersect/"],
     );
-    let place = Place::new();
-    let folder = changed(&place, "cast/exhaustve.cl", "", "");
+    let work_folder = WorkFolder::new();
+    let folder = changed(&work_folder, "cast/exhaustve.cl", "", "");
     has(
-        &mistake(&place, &folder),
+        &mistake(&work_folder, &folder),
         &[
             "no file includes it",
             "did you mean cast/exhaustive.cl?",
@@ -141,9 +146,9 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
         ],
     );
 
-    let place = Place::new();
-    let folder = changed(&place, "cast/intersect/My test.cl", "", "");
-    let said = mistake(&place, &folder);
+    let work_folder = WorkFolder::new();
+    let folder = changed(&work_folder, "cast/intersect/My test.cl", "", "");
+    let said = mistake(&work_folder, &folder);
     has(
         &said,
         &[
@@ -152,33 +157,34 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
         ],
     );
 
-    has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);
-    let place = Place::with(&[("empty/readme.txt", "")].map(|_| ("note.txt", "no kernel")));
-    has(&mistake(&place, "."), &["contains no kernel file"]);
+    has(&mistake(&WorkFolder::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);
+    let work_folder = WorkFolder::with(&[("empty/readme.txt", "")].map(|_| ("note.txt", "no kernel")));
+    has(&mistake(&work_folder, "."), &["contains no kernel file"]);
 }
 
 /// The compiler finds the error where a built-in file calls the user's function.
 #[test]
 fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let cl = changed(&place, FILE, "varying t_max, Hit *hit) {", "Hit *hit, varying t_max) {");
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let cl = changed(&folder, FILE, "varying t_max, Hit *hit) {", "Hit *hit, varying t_max) {");
     let device = device();
     let strategy = "deferred,intersector=baldwin-weber";
     let file = format!("no built-in kernel file is wrong by itself, but this program contains {cl}/{FILE}: ");
     for command in ["render", "compile"] {
         let arguments = [command, "scene.toml", "--device", &device, "--cl-dir", &cl, "--strategy", strategy];
         has(
-            &place.mistake(&arguments, 2),
+            &folder.mistake(&arguments, 2),
             &[&file, "docs/own-kernels.md lists the functions", "--cl-dir DIR"],
         );
     }
 }
 
-/// From the header of a file, the host computes memory and macros. The file's code must agree with it.
+/// The host computes sizes of memory and macros from the header of a kernel file. The file's code must agree with its
+/// header.
 #[test]
 fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() {
     let device = device();
-    for (file, from, to, strategy, told) in [
+    for (file, from, to, strategy, message) in [
         (
             "cast/vectors/local.cl",
             "memory: local",
@@ -196,18 +202,18 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
     ] {
         let points =
             format!("image_sizes = [[16, 9]]\nlocal_sizes = [8]\nstrategies = [\"{strategy}\", \"naive\"]\n");
-        let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(&points, 0, 1))]);
-        let cl = place.kernels(file, from, to);
+        let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(&points, 0, 1))]);
+        let cl = folder.kernels(file, from, to);
         let render = ["render", "scene.toml", "--device", &device, "--strategy", strategy];
         let render = [&render[..], &["--local-size", "8", "--cl-dir", &cl]].concat();
-        has(&place.mistake(&render, 2), &[file, told, "docs/own-kernels.md"]);
-        // The remedy names this command. It prints the program although the program does not compile.
-        has(&place.output(&["kernel", strategy, "--cl-dir", &cl]), &[file, "__kernel "]);
+        has(&folder.mistake(&render, 2), &[file, message, "docs/own-kernels.md"]);
+        // The remedy names the command `raycl kernel`, which prints the program even if it does not compile.
+        has(&folder.output(&["kernel", strategy, "--cl-dir", &cl]), &[file, "__kernel "]);
         let run = ["run", "test.toml", "--device", &device, "--out", "out", "--quiet", "--cl-dir", &cl];
-        place.raycl(&run).output().expect("raycl starts");
-        let records = place.json_lines("out/records.jsonl");
+        folder.raycl(&run).output().expect("raycl starts");
+        let records = folder.json_lines("out/records.jsonl");
         let of = |name: &str| records.iter().find(|record| record["name"] == name).expect("a record");
-        has(of(strategy)["reason"].as_str().unwrap_or_default(), &[file, told]);
+        has(of(strategy)["reason"].as_str().unwrap_or_default(), &[file, message]);
         assert_eq!(of("naive")["outcome"], "measured");
     }
 }
@@ -215,9 +221,9 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
 /// A single file in the folder replaces the built-in file; all other files are built in.
 #[test]
 fn a_folder_holds_what_differs() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = place.kernels("common/store_radiance.cl", "", "#error \"mine\"\n");
-    let message = place.mistake(&["kernel", "naive", "--cl-dir", &kernels], 2);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let kernels = folder.kernels("common/store_radiance.cl", "", "#error \"mine\"\n");
+    let message = folder.mistake(&["kernel", "naive", "--cl-dir", &kernels], 2);
     has(&message, &["kernels/common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
@@ -225,7 +231,7 @@ fn a_folder_holds_what_differs() {
 /// name.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let work_folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let copies = [
         ("cast/vectors", "private", "mine"),
         ("cast/triangles", "tiled", "mine"),
@@ -234,10 +240,11 @@ fn each_axis_of_files_takes_a_new_one() {
         ("tile_cpu/intersect", "edge_planes", "my_planes"),
     ];
     for (folder, from, to) in copies {
-        place.kernels_of(&format!("cl/{folder}/{from}.cl"), &format!("{folder}/{to}.cl"), "", "");
+        work_folder.kernels_of(&format!("cl/{folder}/{from}.cl"), &format!("{folder}/{to}.cl"), "", "");
     }
-    let kernel = |strategy: &str| place.output(&["kernel", strategy, "--cl-dir", "kernels"]);
-    let canonical = |strategy| place.output(&["kernel", strategy, "--cl-dir", "kernels", "--canonical"]);
+    let kernel = |strategy: &str| work_folder.output(&["kernel", strategy, "--cl-dir", "kernels"]);
+    let canonical =
+        |strategy| work_folder.output(&["kernel", strategy, "--cl-dir", "kernels", "--canonical"]);
     let same = [
         ("deferred,vectors=mine", "deferred", "vectors/mine.cl"),
         ("deferred,shading=mine", "deferred", "shading/mine.cl"),
@@ -249,7 +256,7 @@ fn each_axis_of_files_takes_a_new_one() {
         assert_eq!(canonical(own), canonical(built_in), "{own}");
     }
     assert_eq!(canonical("tiled,triangles=mine"), canonical("tiled"));
-    let refused = place.mistake(&["kernel", "bvh,triangles=mine", "--cl-dir", "kernels"], 2);
+    let refused = work_folder.mistake(&["kernel", "bvh,triangles=mine", "--cl-dir", "kernels"], 2);
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
@@ -259,7 +266,7 @@ fn each_axis_of_files_takes_a_new_one() {
 /// records are computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let (scene, cl) = (repository("scenes/gourd.toml"), repository("tests/overlay"));
     let (scene, cl) = (scene.to_str().expect("UTF-8"), cl.to_str().expect("UTF-8"));
     let device = device();
@@ -267,7 +274,7 @@ fn a_record_is_as_long_as_its_file_says() {
         let strategy = format!("{strategy},intersector=nine-floats");
         let render = ["render", scene, "--device", &device, "--cl-dir", cl, "--strategy", &strategy];
         let size = ["--width", "40", "--height", "30", "--local-size", "4x4", "--verify", "--force"];
-        place.output(&[&render[..], &size, &["-o", "a.png"]].concat());
+        folder.output(&[&render[..], &size, &["-o", "a.png"]].concat());
     }
 }
 
@@ -336,7 +343,7 @@ fn named(cell: &str) -> Vec<&str> {
     quoted.map(|name| name.split('(').next().unwrap_or_default()).collect()
 }
 
-/// The files that the page's table of helpers names contain these helpers.
+/// In docs/own-kernels.md, the table of helpers names a file for each helper. This file must contain the helper.
 #[test]
 fn the_page_lists_helpers_with_their_files() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");

@@ -1,7 +1,7 @@
 //! `raycl peak`, and how a run uses the peak rates. The tests only check that each rate exists, not how high it is.
 //! They need not check the kernels' results: `raycl peak` does so itself.
 
-use crate::binary::{Place, TRIANGLE, config, device, has};
+use crate::binary::{TRIANGLE, WorkFolder, config, device, has};
 use serde_json::{Value, json};
 
 const POINTS: &str = r#"
@@ -11,8 +11,8 @@ strategies = ["naive", "watertight", "bvh"]
 baselines = ["serial"]
 "#;
 
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
 /// The names of the values that `raycl peak` measures on a device.
@@ -31,27 +31,24 @@ const FIGURES: [&str; 10] = [
 
 #[test]
 fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
-    let place = place();
+    let folder = new_folder();
     let device = device();
-    let text = place.output(&["peak", "--device", &device, "--out", "peak.json"]);
+    let text = folder.output(&["peak", "--device", &device, "--out", "peak.json"]);
     has(&text, &["multiply-adds", "Gfma/s", "__local reads", "GB/s", "global memory", "ns"]);
-    let kept: Value = serde_json::from_str(&place.text("peak.json")).expect("JSON");
+    let stored: Value = serde_json::from_str(&folder.text("peak.json")).expect("JSON");
     for figure in FIGURES {
-        let found = &kept[0][figure];
+        let rate = &stored[0][figure];
         assert!(
-            found["median"].as_f64().is_some_and(|value| value > 0.0 && value.is_finite()),
-            "{figure}: {found}"
+            rate["median"].as_f64().is_some_and(|value| value > 0.0 && value.is_finite()),
+            "{figure}: {rate}"
         );
-        assert!(
-            found["repeats"].as_u64() >= Some(5) && found["q1"].as_f64() <= found["q3"].as_f64(),
-            "{found}"
-        );
+        assert!(rate["repeats"].as_u64() >= Some(5) && rate["q1"].as_f64() <= rate["q3"].as_f64(), "{rate}");
     }
-    let fma = kept[0]["fma_per_s"]["median"].as_f64().expect("a rate");
+    let fma = stored[0]["fma_per_s"]["median"].as_f64().expect("a rate");
 
-    let table = place.output(&["run", "test.toml", "--device", &device, "--out", "out", "--peak=peak.json"]);
+    let table = folder.output(&["run", "test.toml", "--device", &device, "--out", "out", "--peak=peak.json"]);
     has(&table, &["fraction of the device's peak rate of multiply-adds: "]);
-    for record in place.json_lines("out/records.jsonl") {
+    for record in folder.json_lines("out/records.jsonl") {
         let number = |field: &str| record[field].as_f64();
         let expected = match record["name"].as_str().expect("a name") {
             "naive" => Some(15.0),
@@ -60,36 +57,36 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
         };
         let fraction = expected.map(|operations| number("tests_per_s").expect("tests") * operations / fma);
         assert_eq!(number("limit_fraction").is_some(), fraction.is_some(), "{record}");
-        if let (Some(found), Some(expected)) = (number("limit_fraction"), fraction) {
-            assert!((found / expected - 1.0).abs() < 1e-9, "{record}");
+        if let (Some(actual), Some(expected)) = (number("limit_fraction"), fraction) {
+            assert!((actual / expected - 1.0).abs() < 1e-9, "{record}");
         }
     }
-    let environment: Value = serde_json::from_str(&place.text("out/environment.json")).expect("JSON");
+    let environment: Value = serde_json::from_str(&folder.text("out/environment.json")).expect("JSON");
     for key in ["device", "platform", "driver", "max_clock_mhz"] {
-        assert_eq!(kept[0][key], environment["devices"][0][key], "{key}");
+        assert_eq!(stored[0][key], environment["devices"][0][key], "{key}");
     }
     assert!(
-        kept[0]["launch_device_us"]["median"].as_f64() <= kept[0]["launch_host_us"]["median"].as_f64(),
-        "{kept}"
+        stored[0]["launch_device_us"]["median"].as_f64() <= stored[0]["launch_host_us"]["median"].as_f64(),
+        "{stored}"
     );
-    let copied: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
-    assert_eq!(copied[0]["timestamp"], kept[0]["timestamp"]);
-    has(&place.text("out/summary.md"), &["of peak"]);
+    let copied: Value = serde_json::from_str(&folder.text("out/peak.json")).expect("JSON");
+    assert_eq!(copied[0]["timestamp"], stored[0]["timestamp"]);
+    has(&folder.text("out/summary.md"), &["of peak"]);
 
-    // On standard output, the JSON stands alone.
-    let printed = place.output(&["peak", "--device", &device, "--out", "-"]);
+    // With `--out -`, standard output contains only the JSON.
+    let printed = folder.output(&["peak", "--device", &device, "--out", "-"]);
     let printed: Value = serde_json::from_str(&printed).expect("JSON");
-    assert_eq!(printed[0]["device"], kept[0]["device"]);
-    assert!(!place.path("-").exists());
+    assert_eq!(printed[0]["device"], stored[0]["device"]);
+    assert!(!folder.path("-").exists());
 
     let missing =
-        place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
+        folder.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
     has(&missing, &["none.json"]);
 }
 
 /// No device is opened: the workers of `--asleep` only wait.
 #[test]
-fn a_file_without_rates_of_the_device_is_told_and_later_rates_of_one_device_keep_those_of_others() {
+fn a_file_without_rates_of_the_device_is_reported_and_later_rates_of_one_device_keep_those_of_others() {
     let rates = |device: &str| {
         let mut rates = json!({
             "device": device, "platform": "?", "driver": "?", "timestamp": "?", "raycl_version": "?",
@@ -99,27 +96,27 @@ fn a_file_without_rates_of_the_device_is_told_and_later_rates_of_one_device_keep
         FIGURES.iter().for_each(|name| rates[*name] = figure.clone());
         rates.to_string()
     };
-    let place = place();
-    place.write("h200.json", &rates("an H200"));
-    place.write("asleep.json", &rates("asleep"));
+    let folder = new_folder();
+    folder.write("h200.json", &rates("an H200"));
+    folder.write("asleep.json", &rates("asleep"));
     let usual = ["run", "test.toml", "--out", "out", "--asleep", "0.1", "--set", "baselines=[]"];
-    let told = |more: &[&str]| {
-        let output = place.raycl(&[&usual[..], more].concat()).assert().success().get_output().clone();
+    let output_of = |more: &[&str]| {
+        let output = folder.raycl(&[&usual[..], more].concat()).assert().success().get_output().clone();
         String::from_utf8(output.stderr).expect("UTF-8")
     };
-    has(&told(&["--peak=h200.json"]), &["note: h200.json has no peak rates of asleep"]);
-    let resumed = told(&["--peak=asleep.json", "--resume"]);
+    has(&output_of(&["--peak=h200.json"]), &["note: h200.json has no peak rates of asleep"]);
+    let resumed = output_of(&["--peak=asleep.json", "--resume"]);
     assert!(!resumed.contains("no peak rates"), "{resumed}");
-    let kept: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
-    let devices: Vec<_> = kept.as_array().expect("a list").iter().map(|one| &one["device"]).collect();
+    let stored: Value = serde_json::from_str(&folder.text("out/peak.json")).expect("JSON");
+    let devices: Vec<_> = stored.as_array().expect("a list").iter().map(|one| &one["device"]).collect();
     assert_eq!(devices, ["asleep", "an H200"]);
 }
 
 #[test]
 fn a_point_records_what_the_compiler_made() {
-    let place = place();
-    place.output(&["run", "test.toml", "--device", &device(), "--out", "out", "--quiet"]);
-    for record in place.json_lines("out/records.jsonl") {
+    let folder = new_folder();
+    folder.output(&["run", "test.toml", "--device", &device(), "--out", "out", "--quiet"]);
+    for record in folder.json_lines("out/records.jsonl") {
         let kernels = record["kernels"].as_array().expect("a list");
         let names: Vec<_> = kernels.iter().filter_map(|kernel| kernel["name"].as_str()).collect();
         match record["name"].as_str().expect("a name") {
@@ -134,8 +131,8 @@ fn a_point_records_what_the_compiler_made() {
 #[test]
 fn an_old_spelling_is_answered_with_the_new_one() {
     let text = config(POINTS, 1, 5);
-    let place = Place::with(&[("test.toml", &text), ("old.toml", &format!("{text}[limits]\n"))]);
-    has(&place.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
-    has(&place.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
-    has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);
+    let folder = WorkFolder::with(&[("test.toml", &text), ("old.toml", &format!("{text}[limits]\n"))]);
+    has(&folder.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
+    has(&folder.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
+    has(&folder.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);
 }

@@ -94,8 +94,8 @@ fn with_mesh(text: &str, obj: &str, material: &str) -> Scene {
     load_scene(&folder.path().join("scene.toml")).expect("a scene").scene
 }
 
-/// Returns a triangle whose normals turn away from the eye, although light reaches it. Halfway between light and eye is
-/// a direction behind the surface, in which there is no highlight.
+/// Returns a triangle whose normals turn away from the eye, although light reaches it. The direction halfway between
+/// those to the light and to the eye points behind the surface, so there is no highlight.
 fn turned_away() -> Scene {
     let text = "[camera]\nz_near = 0.01\n[[light]]\nposition = [50, 0, 1]\npower = 10000\n";
     let obj = "v -2 -2 -2\nv 2 -2 -2\nv 0 3 -2\nvn 0.4 0 -0.9\nf 1//1 2//1 3//1\n";

@@ -125,9 +125,9 @@ fn the_experiments_page_sets_keys_that_its_configs_have() {
         let changed = load(&owned).unwrap_or_else(|error| panic!("{line}: {error}"));
         // Each `--set` of the line has an effect: without it, raycl refuses the experiment, or the experiment differs
         // from the one with every `--set`.
-        for place in 0..owned.len() {
+        for index in 0..owned.len() {
             let mut fewer = owned.clone();
-            let left_out = fewer.remove(place);
+            let left_out = fewer.remove(index);
             assert!(load(&fewer).ok().as_ref() != Some(&changed), "{line}: {left_out:?} changes nothing");
         }
         seen += sets.len();

@@ -1,29 +1,29 @@
 //! `raycl render`: pictures in every format, its reports, and the effects of its options.
 
-use crate::binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use serde_json::Value;
 
 /// A tetrahedron as it is often found in practice: without normals, and with a material that no file defines.
 const TETRAHEDRON: &str =
     "mtllib none.mtl\nusemtl red\nv 0 0 0\nv 2 0 0\nv 1 0 2\nv 1 2 1\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n";
 
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("mesh.obj", TETRAHEDRON)])
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("mesh.obj", TETRAHEDRON)])
 }
 
 /// Renders with these arguments and returns the report.
-fn report(place: &Place, arguments: &[&str]) -> Value {
+fn report(folder: &WorkFolder, arguments: &[&str]) -> Value {
     let device = device();
     let all = [&["render", "--json", "--device", &device], arguments].concat();
-    serde_json::from_str(&place.output(&all)).expect("JSON")
+    serde_json::from_str(&folder.output(&all)).expect("JSON")
 }
 
 #[test]
 fn every_format_holds_a_picture_of_the_size_asked_for() {
-    let place = place();
+    let folder = new_folder();
     for name in ["a.png", "a.jpg", "a.JPEG", "a.exr", "a.hdr"] {
-        report(&place, &["scene.toml", "-o", name, "--width", "37", "--height", "23"]);
-        let picture = image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        report(&folder, &["scene.toml", "-o", name, "--width", "37", "--height", "23"]);
+        let picture = image::open(folder.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!((picture.width(), picture.height()), (37, 23), "{name}");
         let brightest = picture.to_rgb32f().into_raw().into_iter().fold(0.0, f32::max);
         let background = 0.0053;
@@ -33,9 +33,9 @@ fn every_format_holds_a_picture_of_the_size_asked_for() {
 
 #[test]
 fn linear_formats_hold_radiance_and_not_what_is_displayed() {
-    let place = place();
-    report(&place, &["scene.toml", "-o", "a.exr", "--width", "16", "--height", "10"]);
-    let corner = image::open(place.path("a.exr")).expect("a picture").to_rgb32f()[(0, 0)];
+    let folder = new_folder();
+    report(&folder, &["scene.toml", "-o", "a.exr", "--width", "16", "--height", "10"]);
+    let corner = image::open(folder.path("a.exr")).expect("a picture").to_rgb32f()[(0, 0)];
     assert_eq!(corner.0, [0.0022, 0.0032, 0.0053]);
 }
 
@@ -43,8 +43,8 @@ fn linear_formats_hold_radiance_and_not_what_is_displayed() {
 fn json_has_every_field() {
     let size = ["--width", "64", "--height", "40"];
     let separate = ["scene.toml", "--repeat", "3", "--strategy", "wide-common-origin"];
-    let place = place();
-    let report = report(&place, &[&separate[..], &size].concat());
+    let folder = new_folder();
+    let report = report(&folder, &[&separate[..], &size].concat());
     let text = ["scene", "device", "strategy", "output"];
     let numbers = [
         "load_ms",
@@ -90,7 +90,7 @@ fn json_has_every_field() {
     let bytes = |name: &str| report[name].as_u64().expect("a number of bytes");
     assert!(bytes("device_bytes") >= 64 * 40 * 16 && bytes("host_bytes") > bytes("device_bytes"), "{report}");
     assert!(bytes("peak_bytes") > 0, "{report}");
-    let listed: Value = serde_json::from_str(&place.output(&["devices", "--json"])).expect("JSON");
+    let listed: Value = serde_json::from_str(&folder.output(&["devices", "--json"])).expect("JSON");
     let own = |device: &&Value| device["label"] == report["device"];
     let listed = listed["devices"].as_array().into_iter().flatten().find(own).expect("the device");
     assert_eq!(listed["threads"], report["threads"]);
@@ -98,7 +98,7 @@ fn json_has_every_field() {
 
 #[test]
 fn the_report_of_a_picture_on_standard_output_is_on_standard_error_also_as_json() {
-    let (place, device) = (place(), device());
+    let (folder, device) = (new_folder(), device());
     let size = ["--width", "16", "--height", "10", "-o", "-"];
     for (more, magic) in [
         (&["--device", &device][..], &b"\x89PNG"[..]),
@@ -106,7 +106,7 @@ fn the_report_of_a_picture_on_standard_output_is_on_standard_error_also_as_json(
         (&["--device", &device, "--turntable", "2"], b"YUV4MPEG2"),
     ] {
         let command = [&["render", "scene.toml", "--json"], &size[..], more].concat();
-        let output = place.raycl(&command).assert().success().get_output().clone();
+        let output = folder.raycl(&command).assert().success().get_output().clone();
         assert!(output.stdout.starts_with(magic), "{more:?}");
         let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
         assert_eq!(report["image_size"], serde_json::json!([16, 10]), "{more:?}");
@@ -115,14 +115,14 @@ fn the_report_of_a_picture_on_standard_output_is_on_standard_error_also_as_json(
 
 #[test]
 fn passes_that_a_strategy_does_not_have_are_null() {
-    let (place, size) = (place(), ["--width", "32", "--height", "20"]);
-    let fused = report(&place, &[&["scene.toml", "--strategy", "naive"], &size[..]].concat());
+    let (folder, size) = (new_folder(), ["--width", "32", "--height", "20"]);
+    let fused = report(&folder, &[&["scene.toml", "--strategy", "naive"], &size[..]].concat());
     assert!(fused["primary_ms"].is_null() && fused["shadow_ms"].is_null(), "{fused}");
     assert!(fused["primary_rays_per_s"].is_null() && fused["frame_rays_per_s"].is_number(), "{fused}");
     assert!(fused["shadow_rays_per_s"].is_null() && fused["tests_per_s"].is_number(), "{fused}");
     assert_eq!(fused["preset"], "naive");
     // A rasteriser does not test every ray against every triangle, so its report has no rate of tests.
-    let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
+    let raster = report(&folder, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
     // For tiles that work-items share, shading is always a separate pass: after the pass of shadow rays or,
     // if passes are fused, after the pass that casts all rays.
@@ -132,7 +132,7 @@ fn passes_that_a_strategy_does_not_have_are_null() {
         // compiles it only once.
         let hills = crate::binary::repository("scenes/terrain.toml");
         let hills = ["--strategy", &strategy, "-o", "hills.png", hills.to_str().expect("UTF-8")];
-        let tiles = report(&place, &[&hills[..], &size].concat());
+        let tiles = report(&folder, &[&hills[..], &size].concat());
         assert!(tiles["shade_ms"].is_number() && raster["shade_ms"].is_null(), "{tiles}");
         assert_eq!(
             [&tiles["primary_ms"], &tiles["shadow_ms"]].map(|ms| ms.is_number()),
@@ -144,10 +144,10 @@ fn passes_that_a_strategy_does_not_have_are_null() {
 
 #[test]
 fn options_choose_strategy_and_local_size() {
-    let (place, size) = (place(), ["--width", "30", "--height", "20"]);
+    let (folder, size) = (new_folder(), ["--width", "30", "--height", "20"]);
     let options = ["scene.toml", "--strategy", "deferred,width=2", "--set", "layout=indexed16"];
     let options = [&options[..], &["--local-size", "16x2"], &size].concat();
-    let report = report(&place, &options);
+    let report = report(&folder, &options);
     has(report["strategy"].as_str().expect("a text"), &["shading=deferred", "width=2", "layout=indexed16"]);
     assert_eq!(report["local_size"], serde_json::json!([16, 2]));
     assert!(report["preset"].is_null(), "{report}");
@@ -155,19 +155,20 @@ fn options_choose_strategy_and_local_size() {
 
 #[test]
 fn a_local_size_that_does_not_divide_the_image_is_padded() {
-    let place = place();
+    let folder = new_folder();
     for strategy in ["naive", "local-vectors", "raster", "wide", "tiled-common-origin"] {
         let options = ["--strategy", strategy, "--local-size", "7x5", "--width", "50", "--height", "31"];
         let device = device();
-        place.output(&[&["render", "scene.toml", "--verify", "--device", &device], &options[..]].concat());
+        folder.output(&[&["render", "scene.toml", "--verify", "--device", &device], &options[..]].concat());
     }
 }
 
-/// Kernels that work with any number of work-items per group, and default local sizes, respect the device's limit.
-/// PoCL's devices have this limit if the variable is set.
+/// Kernels that work with any number of work-items per group, and default local sizes, respect the device's limit. If
+/// the environment variable `POCL_MAX_WORK_GROUP_SIZE` is set, PoCL's devices allow only this number of work-items per
+/// group.
 #[test]
 fn a_device_that_allows_only_small_work_groups_casts_every_picture() {
-    let (place, device) = (place(), device());
+    let (folder, device) = (new_folder(), device());
     for (scene, more) in [
         ("scene.toml", &["--strategy", "raster"][..]),
         ("scene.toml", &["--strategy", "wide-common-origin"][..]),
@@ -176,33 +177,33 @@ fn a_device_that_allows_only_small_work_groups_casts_every_picture() {
     ] {
         let usual = ["render", scene, "-o", "a.png", "--force", "--verify", "--device", &device];
         let size = ["--width", "50", "--height", "31"];
-        let mut command = place.raycl(&[&usual, &size[..], more].concat());
+        let mut command = folder.raycl(&[&usual, &size[..], more].concat());
         command.env("POCL_MAX_WORK_GROUP_SIZE", "16").assert().success();
     }
 }
 
 #[test]
 fn set_changes_the_scene() {
-    let place = place();
+    let folder = new_folder();
     let size = ["--width", "24", "--height", "15"];
-    report(&place, &[&["scene.toml", "-o", "dark.png", "--set", "display.exposure=0"], &size[..]].concat());
-    let dark = image::open(place.path("dark.png")).expect("a picture").to_rgb8();
+    report(&folder, &[&["scene.toml", "-o", "dark.png", "--set", "display.exposure=0"], &size[..]].concat());
+    let dark = image::open(folder.path("dark.png")).expect("a picture").to_rgb8();
     assert!(dark.iter().all(|value| *value == 0));
     let away = ["--set", "camera.look_at=[0, 0, 5]", "--set", "name=behind"];
-    let behind = report(&place, &[&["scene.toml", "-o", "sky.exr"], &away[..], &size].concat());
+    let behind = report(&folder, &[&["scene.toml", "-o", "sky.exr"], &away[..], &size].concat());
     assert_eq!(behind["scene"], "behind");
-    let sky = image::open(place.path("sky.exr")).expect("a picture").to_rgb32f();
+    let sky = image::open(folder.path("sky.exr")).expect("a picture").to_rgb32f();
     assert!(sky.pixels().all(|pixel| pixel.0 == [0.0022, 0.0032, 0.0053]), "something is behind the camera");
 }
 
 #[test]
 fn a_bare_mesh_is_framed_lit_and_saved_under_its_name() {
-    let place = place();
-    let report = report(&place, &["mesh.obj", "--width", "64", "--height", "40", "--plain"]);
+    let folder = new_folder();
+    let report = report(&folder, &["mesh.obj", "--width", "64", "--height", "40", "--plain"]);
     assert_eq!(report["output"], "mesh.png");
     assert_eq!((&report["triangles"], &report["lights"]), (&4.into(), &2.into()));
     has(&report["notes"].to_string(), &["none.mtl", "`red`", "k_L 0.8"]);
-    let picture = image::open(place.path("mesh.png")).expect("a picture").to_rgb8();
+    let picture = image::open(folder.path("mesh.png")).expect("a picture").to_rgb8();
     let background = picture[(0, 0)];
     let bright = picture.pixels().filter(|pixel| pixel.0.iter().max() > Some(&100)).count();
     let covered = picture.pixels().filter(|pixel| **pixel != background).count();
@@ -212,9 +213,9 @@ fn a_bare_mesh_is_framed_lit_and_saved_under_its_name() {
 
 #[test]
 fn the_report_reads_well() {
-    let (place, device) = (place(), device());
+    let (folder, device) = (new_folder(), device());
     let size = ["--width", "40", "--height", "25", "--repeat", "2", "--device", &device];
-    let text = place.output(&[&["render", "scene.toml", "--strategy", "wide"], &size[..]].concat());
+    let text = folder.output(&[&["render", "scene.toml", "--strategy", "wide"], &size[..]].concat());
     has(&text, &["little: 1 triangle, 1 light\n", "wide: traversal=exhaustive", "40 x 25 pixels"]);
     has(
         &text,
@@ -225,43 +226,43 @@ fn the_report_reads_well() {
             text.lines().find(|line| line.starts_with(step)).unwrap_or_else(|| panic!("{step}: {text}"));
         assert!(line.contains(" ms"), "{line}");
     }
-    assert_eq!(place.output(&[&["render", "scene.toml", "-q"], &size[..]].concat()), "");
+    assert_eq!(folder.output(&[&["render", "scene.toml", "-q"], &size[..]].concat()), "");
 }
 
 #[test]
 fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
-    let (place, device) = (place(), device());
+    let (folder, device) = (new_folder(), device());
     let arguments = ["render", "scene.toml", "--strategy", "naive", "--verify", "--device", &device];
-    let text = place.output(&arguments);
+    let text = folder.output(&arguments);
     has(&text, &["verified  against the reference picture: largest relative difference ", " uncertain\n"]);
-    let found = &report(&place, &["scene.toml", "--verify"])["verified"];
-    assert!(found["max_difference"].as_f64().expect("a difference") < 1e-3, "{found}");
-    assert!(found["uncertain_pixels"].is_u64(), "{found}");
-    assert_eq!(found["pixels"], found["of_pixels"], "{found}");
-    assert!(report(&place, &["scene.toml"])["verified"].is_null());
-    let some = place.output(&["render", "scene.toml", "--verify=100", "--device", &device]);
+    let verified = &report(&folder, &["scene.toml", "--verify"])["verified"];
+    assert!(verified["max_difference"].as_f64().expect("a difference") < 1e-3, "{verified}");
+    assert!(verified["uncertain_pixels"].is_u64(), "{verified}");
+    assert_eq!(verified["pixels"], verified["of_pixels"], "{verified}");
+    assert!(report(&folder, &["scene.toml"])["verified"].is_null());
+    let some = folder.output(&["render", "scene.toml", "--verify=100", "--device", &device]);
     has(&some, &["verified  100 of ", " pixels, chosen at random, against the reference picture: largest"]);
-    assert_eq!(report(&place, &["scene.toml", "--verify=100"])["verified"]["pixels"], 100);
-    has(&place.mistake(&["render", "scene.toml", "--verify=0"], 2), &["0", "--verify"]);
+    assert_eq!(report(&folder, &["scene.toml", "--verify=100"])["verified"]["pixels"], 100);
+    has(&folder.mistake(&["render", "scene.toml", "--verify=0"], 2), &["0", "--verify"]);
 
-    let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let kernels = folder.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let wrong = ["--cl-dir", &kernels, "-o", "wrong.png"];
     let quiet = [&wrong[..], &["--quiet"]].concat();
     let sampled = ["render", "scene.toml", "--strategy", "naive", "--verify=100", "--device", &device];
-    has(&place.mistake(&[&sampled[..], &quiet[..]].concat(), 1), &["the picture is wrong: "]);
-    let message = place.mistake(&[&arguments[..], &quiet[..]].concat(), 1);
+    has(&folder.mistake(&[&sampled[..], &quiet[..]].concat(), 1), &["the picture is wrong: "]);
+    let message = folder.mistake(&[&arguments[..], &quiet[..]].concat(), 1);
     has(&message, &["the picture is wrong: ", "the picture was saved for inspection: wrong.png"]);
-    assert!(place.path("wrong.png").exists());
+    assert!(folder.path("wrong.png").exists());
 
     // The report comes before the error.
-    let told = |more: &[&str]| {
+    let output_of = |more: &[&str]| {
         let command = [&arguments[..], &wrong, more].concat();
-        let output = place.raycl(&command).assert().code(1).get_output().clone();
+        let output = folder.raycl(&command).assert().code(1).get_output().clone();
         has(&String::from_utf8_lossy(&output.stderr), &["the picture is wrong: "]);
         String::from_utf8(output.stdout).expect("UTF-8")
     };
-    has(&told(&[]), &["verified  the picture is wrong: ", "kernel ", "picture   wrong.png"]);
-    let json: Value = serde_json::from_str(&told(&["--json", "--repeat", "2"])).expect("JSON");
+    has(&output_of(&[]), &["verified  the picture is wrong: ", "kernel ", "picture   wrong.png"]);
+    let json: Value = serde_json::from_str(&output_of(&["--json", "--repeat", "2"])).expect("JSON");
     let reason = json["verified"]["wrong"].as_str().expect("a reason");
     assert!(reason.starts_with("the picture is wrong: "), "{reason}");
     assert!(json["frames"] == 2 && json["frame_ms"].is_f64() && json["notes"].is_array(), "{json}");
@@ -269,8 +270,8 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
 
 #[test]
 fn a_scene_of_the_repository_renders_from_any_folder() {
-    let (place, scene, device) = (Place::new(), repository("scenes/pyramid-upper.toml"), device());
+    let (folder, scene, device) = (WorkFolder::new(), repository("scenes/pyramid-upper.toml"), device());
     let scene = scene.to_str().expect("UTF-8");
-    place.output(&["render", scene, "--width", "80", "--height", "50", "--verify", "--device", &device]);
-    assert!(place.path("pyramid-upper.png").exists());
+    folder.output(&["render", scene, "--width", "80", "--height", "50", "--verify", "--device", &device]);
+    assert!(folder.path("pyramid-upper.png").exists());
 }

@@ -231,45 +231,47 @@ fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
 }
 
 #[test]
-fn pictures_are_compared_and_told_apart() {
+fn pictures_are_compared_and_distinguished() {
     let folder = tempfile::tempdir().expect("a folder");
-    let place = |name: &str| folder.path().join(name).display().to_string();
+    let path_of = |name: &str| folder.path().join(name).display().to_string();
     let mut picture = image::RgbImage::from_pixel(40, 30, image::Rgb([100; 3]));
-    picture.save(place("a.png")).expect("it saves");
+    picture.save(path_of("a.png")).expect("it saves");
     picture.put_pixel(12, 7, image::Rgb([100, 200, 100]));
-    picture.save(place("b.png")).expect("it saves");
-    let (said, _) = outcome(&["compare-images", &place("a.png"), &place("a.png"), "--fail-below", "99"], 0);
+    picture.save(path_of("b.png")).expect("it saves");
+    let (said, _) =
+        outcome(&["compare-images", &path_of("a.png"), &path_of("a.png"), "--fail-below", "99"], 0);
     assert!(said.contains("equal in all 1200 pixels"), "{said}");
-    let command = ["compare-images", &place("a.png"), &place("b.png"), "--output", &place("d.png"), "--json"];
+    let command =
+        ["compare-images", &path_of("a.png"), &path_of("b.png"), "--output", &path_of("d.png"), "--json"];
     let (said, _) = outcome(&command, 0);
     let said: Value = serde_json::from_str(&said).expect("JSON");
     assert_eq!(said["largest_error_at"], json!([12, 7]));
     assert!((said["psnr_db"].as_f64().expect("a number") - 43.69).abs() < 0.01, "{said}");
-    assert!(Path::new(&place("d.png")).exists());
-    outcome(&["compare-images", &place("a.png"), &place("b.png"), "--fail-below", "50"], 1);
+    assert!(Path::new(&path_of("d.png")).exists());
+    outcome(&["compare-images", &path_of("a.png"), &path_of("b.png"), "--fail-below", "50"], 1);
     let mut broken = image::Rgb32FImage::from_pixel(2, 1, image::Rgb([0.5; 3]));
-    broken.save(place("whole.exr")).expect("it saves");
+    broken.save(path_of("whole.exr")).expect("it saves");
     broken.put_pixel(1, 0, image::Rgb([0.5, f32::NAN, 0.5]));
-    broken.save(place("broken.exr")).expect("it saves");
-    outcome(&["compare-images", &place("whole.exr"), &place("whole.exr"), "--fail-below", "1"], 0);
+    broken.save(path_of("broken.exr")).expect("it saves");
+    outcome(&["compare-images", &path_of("whole.exr"), &path_of("whole.exr"), "--fail-below", "1"], 0);
     let (_, complaint) =
-        outcome(&["compare-images", &place("broken.exr"), &place("whole.exr"), "--fail-below", "1"], 1);
+        outcome(&["compare-images", &path_of("broken.exr"), &path_of("whole.exr"), "--fail-below", "1"], 1);
     assert!(complaint.contains("is NaN dB"), "{complaint}");
-    let (_, complaint) = outcome(&["compare-images", &place("a.png"), &place("none.png")], 2);
+    let (_, complaint) = outcome(&["compare-images", &path_of("a.png"), &path_of("none.png")], 2);
     assert!(complaint.contains("none.png"), "{complaint}");
 }
 
 #[test]
 fn displayed_values_and_radiance_are_compared_with_a_note() {
     let folder = tempfile::tempdir().expect("a folder");
-    let place = |name: &str| folder.path().join(name).display().to_string();
+    let path_of = |name: &str| folder.path().join(name).display().to_string();
     let picture = image::DynamicImage::from(image::Rgb32FImage::from_pixel(2, 1, image::Rgb([0.5; 3])));
     let shown = image::DynamicImage::from(picture.to_rgb8());
     for (name, picture) in [("a.exr", &picture), ("b.exr", &picture), ("a.png", &shown), ("b.png", &shown)] {
-        picture.save(place(name)).expect("it saves");
+        picture.save(path_of(name)).expect("it saves");
     }
     let notes = |names: [&str; 2]| {
-        let [found, expected] = names.map(place);
+        let [found, expected] = names.map(path_of);
         let (said, _) = outcome(&["compare-images", &found, &expected, "--json"], 0);
         let said: Value = serde_json::from_str(&said).expect("JSON");
         said["notes"].as_array().expect("a list").clone()
@@ -282,7 +284,7 @@ fn displayed_values_and_radiance_are_compared_with_a_note() {
         assert!(note.contains(part), "{note}");
     }
     assert_eq!(notes(["a.exr", "a.png"]).len(), 1);
-    let (said, _) = outcome(&["compare-images", &place("a.png"), &place("a.exr")], 0);
+    let (said, _) = outcome(&["compare-images", &path_of("a.png"), &path_of("a.exr")], 0);
     assert!(said.contains("a.exr has linear radiance"), "{said}");
 }
 
@@ -290,15 +292,16 @@ fn displayed_values_and_radiance_are_compared_with_a_note() {
 fn a_compared_picture_is_never_replaced_by_the_differences() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::create_dir(folder.path().join("inner")).expect("a folder");
-    let place = |name: &str| folder.path().join(name).display().to_string();
+    let path_of = |name: &str| folder.path().join(name).display().to_string();
     for (name, grey) in [("a.png", 100), ("b.png", 101)] {
-        image::RgbImage::from_pixel(4, 3, image::Rgb([grey; 3])).save(place(name)).expect("it saves");
+        image::RgbImage::from_pixel(4, 3, image::Rgb([grey; 3])).save(path_of(name)).expect("it saves");
     }
-    let read = || ["a.png", "b.png"].map(|name| std::fs::read(place(name)).expect("a file"));
+    let read = || ["a.png", "b.png"].map(|name| std::fs::read(path_of(name)).expect("a file"));
     let before = read();
     for output in ["a.png", "b.png", "inner/../a.png"] {
         for force in [&[][..], &["--force"]] {
-            let command = ["compare-images", &place("a.png"), &place("b.png"), "--output", &place(output)];
+            let command =
+                ["compare-images", &path_of("a.png"), &path_of("b.png"), "--output", &path_of(output)];
             let (_, complaint) = outcome(&[&command[..], force].concat(), 2);
             assert!(
                 complaint.contains("is one of the compared pictures, and is not replaced"),
@@ -308,8 +311,9 @@ fn a_compared_picture_is_never_replaced_by_the_differences() {
     }
     #[cfg(unix)]
     {
-        std::os::unix::fs::symlink(place("b.png"), place("link.png")).expect("a link");
-        let command = ["compare-images", &place("a.png"), &place("link.png"), "--output", &place("b.png")];
+        std::os::unix::fs::symlink(path_of("b.png"), path_of("link.png")).expect("a link");
+        let command =
+            ["compare-images", &path_of("a.png"), &path_of("link.png"), "--output", &path_of("b.png")];
         let (_, complaint) = outcome(&[&command[..], &["--force"]].concat(), 2);
         assert!(complaint.contains("is one of the compared pictures, and is not replaced"), "{complaint}");
     }

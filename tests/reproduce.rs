@@ -1,6 +1,6 @@
 //! `raycl reproduce`: one command for all of the paper's configs, which continues where it stopped.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{WorkFolder, device, has};
 
 /// Overrides of config keys, with which each config has one point.
 const SMALL: [&str; 8] = [
@@ -15,31 +15,31 @@ const SMALL: [&str; 8] = [
 ];
 
 /// Runs the command, and returns its standard output and its standard error.
-fn reproduce(place: &Place, more: &[&str]) -> (String, String) {
+fn reproduce(folder: &WorkFolder, more: &[&str]) -> (String, String) {
     let device = device();
     let set = SMALL.iter().flat_map(|value| ["--set", value]);
     let command = ["reproduce", "--out", "out", "--device", &device];
     let arguments: Vec<&str> = command.into_iter().chain(set).chain(more.iter().copied()).collect();
-    let output = place.raycl(&arguments).assert().success().get_output().clone();
+    let output = folder.raycl(&arguments).assert().success().get_output().clone();
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
     (text(output.stdout), text(output.stderr))
 }
 
 #[test]
 fn a_reproduction_goes_on_where_it_stopped() {
-    let place = Place::new();
-    let (said, progress) = reproduce(&place, &[]);
+    let folder = WorkFolder::new();
+    let (said, progress) = reproduce(&folder, &[]);
     assert!(said.trim_end().ends_with("out/reproduction.html"), "the page comes last: {said}");
     has(&progress, &["pictures (1 of 5)", "next-steps (5 of 5)", "[1/5, about ", "[5/5] "]);
-    let first = place.text("out/figure-6/records.jsonl");
-    let message = place.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
+    let first = folder.text("out/figure-6/records.jsonl");
+    let message = folder.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
     has(&message, &["out/pictures already holds results", "--resume"]);
 
-    // All configs but the fourth one are done.
-    std::fs::remove_dir_all(place.path("out/figure-8")).expect("it is there");
-    let (_, progress) = reproduce(&place, &["--resume"]);
+    // Without the fourth config's folder, only the fourth config has points that are not measured.
+    std::fs::remove_dir_all(folder.path("out/figure-8")).expect("it is there");
+    let (_, progress) = reproduce(&folder, &["--resume"]);
     has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);
     assert_eq!(progress.lines().filter(|line| line.starts_with('[')).count(), 1, "{progress}");
-    assert_eq!(place.text("out/figure-6/records.jsonl"), first);
-    assert!(place.path("out/figure-8/report.html").exists());
+    assert_eq!(folder.text("out/figure-6/records.jsonl"), first);
+    assert!(folder.path("out/figure-8/report.html").exists());
 }

@@ -98,14 +98,14 @@ fn samples_torn_before_any_record_are_completed() {
     for cut in (0..samples.len()).step_by(7) {
         let torn = folder();
         std::fs::write(torn.path().join("samples.jsonl"), &samples[..cut]).expect("a torn journal");
-        let kept = samples[..cut].iter().filter(|&&byte| byte == b'\n').count();
+        let complete = samples[..cut].iter().filter(|&&byte| byte == b'\n').count();
         let mut mock = Mock::new(|_| Act::Answer);
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2);
         // An incomplete launch is repeated as a whole, and its earlier samples are kept.
         assert_eq!(mock.counts.borrow().casts.values().sum::<usize>(), 4, "cut at {cut}");
         let lines = read_lines::<Sample>(&torn.path().join("samples.jsonl")).expect("samples").lines;
-        assert_eq!(lines.len(), kept + 4);
+        assert_eq!(lines.len(), complete + 4);
         nothing_twice(torn.path());
     }
 }

@@ -1,6 +1,6 @@
 //! `raycl run`: its plan, its results, and points that fail.
 
-use crate::binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use serde_json::Value;
 use std::collections::HashSet;
 use std::process::{Child, Stdio};
@@ -46,8 +46,8 @@ const FIELDS: [&str; 21] = [
     "name",
 ];
 
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
 }
 
 /// Returns the arguments of a run on the test device, with its results in `out`.
@@ -56,16 +56,16 @@ fn arguments<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// Runs the config, which must end with this exit code, and returns its records.
-fn records(place: &Place, more: &[&str], code: i32) -> Vec<Value> {
+fn records(folder: &WorkFolder, more: &[&str], code: i32) -> Vec<Value> {
     let device = device();
-    place.raycl(&arguments(&device, more)).assert().code(code);
-    place.json_lines("out/records.jsonl")
+    folder.raycl(&arguments(&device, more)).assert().code(code);
+    folder.json_lines("out/records.jsonl")
 }
 
 #[test]
 fn every_point_is_recorded_with_every_field() {
-    let place = place();
-    let records = records(&place, &[], 0);
+    let folder = new_folder();
+    let records = records(&folder, &[], 0);
     assert_eq!(records.len(), 5);
     let keys: HashSet<_> = records.iter().map(|record| record["key"].as_str().expect("a key")).collect();
     assert_eq!(keys.len(), 5);
@@ -98,9 +98,9 @@ fn every_point_is_recorded_with_every_field() {
 
 #[test]
 fn the_folder_has_all_that_is_promised() {
-    let place = place();
-    let records = records(&place, &["--set", "timing.seed=7"], 0);
-    let samples = place.json_lines("out/samples.jsonl");
+    let folder = new_folder();
+    let records = records(&folder, &["--set", "timing.seed=7"], 0);
+    let samples = folder.json_lines("out/samples.jsonl");
     assert_eq!(samples.len(), 25);
     assert!(samples.iter().all(|sample| sample["processor_ms"].as_f64() > Some(0.0)), "{samples:?}");
     for record in &records {
@@ -110,24 +110,24 @@ fn the_folder_has_all_that_is_promised() {
         // The number of samples that were left out because another process used the processor is known, since the
         // host's processors cast all samples. It is 0, since no sample is left out of a launch with only five samples.
         assert_eq!(record["preempted_samples"], 0);
-        let picture = place.path("out").join(record["image"].as_str().expect("a picture"));
+        let picture = folder.path("out").join(record["image"].as_str().expect("a picture"));
         assert_eq!(image::image_dimensions(picture).expect("a picture"), (33, 20));
     }
-    let summary = place.text("out/summary.md");
+    let summary = folder.text("out/summary.md");
     has(&summary, &["# Which is faster?", "Expected: The second.", "local-vectors at ", "serial-f32"]);
     let rules: Vec<_> = summary.lines().filter(|line| line.starts_with("| --")).collect();
     let sound = |cell: &str| cell.trim().trim_end_matches(':').len() >= 2;
     assert!(rules.iter().all(|rule| rule.trim_matches('|').split('|').all(sound)), "{rules:?}");
-    let csv = place.text("out/summary.csv");
+    let csv = folder.text("out/summary.csv");
     assert_eq!(csv.lines().count(), 6);
     assert!(csv.starts_with("key,scene,device,") && csv.contains("shadow_rays,"), "{csv}");
 }
 
 #[test]
 fn launches_are_in_the_journals_and_one_is_called_a_look() {
-    let place = place();
-    let records = records(&place, &["--set", "timing.launches=2"], 0);
-    let samples = place.json_lines("out/samples.jsonl");
+    let folder = new_folder();
+    let records = records(&folder, &["--set", "timing.launches=2"], 0);
+    let samples = folder.json_lines("out/samples.jsonl");
     assert_eq!(samples.len(), 2 * 25, "five samples of each point in each launch");
     assert!(samples[..25].iter().all(|sample| sample["launch"] == 0), "no launch is mixed with another");
     assert!(samples[25..].iter().all(|sample| sample["launch"] == 1), "no launch is mixed with another");
@@ -138,41 +138,41 @@ fn launches_are_in_the_journals_and_one_is_called_a_look() {
                 .map(|value| value.as_f64().expect("a number"));
         assert!(low <= median && median <= high, "{record}");
     }
-    let summary = place.text("out/summary.md");
+    let summary = folder.text("out/summary.md");
     has(&summary, &["| 10 in 2 |", "between two points cannot be detected here."]);
     assert!(!summary.contains("only one launch"), "{summary}");
     let again = ["--set", "timing.launches=1", "--resume"];
-    place.raycl(&arguments(&device(), &again)).assert().success();
-    has(&place.text("out/summary.md"), &["Measured in only one launch of the program: all points."]);
-    has(&place.text("out/report.html"), &["Measured in only one launch of the program: all points."]);
+    folder.raycl(&arguments(&device(), &again)).assert().success();
+    has(&folder.text("out/summary.md"), &["Measured in only one launch of the program: all points."]);
+    has(&folder.text("out/report.html"), &["Measured in only one launch of the program: all points."]);
 }
 
 #[test]
 fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
-    let place = place();
-    let new = place.kernels("cast/vectors/local.cl", "//", "// Edited.\n//");
+    let folder = new_folder();
+    let new = folder.kernels("cast/vectors/local.cl", "//", "// Edited.\n//");
     let (old, new) = (repository("cl"), new);
     let both = ["--cl-dir", old.to_str().expect("UTF-8"), "--cl-dir", &new, "--fail-on-regression", "9999"];
     let device = device();
-    let said = place.output(&arguments(&device, &both));
+    let said = folder.output(&arguments(&device, &both));
     has(&said, &["local-vectors 4x4", "kernels, ms", "verdict"]);
-    let records = place.json_lines("out/records.jsonl");
+    let records = folder.json_lines("out/records.jsonl");
     let of = |kernels: Value| records.iter().filter(move |record| record["kernels_of"] == kernels).count();
     // If a point's program is the same with both folders, the point is measured once.
     assert_eq!([of("cl".into()), of("kernels".into()), of(Value::Null)], [4, 2, 1]);
     assert!(records.iter().all(|record| record["sample_launches"] == serde_json::json!([0, 0, 0, 0, 0])));
-    let message = place.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);
+    let message = folder.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);
     has(&message, &["3 folders of kernels", "once, or twice"]);
     let one = ["--cl-dir", &new, "--fail-on-regression", "9999"];
-    has(&place.mistake(&arguments(&device, &one), 2), &["two folders of kernels", "--cl-dir twice"]);
+    has(&folder.mistake(&arguments(&device, &one), 2), &["two folders of kernels", "--cl-dir twice"]);
 }
 
 #[test]
 fn two_folders_of_kernels_may_differ_in_headers_and_both_must_have_the_experiments_values() {
-    let (place, device, old) = (place(), device(), repository("cl"));
+    let (folder, device, old) = (new_folder(), device(), repository("cl"));
     // A test that reads nine floats of each triangle takes the place of a test that reads twelve.
     let (of, file) = ("tests/overlay/cast/intersect/nine_floats.cl", "cast/intersect/moller_trumbore.cl");
-    let new = place.kernels_of(of, file, "record_floats: 9", "record_floats: 9");
+    let new = folder.kernels_of(of, file, "record_floats: 9", "record_floats: 9");
     let [old, new] = [old.to_str().expect("UTF-8"), &new];
     let run = |folders: [&str; 2], strategies: &str| {
         let [first, second] = folders;
@@ -180,32 +180,33 @@ fn two_folders_of_kernels_may_differ_in_headers_and_both_must_have_the_experimen
         arguments(&device, &more).into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
     let words = run([old, new], "strategy=[{ preset = \"deferred\" }]");
-    place.output(&words.iter().map(String::as_str).collect::<Vec<_>>());
-    let records = place.json_lines("out/records.jsonl");
+    folder.output(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let records = folder.json_lines("out/records.jsonl");
     let outcomes: Vec<_> = records.iter().map(|record| record["outcome"].as_str()).collect();
     assert_eq!(outcomes, [Some("measured"); 1 + 2 * 2]);
     let text = std::fs::read_to_string(repository("cl/cast/vectors/local.cl")).expect("a kernel file");
-    place.write(&format!("{new}/cast/vectors/mine.cl"), &text);
+    folder.write(&format!("{new}/cast/vectors/mine.cl"), &text);
     for folders in [[old, new], [new, old]] {
         let words = run(folders, "strategy=[{ preset = \"deferred\", vectors = \"mine\" }]");
-        let message = place.mistake(&words.iter().map(String::as_str).collect::<Vec<_>>(), 2);
+        let message = folder.mistake(&words.iter().map(String::as_str).collect::<Vec<_>>(), 2);
         has(&message, &["'mine' is not a value of the axis 'vectors'", old, "every value"]);
     }
 }
 
 #[test]
 fn the_environment_says_what_ran_where() {
-    let place = place();
-    records(&place, &["--set", "timing.seed=7", "--set", "baselines=[]"], 0);
-    let environment: Value = serde_json::from_str(&place.text("out/environment.json")).expect("JSON");
+    let folder = new_folder();
+    records(&folder, &["--set", "timing.seed=7", "--set", "baselines=[]"], 0);
+    let environment: Value = serde_json::from_str(&folder.text("out/environment.json")).expect("JSON");
     assert_eq!(environment["raycl_version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(environment["config"], CONFIG);
     assert_eq!(environment["overrides"], serde_json::json!(["timing.seed = 7", "baselines = []"]));
     assert!(environment["host"]["cores"].as_u64() > Some(0), "{environment}");
     assert_eq!(environment["command_line"][1], "run");
     let devices = environment["devices"].as_array().expect("a list");
-    assert_eq!(place.json_lines("out/records.jsonl")[0]["device"], devices[0]["device"]);
-    // In a clone the revision is known; `.git` is a file in a worktree.
+    assert_eq!(folder.json_lines("out/records.jsonl")[0]["device"], devices[0]["device"]);
+    // The revision is known in a clone of the repository, in which `.git` is a folder, and in a worktree, in which it
+    // is a file.
     let revision = environment["git_revision"].as_str();
     assert_eq!(revision.is_some(), repository(".git").exists(), "{revision:?}");
     assert!(revision.is_none_or(|revision| revision.trim_end_matches("-dirty").len() >= 12), "{revision:?}");
@@ -213,33 +214,33 @@ fn the_environment_says_what_ran_where() {
 
 #[test]
 fn a_dry_run_compiles_nothing_and_writes_nothing() {
-    let (place, device) = (place(), device());
-    place.write("kernels/common/hit.cl", "no C at all");
-    let text = place.output(&arguments(&device, &["--dry-run", "--cl-dir", "kernels"]));
+    let (folder, device) = (new_folder(), device());
+    folder.write("kernels/common/hit.cl", "no C at all");
+    let text = folder.output(&arguments(&device, &["--dry-run", "--cl-dir", "kernels"]));
     has(&text, &["__local B", "scratch B", "naive 4x4", "local-vectors 8x2", "host", "5 points, 0 of which"]);
-    assert!(!place.path("out").exists());
-    let json = place.output(&arguments(&device, &["--dry-run", "--json", "--set", "baselines=[]"]));
+    assert!(!folder.path("out").exists());
+    let json = folder.output(&arguments(&device, &["--dry-run", "--json", "--set", "baselines=[]"]));
     let mut points = serde_json::Deserializer::from_str(&json).into_iter::<Value>();
     let needs = points.next().expect("a point").expect("JSON")["needs"].clone();
     // Padding makes 36 x 20 work-items, each of which needs 108 bytes.
     assert_eq!((&needs["local_bytes"], &needs["scratch_bytes"]), (&0.into(), &(36 * 20 * 108).into()));
     assert_eq!(points.count(), 3);
-    assert_eq!(place.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
+    assert_eq!(folder.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
 }
 
 /// No device is opened: the workers of `--asleep` only wait.
 #[test]
 fn a_dry_run_with_resume_says_which_points_are_done() {
-    let place = place();
+    let folder = new_folder();
     let usual = ["run", "config.toml", "--out", "out", "--asleep", "0.1", "--set", "baselines=[]"];
     let with = |strategies: &str, more: &[&str]| {
         let set = format!("strategies={strategies}");
-        place.output(&[&usual[..], &["--set", &set], more].concat())
+        folder.output(&[&usual[..], &["--set", &set], more].concat())
     };
     let both = r#"["naive", "deferred"]"#;
     let resumed = |more: &[&str]| with(both, &[&["--resume", "--dry-run"][..], more].concat());
     has(&resumed(&[]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
-    assert!(!place.path("out").exists());
+    assert!(!folder.path("out").exists());
     with(r#"["naive"]"#, &["--quiet"]);
     has(&resumed(&[]), &["4 points, 0 of which do not fit; 2 are done. Nothing", "2 points in 1 launch"]);
     let json = resumed(&["--json"]);
@@ -254,16 +255,16 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
 
 #[test]
 fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
-    let (place, device, config) = (Place::new(), device(), repository("configs/figure-8.toml"));
+    let (folder, device, config) = (WorkFolder::new(), device(), repository("configs/figure-8.toml"));
     let config = config.to_str().expect("UTF-8");
-    let text = place.output(&["run", config, "--dry-run", "--device", &device]);
+    let text = folder.output(&["run", config, "--dry-run", "--device", &device]);
     has(&text, &["104 B x 1026 triangles = 106704 B > 49152 B", "108 B x 32 x 32 = 110592 B > 49152 B"]);
 }
 
 #[test]
 fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
-    let place = place();
-    let records = records(&place, &["--set", "emulate.local_bytes=1000", "--set", "baselines=[]"], 0);
+    let folder = new_folder();
+    let records = records(&folder, &["--set", "emulate.local_bytes=1000", "--set", "baselines=[]"], 0);
     let (infeasible, measured): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record["outcome"] == "infeasible");
     assert_eq!((infeasible.len(), measured.len()), (2, 2));
@@ -279,23 +280,23 @@ fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
 
 #[test]
 fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
-    let place = place();
-    let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
-    let records = records(&place, &["--cl-dir", &kernels], 1);
+    let folder = new_folder();
+    let kernels = folder.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let records = records(&folder, &["--cl-dir", &kernels], 1);
     let failed: Vec<_> = records.iter().filter(|record| record["outcome"] == "build-failed").collect();
     assert_eq!((records.len(), failed.len()), (5, 4));
     for record in failed {
         has(record["reason"].as_str().expect("a reason"), &["cast/shade.cl:1"]);
     }
-    has(&place.text("out/summary.md"), &["build-failed", "cast/shade.cl:1"]);
+    has(&folder.text("out/summary.md"), &["build-failed", "cast/shade.cl:1"]);
 }
 
 #[test]
 fn a_wrong_image_is_never_timed_and_shows_where() {
-    let place = place();
-    let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let folder = new_folder();
+    let kernels = folder.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let more = ["--cl-dir", &kernels, "--set", "strategies=[\"naive\"]"];
-    let records = records(&place, &more, 1);
+    let records = records(&folder, &more, 1);
     let wrong: Vec<_> = records.iter().filter(|record| record["outcome"] == "wrong-image").collect();
     assert_eq!((records.len(), wrong.len()), (3, 2));
     for record in wrong {
@@ -304,45 +305,45 @@ fn a_wrong_image_is_never_timed_and_shows_where() {
         let difference = record["max_difference"].as_f64().expect("a difference");
         assert!((0.1..0.3).contains(&difference), "{record}");
         let picture = record["difference_image"].as_str().expect("a picture of the differences");
-        assert!(place.path("out").join(picture).exists(), "{picture}");
+        assert!(folder.path("out").join(picture).exists(), "{picture}");
         assert!(record["worst_pixel"].is_array() && record["reason"].is_string(), "{record}");
     }
 }
 
 #[test]
 fn a_device_named_twice_is_used_once() {
-    let (place, device) = (place(), device());
-    place
+    let (folder, device) = (new_folder(), device());
+    folder
         .raycl(&arguments(&device, &["--device", &device, "--quiet"]))
         .assert()
         .success()
         .stdout("")
         .stderr("");
-    assert_eq!(place.json_lines("out/records.jsonl").len(), 5);
+    assert_eq!(folder.json_lines("out/records.jsonl").len(), 5);
 }
 
 #[test]
 fn results_are_never_overwritten_and_find_a_free_folder() {
-    let (place, device) = (place(), device());
+    let (work_folder, device) = (new_folder(), device());
     let one_point = ["--set", "strategies=[]", "--quiet"];
-    let before = records(&place, &one_point, 0);
-    let message = place.mistake(&arguments(&device, &one_point), 2);
+    let before = records(&work_folder, &one_point, 0);
+    let message = work_folder.mistake(&arguments(&device, &one_point), 2);
     has(&message, &["out already holds results", "--out"]);
-    assert_eq!(place.json_lines("out/records.jsonl"), before);
+    assert_eq!(work_folder.json_lines("out/records.jsonl"), before);
     for folder in ["results/config", "results/config-2"] {
-        place.output(&[&["run", "config.toml", "--device", &device], &one_point[..]].concat());
-        assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 1, "{folder}");
+        work_folder.output(&[&["run", "config.toml", "--device", &device], &one_point[..]].concat());
+        assert_eq!(work_folder.json_lines(&format!("{folder}/records.jsonl")).len(), 1, "{folder}");
     }
 }
 
 /// No device is opened: the workers of `--asleep` only wait.
 #[test]
 fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
-    let place = place();
+    let work_folder = new_folder();
     let start = |_| {
         let mut command = crate::binary::program();
         command.args(["run", "config.toml", "--asleep", "0.1", "--set", "baselines=[]", "--quiet"]);
-        command.current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
+        command.current_dir(work_folder.path("")).env("RAYCL_LOCK_DIR", work_folder.path(".locks"));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.spawn().expect("it starts")
     };
@@ -352,18 +353,18 @@ fn runs_of_one_config_that_begin_at_once_have_folders_of_their_own() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
     for folder in ["results/config", "results/config-2", "results/config-3"] {
-        assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 4, "{folder}");
+        assert_eq!(work_folder.json_lines(&format!("{folder}/records.jsonl")).len(), 4, "{folder}");
     }
 }
 
 /// No device is opened: the worker of `--asleep` only waits.
 #[test]
 fn lines_about_the_progress_show_control_characters_of_paths_as_escapes() {
-    let place = place();
+    let folder = new_folder();
     let mut command = crate::binary::program();
     command.args(["run", "config.toml", "--asleep", "0.1", "--set", "baselines=[]", "--shard", "1/1"]);
-    command.args(["--out", "o\u{1b}ut"]).current_dir(place.path(""));
-    let output = crate::binary::run(command.env("RAYCL_LOCK_DIR", place.path(".locks")));
+    command.args(["--out", "o\u{1b}ut"]).current_dir(folder.path(""));
+    let output = crate::binary::run(command.env("RAYCL_LOCK_DIR", folder.path(".locks")));
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     has(&said, &["shard 1/1: o\\u001but"]);
@@ -372,14 +373,14 @@ fn lines_about_the_progress_show_control_characters_of_paths_as_escapes() {
 
 #[test]
 fn a_mistake_in_a_scene_or_in_the_peak_rates_leaves_no_folder() {
-    let (place, device) = (place(), device());
-    place.write("peak.json", "no rates");
+    let (folder, device) = (new_folder(), device());
+    folder.write("peak.json", "no rates");
     let leaves_none = |more: &[&str], part: &str| {
-        has(&place.mistake(&arguments(&device, more), 2), &[part]);
-        assert!(!place.path("out").exists(), "{more:?}");
+        has(&folder.mistake(&arguments(&device, more), 2), &[part]);
+        assert!(!folder.path("out").exists(), "{more:?}");
     };
     leaves_none(&["--peak=peak.json"], "peak.json does not contain peak rates");
-    place.write("scene.toml", &TRIANGLE.replace("power", "pwer"));
+    folder.write("scene.toml", &TRIANGLE.replace("power", "pwer"));
     for more in [&[][..], &["--quiet"], &["--spread"]] {
         leaves_none(more, "did you mean `power`?");
     }
@@ -387,20 +388,20 @@ fn a_mistake_in_a_scene_or_in_the_peak_rates_leaves_no_folder() {
 
 #[test]
 fn a_folder_that_cannot_be_made_is_refused() {
-    let (place, device) = (place(), device());
-    let message = place.mistake(&["run", "config.toml", "--device", &device, "--out", "scene.toml/out"], 2);
+    let (folder, device) = (new_folder(), device());
+    let message = folder.mistake(&["run", "config.toml", "--device", &device, "--out", "scene.toml/out"], 2);
     has(&message, &["cannot make scene.toml/out: 'scene.toml' is a file", "--out DIR"]);
-    std::os::unix::fs::symlink("nowhere", place.path("link")).expect("a link");
+    std::os::unix::fs::symlink("nowhere", folder.path("link")).expect("a link");
     for out in ["link", "link/out"] {
-        let message = place.mistake(&["run", "config.toml", "--device", &device, "--out", out], 2);
+        let message = folder.mistake(&["run", "config.toml", "--device", &device, "--out", out], 2);
         has(&message, &["'link' is a link without a target", "--out DIR"]);
     }
 }
 
 #[test]
 fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
-    let (place, device) = (place(), device());
-    let output = place.raycl(&arguments(&device, &[])).assert().success().get_output().clone();
+    let (folder, device) = (new_folder(), device());
+    let output = folder.raycl(&arguments(&device, &[])).assert().success().get_output().clone();
     let (progress, table) =
         (String::from_utf8(output.stderr).expect("UTF-8"), String::from_utf8(output.stdout).expect("UTF-8"));
     assert_eq!(progress.lines().filter(|line| line.contains(" ms, n = 5")).count(), 5, "{progress}");
@@ -411,10 +412,10 @@ fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
 
 #[test]
 fn configs_state_their_question_and_plan_on_any_device() {
-    let (place, device) = (Place::new(), device());
+    let (folder, device) = (WorkFolder::new(), device());
     for name in ["quick", "figure-6", "figure-7", "figure-8", "next-steps", "beyond"] {
         let config = repository(&format!("configs/{name}.toml"));
-        let text = place.output(&["run", config.to_str().expect("UTF-8"), "--dry-run", "--device", &device]);
+        let text = folder.output(&["run", config.to_str().expect("UTF-8"), "--dry-run", "--device", &device]);
         has(&text, &["points, ", "Nothing was compiled"]);
     }
 }
@@ -422,9 +423,9 @@ fn configs_state_their_question_and_plan_on_any_device() {
 #[test]
 fn where_processors_are_is_not_measured_if_all_samples_are_kept() {
     // All tests set RAYCL_MOVED_SAMPLES=keep, so raycl keeps all samples and need not measure where processors are.
-    let place = place();
-    let records = records(&place, &[], 0);
-    let samples = place.json_lines("out/samples.jsonl");
+    let folder = new_folder();
+    let records = records(&folder, &[], 0);
+    let samples = folder.json_lines("out/samples.jsonl");
     assert!(samples.iter().all(|sample| sample["core_to_core_ns"].is_null()), "{samples:?}");
     assert!(records.iter().all(|record| record["moved_samples"].is_null()), "{records:?}");
 }

@@ -1,33 +1,33 @@
 //! Pictures with several samples per pixel (`--samples`).
 
-use crate::binary::{Place, TRIANGLE, device};
+use crate::binary::{TRIANGLE, WorkFolder, device};
 use crate::common::due;
 use image::RgbImage;
 use std::collections::BTreeSet;
 
-fn picture(place: &Place, options: &[&str]) -> RgbImage {
+fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
     let device = device();
     let usual =
         ["render", "scene.toml", "--width", "60", "--height", "40", "-o", "a.png", "--device", &device];
-    place.output(&[&usual[..], options].concat());
-    image::open(place.path("a.png")).expect("a picture").to_rgb8()
+    folder.output(&[&usual[..], options].concat());
+    image::open(folder.path("a.png")).expect("a picture").to_rgb8()
 }
 
 #[test]
 fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let colours = |picture: &RgbImage| picture.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len();
-    let one = picture(&place, &["--samples", "1"]);
-    assert_eq!(one, picture(&place, &[]));
+    let one = picture(&folder, &["--samples", "1"]);
+    assert_eq!(one, picture(&folder, &[]));
     // The strategies differ in vectors, in fused and separate passes, and in the use of a tree.
     for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
-        let many = picture(&place, &["--samples", "9", "--strategy", strategy, "--verify"]);
+        let many = picture(&folder, &["--samples", "9", "--strategy", strategy, "--verify"]);
         // Far from edges, the filtered mean of nine samples is close to the single sample.
         let inside = (many[(30, 20)].0, one[(30, 20)].0);
         assert!(inside.0.iter().zip(inside.1).all(|(a, b)| a.abs_diff(b) < 3), "{strategy}: {inside:?}");
         assert!(colours(&many) > colours(&one) + 20, "{strategy}: {} {}", colours(&many), colours(&one));
     }
-    place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
+    folder.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
 /// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this picture, some
@@ -36,47 +36,49 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
         vertices = [[-99, -99, -1], [99, -99, -1], [99, 99, -1], [-99, 99, -1]]\nfaces = [[0, 1, 2, 3]]\n";
-    let place = Place::with(&[("scene.toml", scene)]);
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
     for strategy in ["bvh", "tile", "tile-group"] {
-        report(&place, &["--samples", "4", "--strategy", strategy, "--verify"]);
+        report(&folder, &["--samples", "4", "--strategy", strategy, "--verify"]);
     }
 }
 
-/// Returns the command's report about samples. The last blocks of pixels of a row and of a column are partial.
-fn report(place: &Place, options: &[&str]) -> serde_json::Value {
-    report_of_size(place, ["61", "43"], options)
+/// Returns the command's report about samples. At the picture's size of 61 x 43 pixels, the last block of pixels in
+/// each row and in each column is partial.
+fn report(folder: &WorkFolder, options: &[&str]) -> serde_json::Value {
+    report_of_size(folder, ["61", "43"], options)
 }
 
-fn report_of_size(place: &Place, [width, height]: [&str; 2], options: &[&str]) -> serde_json::Value {
+fn report_of_size(folder: &WorkFolder, [width, height]: [&str; 2], options: &[&str]) -> serde_json::Value {
     let device = device();
     let usual =
         ["render", "scene.toml", "--width", width, "--height", height, "-o", "b.png", "--json", "--device"];
-    serde_json::from_str(&place.output(&[&usual[..], &[&device, "--force"], options].concat())).expect("JSON")
+    serde_json::from_str(&folder.output(&[&usual[..], &[&device, "--force"], options].concat()))
+        .expect("JSON")
 }
 
 #[test]
 fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let means: Vec<f64> =
         ["naive", "wide-common-origin", "tile", "tile,passes=separate", "tile-group", "bvh-packet", "raster"]
             .iter()
             .map(|strategy| {
                 let options = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
-                let said = report(&place, &options);
+                let said = report(&folder, &options);
                 assert_eq!(said["samples"], 16, "{strategy}");
                 said["mean_samples"].as_f64().expect("a number")
             })
             .collect();
     // All families give each pixel the same number of samples; the triangle has pixels at its edges and pixels inside.
     assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
-    let all = report(&place, &["--samples", "16"]);
+    let all = report(&folder, &["--samples", "16"]);
     assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
-    assert_eq!(report(&place, &["--adaptive"])["samples"], 16);
-    place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
+    assert_eq!(report(&folder, &["--adaptive"])["samples"], 16);
+    folder.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16
-/// samples, and the other eight of ten get one.
+/// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. Of each ten blocks across the
+/// edge, the two blocks at the edge get 16 samples per pixel, and the other eight get one.
 #[test]
 fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
     let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";
@@ -89,18 +91,18 @@ fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour
             let object = format!(
                 "[[object]]\nvertices = [{corners}]\nfaces = [[0, 1, 2, 3]]\nmaterial.k_l = {colour}\n"
             );
-            let place = Place::with(&[("scene.toml", &format!("background = 0\n{light}{object}"))]);
-            let said = report_of_size(&place, size, &["--samples", "16", "--adaptive"]);
+            let folder = WorkFolder::with(&[("scene.toml", &format!("background = 0\n{light}{object}"))]);
+            let said = report_of_size(&folder, size, &["--samples", "16", "--adaptive"]);
             assert_eq!(said["mean_samples"], 4.0, "{size:?}, {colour}");
         }
     }
 }
 
-/// The changes to the kernels: blocks are counted wrongly, a pixel gets a wrong number of samples, or its
-/// mean is computed with a wrong number.
+/// The changes to the kernels are: blocks are counted wrongly, a pixel gets a wrong number of samples, or the mean of
+/// its samples is computed with a wrong number of samples.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     for (file, from, to, strategy) in [
         ("common/samples.cl", "(float)((earlier) + 1)", "(float)((earlier) + 2)", "bvh"),
         ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 3", "tile"),
@@ -112,7 +114,7 @@ fn a_broken_mean_is_a_wrong_picture() {
         ),
         ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
     ] {
-        place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
+        folder.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
     }
 }
 
@@ -120,24 +122,24 @@ fn a_broken_mean_is_a_wrong_picture() {
 /// more samples than others. Shading reads the hits of all rays, even of a tile that was not cast. Such hits are
 /// undefined, so the driver may crash.
 #[test]
-fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = place.kernels("tile_gpu/frame.cl", "tile / across * TILE_Y)", "tile % across * TILE_Y)");
+fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let kernels = folder.kernels("tile_gpu/frame.cl", "tile / across * TILE_Y)", "tile % across * TILE_Y)");
     let device = device();
     let usual =
         ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device, "-o", "a.png"];
     let options =
         ["--samples", "16", "--adaptive", "--verify", "--strategy", "tile-group", "--cl-dir", &kernels];
-    let message = place.mistake(&[&usual[..], &options, &["--quiet"]].concat(), 1);
+    let message = folder.mistake(&[&usual[..], &options, &["--quiet"]].concat(), 1);
     let noticed = ["the picture is wrong: ", "child process crashed"];
     assert!(noticed.iter().any(|text| message.contains(text)), "{message}");
 }
 
-/// The changes to tiles that cast several samples of their pixels in one frame: a sample is at another place,
+/// The changes to tiles that cast several samples of their pixels in one frame: a sample is at another position,
 /// is counted twice, or is missing.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let vectors = [
         ("tile_cpu/camera.cl", "(LANE_Y & last) * (1 << bits)", "(LANE_Y & last) * 2", "14"),
         (
@@ -160,13 +162,13 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     ];
     let shared = [
         ("tile_gpu/frame.cl", "(at.y & last) << group->bits", "(at.y & last) << 1", "14"),
-        ("tile_gpu/frame.cl", "group->places[2 * sample + 1]", "group->places[2 * sample]", "16"),
+        ("tile_gpu/frame.cl", "group->positions[2 * sample + 1]", "group->positions[2 * sample]", "16"),
         ("tile_gpu/shade.cl", "(sample & last, sample >>", "(sample & last, sample & last & sample >>", "16"),
         ("tile_gpu/shade.cl", "((sum) - (float)SAMPLES_OF_FRAME * (mean))", "((sum) - (mean))", "20"),
     ];
     for (strategy, rows) in [("tile", &vectors[..]), ("tile-group", &shared)] {
         for (file, from, to, samples) in due(rows) {
-            place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
+            folder.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
         }
     }
 }
@@ -176,15 +178,15 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();
-    let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}{lights}"))]);
+    let folder = WorkFolder::with(&[("scene.toml", &format!("{TRIANGLE}{lights}"))]);
     let options = ["--verify", "--samples", "17"];
-    picture(&place, &[&options[..], &["--strategy", "tile-group"]].concat());
+    picture(&folder, &[&options[..], &["--strategy", "tile-group"]].concat());
     let whole = (
         "tile_gpu/shade.cl",
         "(first_light ? (mean) + (sum) / SAMPLES_SO_FAR",
         "(first_light ? (mean) + (sum)",
     );
-    place.notices(whole, "tile-group", &options);
+    folder.notices(whole, "tile-group", &options);
 }
 
 /// A ball of triangles that are smaller than pixels, over the ground.
@@ -206,9 +208,9 @@ shape = \"ground\"
 /// ray of the lowest sample.
 #[test]
 fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
-    let place = Place::with(&[("scene.toml", FINE)]);
+    let folder = WorkFolder::with(&[("scene.toml", FINE)]);
     let options = ["--verify", "--samples", "4"];
-    picture(&place, &[&options[..], &["--strategy", "tile"]].concat());
+    picture(&folder, &[&options[..], &["--strategy", "tile"]].concat());
     let across = ("tile_cpu/camera.cl", "most_lane(samples->y) - rays.y", "most_lane(samples->x) - rays.y");
-    place.notices(across, "tile", &options);
+    folder.notices(across, "tile", &options);
 }

@@ -114,7 +114,7 @@ fn overrides_change_a_scene_and_its_hash() {
 }
 
 #[test]
-fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
+fn mistakes_in_a_scene_file_have_a_message_and_a_position() {
     let object = "[[object]]\nshape = \"ground\"\n";
     let cases = [
         ("[camera]\npositon = [0, 0, 0]\n", "did you mean `position`", "positon"),
@@ -150,10 +150,10 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
         ),
         ("x = [\n", "", ""),
     ];
-    for (text, message, place) in cases {
-        let (found, pointed) = mistake_in(&format!("{text}{object}"));
-        assert!(found.contains(message), "{text:?}: {found}");
-        assert!(place.is_empty() || pointed == place, "{text:?}: points at {pointed:?}");
+    for (text, message, position) in cases {
+        let (actual, pointed) = mistake_in(&format!("{text}{object}"));
+        assert!(actual.contains(message), "{text:?}: {actual}");
+        assert!(position.is_empty() || pointed == position, "{text:?}: points at {pointed:?}");
     }
     let (message, _) = mistake_in("name = \"empty\"\n");
     assert!(message.contains("no triangles"), "{message}");

@@ -1,7 +1,7 @@
 //! The JSON schemas of scenes and configs: the stored schemas equal those of this program, every file of the
 //! repository conforms to its schema, and the schemas reject the same files as raycl.
 
-use crate::binary::{Place, repository};
+use crate::binary::{WorkFolder, repository};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
@@ -13,7 +13,7 @@ const KINDS: [(&str, &str); 2] = [("config", "configs"), ("scene", "scenes")];
 const RECORD: &str = "record";
 
 pub fn schema(kind: &str) -> Value {
-    serde_json::from_str(&Place::new().output(&["schema", kind])).expect("JSON")
+    serde_json::from_str(&WorkFolder::new().output(&["schema", kind])).expect("JSON")
 }
 
 fn tomls(folder: &str) -> Vec<PathBuf> {
@@ -31,13 +31,13 @@ pub fn read(text: &str) -> Value {
 
 /// Returns the reasons why a value does not conform to a schema. Supports only the keywords that these
 /// schemas use.
-pub fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
-    // Any value conforms to this schema.
+pub fn mistakes(value: &Value, schema: &Value, path: &str) -> Vec<String> {
+    // Any value conforms to the schema `true`.
     if *schema == Value::Bool(true) {
         return Vec::new();
     }
     let keywords = schema.as_object().expect("a schema");
-    keywords.iter().flat_map(|(keyword, wanted)| mistake(value, keyword, wanted, place, schema)).collect()
+    keywords.iter().flat_map(|(keyword, wanted)| mistake(value, keyword, wanted, path, schema)).collect()
 }
 
 fn is_of(value: &Value, name: &Value) -> bool {
@@ -53,7 +53,7 @@ fn is_of(value: &Value, name: &Value) -> bool {
     }
 }
 
-fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &Value) -> Vec<String> {
+fn mistake(value: &Value, keyword: &str, wanted: &Value, path: &str, schema: &Value) -> Vec<String> {
     let number = |holds: fn(f64, f64) -> bool| match (value.as_f64(), wanted.as_f64()) {
         (Some(value), Some(wanted)) => holds(value, wanted),
         (value, _) => value.is_none(),
@@ -70,7 +70,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
         },
         "enum" => wanted.as_array().expect("values").contains(value),
         "const" => value == wanted || wanted.is_number() && value.as_f64() == wanted.as_f64(),
-        "not" => !mistakes(value, wanted, place).is_empty(),
+        "not" => !mistakes(value, wanted, path).is_empty(),
         "minimum" => number(|value, least| value >= least),
         "maximum" => number(|value, most| value <= most),
         "exclusiveMinimum" => number(|value, below| value > below),
@@ -82,11 +82,11 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
             value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
         }
         "anyOf" | "oneOf" => {
-            wanted.as_array().expect("choices").iter().any(|one| mistakes(value, one, place).is_empty())
+            wanted.as_array().expect("choices").iter().any(|one| mistakes(value, one, path).is_empty())
         }
         "items" => {
             let items = value.as_array().into_iter().flatten().enumerate();
-            return items.flat_map(|(at, item)| mistakes(item, wanted, &format!("{place}[{at}]"))).collect();
+            return items.flat_map(|(at, item)| mistakes(item, wanted, &format!("{path}[{at}]"))).collect();
         }
         "properties" | "additionalProperties" if !value.is_object() => true,
         "properties" => {
@@ -96,7 +96,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
                 .flatten()
                 .filter_map(|(key, value)| Some((key, value, wanted.get(key)?)));
             return keys
-                .flat_map(|(key, value, wanted)| mistakes(value, wanted, &format!("{place}.{key}")))
+                .flat_map(|(key, value, wanted)| mistakes(value, wanted, &format!("{path}.{key}")))
                 .collect();
         }
         "additionalProperties" => match wanted {
@@ -112,7 +112,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
         }
         other => panic!("this test does not know the keyword {other}"),
     };
-    if holds { Vec::new() } else { vec![format!("{place}: {keyword} {wanted}: {value}")] }
+    if holds { Vec::new() } else { vec![format!("{path}: {keyword} {wanted}: {value}")] }
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn the_stored_schemas_are_this_programs() {
     for kind in KINDS.map(|(kind, _)| kind).into_iter().chain([RECORD]) {
         let path = repository(&format!("docs/schemas/{kind}.schema.json"));
         let stored = read_to_string(&path).unwrap_or_default();
-        let printed = Place::new().output(&["schema", kind]);
+        let printed = WorkFolder::new().output(&["schema", kind]);
         assert!(stored == printed, "`raycl schema {kind} > docs/schemas/{kind}.schema.json` makes it again");
     }
 }
@@ -135,8 +135,8 @@ fn every_file_names_its_schema_and_keeps_to_it() {
             let text = read_to_string(&path).expect("a file");
             let first = format!("#:schema ../docs/schemas/{kind}.schema.json");
             assert_eq!(text.lines().next(), Some(first.as_str()), "{}", path.display());
-            let found = mistakes(&read(&text), &schema, "");
-            assert!(found.is_empty(), "{}: {found:#?}", path.display());
+            let mistakes_found = mistakes(&read(&text), &schema, "");
+            assert!(mistakes_found.is_empty(), "{}: {mistakes_found:#?}", path.display());
         }
     }
 }
@@ -184,10 +184,10 @@ fn what_raycl_refuses_the_schemas_refuse() {
             let bad = good.replacen(from, to, 1);
             assert_ne!(bad, good, "{from}");
             assert!(!mistakes(&read(&bad), &schema, "").is_empty(), "the schema takes: {bad}");
-            let place = Place::with(&[("scene.toml", scene), (&format!("{kind}.toml"), &bad)]);
+            let folder = WorkFolder::with(&[("scene.toml", scene), (&format!("{kind}.toml"), &bad)]);
             match kind {
-                "scene" => place.mistake(&["render", "scene.toml", "-o", "a.png"], 2),
-                _ => place.mistake(&["run", "config.toml", "--dry-run"], 2),
+                "scene" => folder.mistake(&["render", "scene.toml", "-o", "a.png"], 2),
+                _ => folder.mistake(&["run", "config.toml", "--dry-run"], 2),
             };
         }
     }
@@ -251,8 +251,8 @@ fn records_keep_to_their_schema_and_the_page_has_every_field() {
                 continue;
             };
             for line in text.lines() {
-                let found = mistakes(&serde_json::from_str(line).expect("JSON"), &schema, "");
-                assert!(found.is_empty(), "{found:#?}\n{line}");
+                let mistakes_found = mistakes(&serde_json::from_str(line).expect("JSON"), &schema, "");
+                assert!(mistakes_found.is_empty(), "{mistakes_found:#?}\n{line}");
                 seen += 1;
             }
         }

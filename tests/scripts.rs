@@ -2,28 +2,28 @@
 //! the machine or need the network: a function that is exported replaces the program of its name in each script that
 //! bash starts.
 
-use crate::binary::{Place, has, repository, run};
+use crate::binary::{WorkFolder, has, repository, run};
 use std::process::{Command, Output};
 
 /// Runs lines of bash in the folder. `$REPOSITORY` is the repository's folder.
-fn bash(place: &Place, lines: &str) -> Output {
+fn bash(folder: &WorkFolder, lines: &str) -> Output {
     let mut command = Command::new("bash");
-    command.args(["-euc", lines]).current_dir(place.path("")).env("REPOSITORY", env!("CARGO_MANIFEST_DIR"));
+    command.args(["-euc", lines]).current_dir(folder.path("")).env("REPOSITORY", env!("CARGO_MANIFEST_DIR"));
     run(&mut command)
 }
 
 /// Runs lines of bash that must succeed, and returns what they print to standard output.
 #[track_caller]
-fn succeeds(place: &Place, lines: &str) -> String {
-    let output = bash(place, lines);
+fn succeeds(folder: &WorkFolder, lines: &str) -> String {
+    let output = bash(folder, lines);
     assert!(output.status.success(), "{output:?}");
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
 /// Runs lines of bash that must fail, and returns what they print to standard error.
 #[track_caller]
-fn fails(place: &Place, lines: &str) -> String {
-    let output = bash(place, lines);
+fn fails(folder: &WorkFolder, lines: &str) -> String {
+    let output = bash(folder, lines);
     assert!(!output.status.success(), "{output:?}");
     String::from_utf8(output.stderr).expect("UTF-8")
 }
@@ -36,7 +36,7 @@ fn packages_are_known_in_every_language() {
         apt-cache() { if [ "${LC_ALL-}" = C ]; then echo "  Candidate: 1.0"; else echo "  Installationskandidat: 1.0"; fi; }
         eval "$(grep '^knows()' "$REPOSITORY/.ci/setup")"
         knows oclgrind"#;
-    succeeds(&Place::new(), lines);
+    succeeds(&WorkFolder::new(), lines);
 }
 
 #[test]
@@ -46,23 +46,24 @@ fn a_missing_folder_for_temporary_files_is_named() {
         sudo() { false; }
         export -f cargo sudo
         TMPDIR=$PWD/nowhere "$REPOSITORY/.ci/setup""#;
-    has(&fails(&Place::new(), lines), &["/nowhere/"]);
+    has(&fails(&WorkFolder::new(), lines), &["/nowhere/"]);
 }
 
-/// `PATH=/none` hides the programs of this machine, among them a Slurm.
+/// `PATH=/none` hides the programs of this machine, which may include Slurm.
 #[test]
 fn slurm_is_installed_as_root_and_without_questions() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let install = r#"
         id() { echo 1000; }
         export -f id
         PATH=/none "$BASH" "$REPOSITORY/tests/slurm/setup""#;
-    let said = succeeds(&place, &format!("sudo() {{ echo \"sudo $*\"; }}; export -f sudo; {install}"));
+    let said = succeeds(&folder, &format!("sudo() {{ echo \"sudo $*\"; }}; export -f sudo; {install}"));
     has(&said, &["sudo env DEBIAN_FRONTEND=noninteractive apt-get -q install ", " slurm-wlm "]);
-    has(&fails(&place, install), &["Install them as root"]);
+    has(&fails(&folder, install), &["Install them as root"]);
 }
 
-/// A program that fails takes the place of a Python without pip, and one that succeeds that of a whole one.
+/// In this test, two programs take the place of Python. The program that always fails stands for a Python without pip;
+/// the program that always succeeds stands for a complete Python.
 #[test]
 fn an_unfinished_virtual_environment_is_made_again() {
     for script in [r#"python/run" "$PWD/made""#, r#"mitsuba/run" . "$PWD/made""#] {
@@ -73,13 +74,13 @@ fn an_unfinished_virtual_environment_is_made_again() {
             python3() { program 0 "$4/bin/python"; }
             export -f program python3
             "$REPOSITORY/tests/"#;
-        succeeds(&Place::new(), &format!("{lines}{script}"));
+        succeeds(&WorkFolder::new(), &format!("{lines}{script}"));
     }
 }
 
 #[test]
 fn intels_runtime_is_not_installed_without_its_library() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let lines = r#"
         mkdir .ci
         cp "$REPOSITORY/.ci/test-intel" .ci
@@ -87,8 +88,8 @@ fn intels_runtime_is_not_installed_without_its_library() {
         cargo() { :; }
         export -f python3 cargo
         INTEL_VERSION=1.0 .ci/test-intel"#;
-    has(&fails(&place, lines), &["1.0", "libintelocl.so"]);
-    assert!(!place.path("target/intel-opencl/installed-1.0").exists());
+    has(&fails(&folder, lines), &["1.0", "libintelocl.so"]);
+    assert!(!folder.path("target/intel-opencl/installed-1.0").exists());
 }
 
 #[test]
@@ -103,8 +104,8 @@ fn a_packaged_rust_is_not_copied_to_a_bare_system() {
             require"#
         )
     };
-    has(&fails(&Place::new(), &require("/usr")), &["rustup"]);
-    succeeds(&Place::new(), &require("/root/.rustup/toolchains/stable"));
+    has(&fails(&WorkFolder::new(), &require("/usr")), &["rustup"]);
+    succeeds(&WorkFolder::new(), &require("/root/.rustup/toolchains/stable"));
 }
 
 #[test]
@@ -115,7 +116,7 @@ fn fuzzing_names_a_missing_compiler() {
         cargo-fuzz() { :; }
         export -f dirname cargo-fuzz
         PATH=/none "$BASH" "$REPOSITORY/.ci/fuzz""#;
-    has(&fails(&Place::new(), lines), &["a C++ compiler (c++) is missing"]);
+    has(&fails(&WorkFolder::new(), lines), &["a C++ compiler (c++) is missing"]);
 }
 
 /// cargo's settings may name another folder for builds than `target`, and a folder's name may have blanks.

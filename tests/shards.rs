@@ -5,19 +5,19 @@
 mod pages;
 mod sweep;
 
-use crate::binary::{Place, device, has, repository, run, until};
+use crate::binary::{WorkFolder, device, has, repository, run, until};
 use raycl::record::{Record, Sample, read_lines};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-/// Points of the config: two strategies, three local sizes, two image sizes.
+/// Number of points of the config, which has two strategies, three local sizes and two image sizes.
 const POINTS: usize = 2 * 3 * 2;
 
 /// A config, and the folder that its shards write to.
 struct Ground {
-    place: Place,
+    folder: WorkFolder,
 }
 
 impl Ground {
@@ -29,7 +29,7 @@ impl Ground {
              local_sizes = [2, 4, 8]\nstrategies = [\"naive\", \"deferred\"]\n\
              [timing]\nlaunches = 2\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n"
         );
-        Self { place: Place::with(&[("test.toml", &text)]) }
+        Self { folder: WorkFolder::with(&[("test.toml", &text)]) }
     }
 
     fn command(&self, shard: &str, frame_ms: &str, more: &[&str]) -> Command {
@@ -38,7 +38,10 @@ impl Ground {
         if !frame_ms.is_empty() {
             command.args(["--asleep", frame_ms]);
         }
-        command.args(more).current_dir(self.place.path("")).env("RAYCL_LOCK_DIR", self.place.path(".locks"));
+        command
+            .args(more)
+            .current_dir(self.folder.path(""))
+            .env("RAYCL_LOCK_DIR", self.folder.path(".locks"));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         for name in [
             "SLURM_JOB_ID",
@@ -58,18 +61,18 @@ impl Ground {
     }
 
     fn merge(&self) -> String {
-        self.place.output(&["merge", "out"])
+        self.folder.output(&["merge", "out"])
     }
 
     fn attempts(&self) -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(self.place.path("out/parts")).into_iter().flatten().flatten();
+        let entries = std::fs::read_dir(self.folder.path("out/parts")).into_iter().flatten().flatten();
         let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
         folders.sort();
         folders
     }
 
     fn records(&self, file: &str) -> Vec<Record> {
-        read_lines(&self.place.path(file)).expect("records").lines
+        read_lines(&self.folder.path(file)).expect("records").lines
     }
 
     /// Checks that every point has one record, that each of its samples occurs once, and that no other samples
@@ -78,7 +81,7 @@ impl Ground {
         let records = self.records("out/records.jsonl");
         let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
         assert_eq!((records.len(), keys.len()), (POINTS, POINTS));
-        let samples = read_lines::<Sample>(&self.place.path("out/samples.jsonl")).expect("samples").lines;
+        let samples = read_lines::<Sample>(&self.folder.path("out/samples.jsonl")).expect("samples").lines;
         let mut by_key: BTreeMap<String, Vec<(u32, u64)>> = BTreeMap::new();
         for sample in &samples {
             by_key.entry(sample.key.clone()).or_default().push((sample.launch, sample.ms.to_bits()));
@@ -87,9 +90,9 @@ impl Ground {
             let times = record.samples_ms.iter().map(|ms| ms.to_bits());
             let mut own: Vec<_> = record.sample_launches.iter().copied().zip(times).collect();
             own.sort_unstable();
-            let mut found = by_key.remove(&record.key).unwrap_or_default();
-            found.sort_unstable();
-            assert_eq!(own, found, "{} {:?}", record.name, record.local_size);
+            let mut expected = by_key.remove(&record.key).unwrap_or_default();
+            expected.sort_unstable();
+            assert_eq!(own, expected, "{} {:?}", record.name, record.local_size);
         }
         assert!(by_key.is_empty(), "{by_key:?}");
     }
@@ -143,12 +146,12 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     for (table, column) in
         [("out/summary.csv", "throttled_samples,host,block"), ("out/exports/points.csv", ",host,block")]
     {
-        let table = ground.place.text(table);
+        let table = ground.folder.text(table);
         assert!(table.lines().next().is_some_and(|header| header.ends_with(column)), "{column}");
         assert!(table.lines().skip(1).all(|row| row.contains(&format!(",{host},"))), "{table}");
     }
-    has(&ground.place.text("out/report.html"), &[&format!("measured on {host}")]);
-    let summary = ground.place.text("out/summary.csv");
+    has(&ground.folder.text("out/report.html"), &[&format!("measured on {host}")]);
+    let summary = ground.folder.text("out/summary.csv");
     for record in &records {
         let [low, high] = record.interval_ms.expect("an interval");
         let row = summary.lines().find(|row| row.starts_with(&record.key)).expect("a row");
@@ -157,34 +160,35 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
             "{low} to {high} is another interval than in {row}"
         );
     }
-    let before = files(&ground.place.path("out"));
+    let before = files(&ground.folder.path("out"));
     ground.merge();
-    assert!(before == files(&ground.place.path("out")), "the second merge changed something");
-    has(&ground.place.text("out/summary.md"), &["# What is measured?\n\nExpected: Nothing new.\n"]);
-    let points = objects(&ground.place.output(&["merge", "out", "--json"]));
+    assert!(before == files(&ground.folder.path("out")), "the second merge changed something");
+    has(&ground.folder.text("out/summary.md"), &["# What is measured?\n\nExpected: Nothing new.\n"]);
+    let points = objects(&ground.folder.output(&["merge", "out", "--json"]));
     let mut keys: Vec<_> = points.iter().filter_map(|point| point["key"].as_str()).collect();
     keys.sort_unstable();
     let mut own: Vec<_> = records.iter().map(|record| record.key.as_str()).collect();
     own.sort_unstable();
     assert_eq!((points.len(), keys), (POINTS, own));
-    let states = objects(&ground.place.output(&["merge", "out", "--status", "--json"]));
+    let states = objects(&ground.folder.output(&["merge", "out", "--status", "--json"]));
     assert!(states.len() == 3 && states.iter().all(|one| one["state"] == "done"), "{states:?}");
-    assert_eq!(ground.place.output(&["merge", "out", "--quiet"]), "");
-    has(&ground.place.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
+    assert_eq!(ground.folder.output(&["merge", "out", "--quiet"]), "");
+    has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
 }
 
-/// The parts of several machines were copied together, but neither the same plan nor the kinds of device.
+/// In this test, a folder has the attempts of several machines, but another experiment's plan, and later also lacks the
+/// files of the kinds of device.
 #[test]
 fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
     let ground = Ground::new();
     ["1/2", "2/2"].iter().for_each(|shard| ground.shard(shard));
-    let plan = ground.place.text("out/shards.json");
+    let plan = ground.folder.text("out/shards.json");
     let mut plan: serde_json::Value = serde_json::from_str(&plan).expect("JSON");
     plan["blocks"][0]["number"] = 99.into();
-    ground.place.write("out/shards.json", &plan.to_string());
+    ground.folder.write("out/shards.json", &plan.to_string());
     has(&ground.merge(), &["note: The plan in shards.json is not that of 2 attempts (shard-00001."]);
-    std::fs::remove_dir_all(ground.place.path("out/kinds")).expect("a folder");
-    let said = ground.place.mistake(&["merge", "out"], 2);
+    std::fs::remove_dir_all(ground.folder.path("out/kinds")).expect("a folder");
+    let said = ground.folder.mistake(&["merge", "out"], 2);
     has(&said, &["no file in out/kinds lists the points of 12 records of 2 attempts (shard-00001."]);
     assert_eq!(ground.records("out/records.jsonl").len(), POINTS, "the merged results stay");
 }
@@ -193,20 +197,20 @@ fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
 fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let ground = Ground::new();
     ground.shard("1/2");
-    let said = ground.place.mistake(&["merge", "out", "--quiet"], 1);
+    let said = ground.folder.mistake(&["merge", "out", "--quiet"], 1);
     has(
         &said,
         &["points are missing", "of shard 2", "raycl run test.toml --quiet --asleep 1 --out out --shard 2/2"],
     );
     // The attempt was started when the folder had another name.
-    let [out, moved] = ["out", "moved it"].map(|name| ground.place.path(name));
+    let [out, moved] = ["out", "moved it"].map(|name| ground.folder.path(name));
     std::fs::rename(&out, &moved).expect("a new name");
-    let of_moved = ground.place.mistake(&["merge", "moved it", "--quiet"], 1);
+    let of_moved = ground.folder.mistake(&["merge", "moved it", "--quiet"], 1);
     has(&of_moved, &["raycl run test.toml --quiet --asleep 1 --out 'moved it' --shard 2/2"]);
     std::fs::rename(&moved, &out).expect("its name");
     let line = said.lines().find(|line| line.trim_start().starts_with("raycl run")).expect("a command");
     let words: Vec<&str> = line.split_whitespace().skip(1).collect();
-    ground.place.output(&words);
+    ground.folder.output(&words);
     ground.merge();
     ground.is_whole();
 }
@@ -216,8 +220,8 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
 fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_device() {
     let ground = Ground::new();
     succeeds(run(ground.command("1/2", "1", &[]).env("RAYCL_DEVICE", "gpu")));
-    let out = ground.place.path("out").display().to_string();
-    let mut merge = ground.place.raycl(&["merge", &out, "--quiet"]);
+    let out = ground.folder.path("out").display().to_string();
+    let mut merge = ground.folder.raycl(&["merge", &out, "--quiet"]);
     let merged = merge.current_dir("/").assert().code(1).get_output().clone();
     let said = String::from_utf8(merged.stderr).expect("UTF-8");
     let line = said.lines().find(|line| line.contains("raycl run")).expect("a command");
@@ -226,7 +230,7 @@ fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_de
     let raycl = format!("raycl() {{ '{}' \"$@\"; }}", env!("CARGO_BIN_EXE_raycl"));
     shell.args(["-c", &format!("{raycl}\n{line}")]).current_dir("/").env_remove("RAYCL_DEVICE");
     shell.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS).env("RAYCL_MOVED_SAMPLES", "keep");
-    shell.env("RAYCL_LOCK_DIR", ground.place.path(".locks"));
+    shell.env("RAYCL_LOCK_DIR", ground.folder.path(".locks"));
     succeeds(run(&mut shell));
     ground.merge();
     ground.is_whole();
@@ -236,7 +240,7 @@ fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_de
 #[test]
 #[cfg(target_os = "linux")]
 fn a_merge_into_a_folder_that_may_not_be_written_to_is_the_users_mistake() {
-    let said = Place::new().mistake(&["merge", "/proc/sys"], 2);
+    let said = WorkFolder::new().mistake(&["merge", "/proc/sys"], 2);
     has(&said, &["the folder '/proc/sys' cannot be written to", "merge a copy of it"]);
     assert!(!said.contains("--out"), "{said}");
 }
@@ -246,7 +250,7 @@ fn shards_that_are_not_merged_are_answered_with_the_merge() {
     let ground = Ground::new();
     ground.shard("1/2");
     for command in [&["report", "out"][..], &["compare", "out", "out"]] {
-        let said = ground.place.mistake(command, 2);
+        let said = ground.folder.mistake(command, 2);
         has(&said, &["out holds shards that are not merged yet", "first merge them: raycl merge out"]);
     }
 }
@@ -266,13 +270,13 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     std::fs::write(&rounds, damaged).expect("a damaged line");
     let before = files(&ground.attempts()[0]);
     has(
-        &ground.place.output(&["merge", "out", "--status", "--between", "2"]),
+        &ground.folder.output(&["merge", "out", "--status", "--between", "2"]),
         &["lost: the counter in its folder no longer increases"],
     );
-    has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
+    has(&ground.folder.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
     let second = run(&mut ground.command("1/1", "20", &[]));
-    let told = String::from_utf8_lossy(&second.stderr).into_owned();
-    has(&told, &["raycl ignores 1 damaged line of out/parts/shard-00001.", "/rounds.jsonl"]);
+    let message = String::from_utf8_lossy(&second.stderr).into_owned();
+    has(&message, &["raycl ignores 1 damaged line of out/parts/shard-00001.", "/rounds.jsonl"]);
     succeeds(second);
     assert!(before == files(&ground.attempts()[0]), "the first attempt's folder was written to");
     let records = |attempt: usize| lines(&ground.attempts()[attempt].join("records.jsonl"));
@@ -280,7 +284,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     has(&ground.merge(), &["note: raycl ignores 1 damaged line of parts/shard-00001."]);
     ground.is_whole();
     has(
-        &ground.place.output(&["repair", "out"]),
+        &ground.folder.output(&["repair", "out"]),
         &["out/parts/shard-00001.", "/rounds.jsonl: removed damaged lines: 1, lines kept: "],
     );
     let said = ground.merge();
@@ -292,19 +296,19 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
 fn of_scenes_with_the_same_content_one_is_measured() {
     let ground = Ground::new();
     let [scene, other] = ["triangle", "pyramid-upper"].map(|name| repository(&format!("scenes/{name}.toml")));
-    std::fs::copy(&scene, ground.place.path("copy.toml")).expect("a copy");
+    std::fs::copy(&scene, ground.folder.path("copy.toml")).expect("a copy");
     let scenes = format!("[{scene:?}, \"copy.toml\", {other:?}]");
-    let text = ground.place.text("test.toml").replace(&format!("[{scene:?}]"), &scenes);
-    ground.place.write("test.toml", &text);
+    let text = ground.folder.text("test.toml").replace(&format!("[{scene:?}]"), &scenes);
+    ground.folder.write("test.toml", &text);
     let note = "scene copy.toml has the same content as triangle; it is measured once, as triangle";
-    let told = ground.place.output(&["run", "test.toml", "--dry-run", "--asleep", "1"]);
-    has(&told, &[&format!("note: {note}"), &format!("{} points, 0 of which", 2 * POINTS)]);
+    let message = ground.folder.output(&["run", "test.toml", "--dry-run", "--asleep", "1"]);
+    has(&message, &[&format!("note: {note}"), &format!("{} points, 0 of which", 2 * POINTS)]);
     ["1/2", "2/2"].iter().for_each(|shard| ground.shard(shard));
     let said = ground.merge();
     has(&said, &[note, "; 0 samples not used"]);
     assert!(!said.contains("several attempts"), "{said}");
     let points = |file: &str| -> Vec<String> {
-        let plan: serde_json::Value = serde_json::from_str(&ground.place.text(file)).expect("JSON");
+        let plan: serde_json::Value = serde_json::from_str(&ground.folder.text(file)).expect("JSON");
         plan["points"].as_array().expect("a list").iter().map(|point| point.to_string()).collect()
     };
     for file in ["out/plan.json", "out/shards.json"] {
@@ -340,7 +344,7 @@ fn two_attempts_at_once_are_both_seen_and_counted_once() {
 fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     let ground = Ground::new();
     ground.shard("1/2");
-    let refused = |arguments: &[&str]| ground.place.mistake(arguments, 2);
+    let refused = |arguments: &[&str]| ground.folder.mistake(arguments, 2);
     let shard = ["run", "test.toml", "--out", "out", "--asleep", "1", "--shard"];
     has(
         &refused(&[&shard[..], &["1/3"]].concat()),
@@ -356,7 +360,7 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     has(&refused(&["merge", "."]), &["holds no experiment that is divided into shards"]);
     has(&refused(&["merge", "out", "--status", "--quiet"]), &["--quiet", "cannot be used with"]);
     has(&refused(&["merge", "out", "--status", "--device", "gpu"]), &["--device", "cannot be used with"]);
-    ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
+    ground.folder.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
     has(
         &refused(&["run", "test.toml", "--out", "whole", "--asleep", "1", "--shard", "1/2"]),
         &["holds the results of a run without shards"],
@@ -401,7 +405,7 @@ fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {
 #[cfg(target_os = "linux")]
 fn lose_launcher(name: &str, shard: &str) {
     let ground = Ground::new();
-    let launcher = ground.place.path(name);
+    let launcher = ground.folder.path(name);
     crate::binary::copy_program("/bin/sh", &launcher);
     let raycl = format!(
         "{} run test.toml --out out --shard {shard} --quiet --asleep 2000; true",
@@ -409,7 +413,7 @@ fn lose_launcher(name: &str, shard: &str) {
     );
     let mut command = Command::new(&launcher);
     command.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS);
-    command.args(["-c", &raycl]).current_dir(ground.place.path("")).stdin(Stdio::null());
+    command.args(["-c", &raycl]).current_dir(ground.folder.path("")).stdin(Stdio::null());
     command.env("JOB_COMPLETION_INDEX", "0");
     let mut launcher = command.spawn().expect("it starts");
     until("a worker is at work", || {
@@ -424,8 +428,8 @@ fn lose_launcher(name: &str, shard: &str) {
     });
     until("its worker is gone", || workers.iter().all(|process| !lives(process)));
     assert_eq!(lines(&attempt.join("records.jsonl")), 0, "the point under way stays unmeasured");
-    has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["12 points are missing"]);
-    has(&ground.place.output(&["merge", "out", "--status"]), &[&format!("launcher lost: {name}")]);
+    has(&ground.folder.mistake(&["merge", "out", "--quiet"], 1), &["12 points are missing"]);
+    has(&ground.folder.output(&["merge", "out", "--status"]), &[&format!("launcher lost: {name}")]);
 }
 
 /// Returns the workers of an attempt's process.
@@ -462,14 +466,14 @@ fn a_device_of_one_compute_unit_and_the_same_of_two_are_two_kinds() {
     let records = ground.records("out/records.jsonl");
     let keys: HashSet<_> = records.iter().map(|record| &record.key).collect();
     assert_eq!((records.len(), keys.len()), (4, 4));
-    has(&ground.place.text("out/summary.md"), &["1 compute units", "2 compute units"]);
+    has(&ground.folder.text("out/summary.md"), &["1 compute units", "2 compute units"]);
 }
 
 #[test]
 fn slurm_scripts_are_printed_and_none_submitted() {
     let ground = Ground::new();
     let said =
-        ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "16", "--device", "h200"]);
+        ground.folder.output(&["run", "test.toml", "--out", "out", "--sbatch", "16", "--device", "h200"]);
     has(
         &said,
         &[
@@ -480,18 +484,19 @@ fn slurm_scripts_are_printed_and_none_submitted() {
             "afterany",
         ],
     );
-    let said = ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
+    let said =
+        ground.folder.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
     has(&said, &["#SBATCH --exclusive"]);
-    // The device need not be named by the option.
+    // The config or the environment may name the device instead of the option `--device`.
     let usual = ["run", "test.toml", "--out", "out", "--sbatch", "4"];
-    let said = ground.place.output(&[&usual[..], &["--set", "devices=['h200']"]].concat());
-    let mut default = ground.place.raycl(&usual);
+    let said = ground.folder.output(&[&usual[..], &["--set", "devices=['h200']"]].concat());
+    let mut default = ground.folder.raycl(&usual);
     let output = default.env("RAYCL_DEVICE", "h200").assert().success().get_output().clone();
     for said in [said, String::from_utf8_lossy(&output.stdout).into_owned()] {
         has(&said, &["#SBATCH --gres=gpu:1"]);
         assert!(!said.contains("--exclusive"), "{said}");
     }
-    assert!(!ground.place.path("out").exists(), "nothing was written");
+    assert!(!ground.folder.path("out").exists(), "nothing was written");
 }
 
 /// In this test, functions of bash take the place of the command `sbatch`. The first job gets the number 7.
@@ -499,10 +504,10 @@ fn slurm_scripts_are_printed_and_none_submitted() {
 fn the_printed_script_submits_both_jobs_without_writing_a_file() {
     let ground = Ground::new();
     let arguments = ["run", "test.toml", "--out", "it's out", "--sbatch", "4", "--asleep", "1"];
-    let said = ground.place.output(&arguments);
+    let said = ground.folder.output(&arguments);
     let submit = |sbatch: &str| {
         let mut command = Command::new("bash");
-        command.args(["-c", &format!("{sbatch}\n{said}")]).current_dir(ground.place.path(""));
+        command.args(["-c", &format!("{sbatch}\n{said}")]).current_dir(ground.folder.path(""));
         let output = run(&mut command);
         (output.status.success(), String::from_utf8(output.stderr).expect("UTF-8"))
     };
@@ -517,14 +522,14 @@ fn the_printed_script_submits_both_jobs_without_writing_a_file() {
     has(merge, &["--dependency=afterany:7\n#!/bin/bash\n", "raycl merge 'it'\\''s out'\n"]);
     let (is_done, submitted) = submit("sbatch() { echo \"sbatch $*\" >&2; return 1; }");
     assert!(!is_done && submitted.matches("sbatch ").count() == 1, "{submitted}");
-    assert_eq!(files(&ground.place.path("")).len(), 1, "the config is the only file");
+    assert_eq!(files(&ground.folder.path("")).len(), 1, "the config is the only file");
 }
 
 #[test]
 fn a_script_is_based_on_earlier_times_only_if_every_point_has_one() {
     let ground = Ground::new();
     let usual = ["run", "test.toml", "--asleep", "1", "--quiet", "--out"];
-    let raycl = |more: &[&str]| ground.place.output(&[&usual[..], more].concat());
+    let raycl = |more: &[&str]| ground.folder.output(&[&usual[..], more].concat());
     let script = || raycl(&["out", "--sbatch", "4"]);
     raycl(&["some", "--set", "strategies=['naive']"]);
     has(&script(), &["(a guess: not all points were measured before)", "#SBATCH --array=1-4"]);

@@ -1,6 +1,6 @@
 //! Soft lights and the sky, in every family that supports them.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::due;
 use image::RgbImage;
 
@@ -38,15 +38,15 @@ translation = [0, -0.3, -3]
 shape = \"ground\"
 ";
 
-fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
+fn render(folder: &WorkFolder, options: &[&str]) -> (RgbImage, String) {
     let device = device();
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device];
-    let said = place.output(&[&usual, &["-o", "a.png", "--force"][..], options].concat());
-    (image::open(place.path("a.png")).expect("a picture").to_rgb8(), said)
+    let said = folder.output(&[&usual, &["-o", "a.png", "--force"][..], options].concat());
+    (image::open(folder.path("a.png")).expect("a picture").to_rgb8(), said)
 }
 
-fn picture(place: &Place, options: &[&str]) -> RgbImage {
-    render(place, options).0
+fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
+    render(folder, options).0
 }
 
 /// These strategies cast rays one by one and in vectors, with and without planes through a common origin,
@@ -55,12 +55,12 @@ const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile
 
 #[test]
 fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
-    let place = Place::with(&[("scene.toml", SQUARE)]);
-    let hard = picture(&place, &["--samples", "1", "--verify"]);
+    let folder = WorkFolder::with(&[("scene.toml", SQUARE)]);
+    let hard = picture(&folder, &["--samples", "1", "--verify"]);
     let point = ["--samples", "16", "--set", "light.0.radius=0"];
-    let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
+    let sharp = picture(&folder, &[&point[..], &["--verify"]].concat());
     for strategy in FAMILIES {
-        let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify=600"]);
+        let soft = picture(&folder, &["--samples", "16", "--strategy", strategy, "--verify=600"]);
         // Penumbras lie on the ground around the square's shadow, and nowhere else.
         let differing =
             soft.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 8).count();
@@ -68,58 +68,58 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     }
     let differing = hard.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 60).count();
     assert!(differing < 120, "{differing}");
-    let said = render(&place, &[]).1;
+    let said = render(&folder, &[]).1;
     assert!(said.contains("1 light has a radius: with one sample per pixel"), "{said}");
     let device = device();
     for options in [["--devices", &device], ["--turntable", "1"]] {
         let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "-o", "b.png"];
-        let said = place.output(&[&usual[..], &options].concat());
+        let said = folder.output(&[&usual[..], &options].concat());
         assert!(said.contains("1 light has a radius"), "{options:?}: {said}");
     }
-    place.mistake(&["render", "scene.toml", "--set", "light.0.radius=-1"], 2);
+    folder.mistake(&["render", "scene.toml", "--set", "light.0.radius=-1"], 2);
 }
 
-/// If all pixels used the same points, four samples would produce a penumbra of four steps.
+/// If all pixels used the same points of the light, four samples would produce a penumbra of four steps.
 #[test]
 fn each_pixel_sees_another_point_of_a_light() {
-    let place = Place::with(&[("scene.toml", SQUARE)]);
-    let soft = picture(&place, &["--samples", "4"]);
+    let folder = WorkFolder::with(&[("scene.toml", SQUARE)]);
+    let soft = picture(&folder, &["--samples", "4"]);
     // Counts grain: pixels that are brighter than both neighbours, or darker than both. A smooth edge or a step has
     // no such pixels.
     let grains = |picture: &RgbImage| {
         let value = |x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
-        let places = (0..40).flat_map(|y| (1..59).map(move |x| (x, y)));
+        let positions = (0..40).flat_map(|y| (1..59).map(move |x| (x, y)));
         let is_grain = |&(x, y): &(u32, u32)| {
             let [left, right] = [x - 1, x + 1].map(|beside| value(x, y) - value(beside, y));
             left.abs().min(right.abs()) > 5 && left.signum() == right.signum()
         };
-        places.filter(is_grain).count()
+        positions.filter(is_grain).count()
     };
-    let sharp = picture(&place, &["--samples", "4", "--set", "light.0.radius=0"]);
+    let sharp = picture(&folder, &["--samples", "4", "--set", "light.0.radius=0"]);
     assert!(grains(&soft) > grains(&sharp) + 15, "{} {}", grains(&soft), grains(&sharp));
 }
 
 #[test]
 fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
-    let place = Place::with(&[("scene.toml", SKY)]);
+    let folder = WorkFolder::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
-        // Several samples, one sample, and a sky that reaches less far than the shadow bias.
+        // The cases are several samples, one sample, and a sky that reaches less far than the shadow bias.
         for more in [["--samples", "4"], ["--samples", "1"], ["--set", "sky.reach=1e-9"]] {
-            picture(&place, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
+            picture(&folder, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
         }
     }
-    let shown = picture(&place, &["--samples", "64"]);
+    let shown = picture(&folder, &["--samples", "64"]);
     let ground = |picture: &RgbImage, x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
     // The ground is darker beside the ball than far from it.
     let (beside, far) = (ground(&shown, 30, 22), ground(&shown, 4, 30));
     assert!(beside + 15 < far, "{beside} {far}");
-    let near = picture(&place, &["--samples", "64", "--set", "sky.reach=0.001"]);
+    let near = picture(&folder, &["--samples", "64", "--set", "sky.reach=0.001"]);
     assert!((ground(&near, 30, 22) - ground(&near, 4, 30)).abs() < 6);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster does not support a sky, which the scene has"]);
+    has(&folder.mistake(&raster, 2), &["traversal = raster does not support a sky, which the scene has"]);
     for wrong in ["sky.zenith=-1", "sky.reach=0", "sky.colour=1"] {
-        place.mistake(&["render", "scene.toml", "--set", wrong], 2);
+        folder.mistake(&["render", "scene.toml", "--set", wrong], 2);
     }
 }
 
@@ -127,9 +127,9 @@ fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_referenc
 fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     let scene = "[camera]\nposition = [0, 2, -4]\nlook_at = [0, 0, -4]\nup = [0, 0, -1]\n[sky]\nzenith = 0.03\n\
                  [[object]]\nshape = \"ground\"\nmaterial = { k_l = 0.5 }\n[display]\nexposure = 30\ngamma = 1\n";
-    let place = Place::with(&[("scene.toml", scene)]);
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
     // The expected value is 255 x 30 x 0.03 x 0.5, in whatever direction the ray to the sky runs.
-    assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
+    assert_eq!(picture(&folder, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
 /// No other test of soft light compares pictures of tiles that work-items share with the reference, since PoCL takes
@@ -137,46 +137,46 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
 /// kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
-    let place = where_shadow_rays_end();
-    let (device, cache) = (device(), place.path("cache"));
+    let folder = where_shadow_rays_end();
+    let (device, cache) = (device(), folder.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
     // The second picture uses the program of the first. Nothing occludes a sky that reaches less far than the shadow
     // bias.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
-        let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
+        let mut command = folder.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
     // The sky comes after the lights of the second round. Within a round, a light's number is counted from the
     // round's first light.
     let lights: String =
         (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
-    place.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
-    let mut command = place.raycl(&[&usual[..], &ends].concat());
+    folder.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
+    let mut command = folder.raycl(&[&usual[..], &ends].concat());
     command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
-    let kernels = place.kernels(
+    let kernels = folder.kernels(
         "tile_gpu/soft.cl",
         "const int source = sources->first_light + light;\n    return",
         "const int source = light;\n    return",
     );
-    let message = place.mistake(&[&usual[..], &ends, &["--quiet", "--cl-dir", &kernels]].concat(), 1);
+    let message = folder.mistake(&[&usual[..], &ends, &["--quiet", "--cl-dir", &kernels]].concat(), 1);
     has(&message, &["the picture is wrong: "]);
 }
 
-/// Returns a place with the scene of tests/data/lights.toml, in which the shadow bias is large, and a panel is just
+/// Returns a folder with the scene of tests/data/lights.toml, in which the shadow bias is large, and a panel is just
 /// behind a light. Lights get a very small radius, and the scene gets a sky whose reach is about the distance between
 /// the last triangle and the panel.
-fn where_shadow_rays_end() -> Place {
+fn where_shadow_rays_end() -> WorkFolder {
     let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
     let soft = lights.replace("power =", "radius = 0.02\npower =");
-    Place::with(&[("scene.toml", &format!("{soft}\n[sky]\nzenith = 0.5\nhorizon = 0.3\nreach = 1.2\n"))])
+    WorkFolder::with(&[("scene.toml", &format!("{soft}\n[sky]\nzenith = 0.5\nhorizon = 0.3\nreach = 1.2\n"))])
 }
 
 #[test]
 fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
-    let place = where_shadow_rays_end();
+    let folder = where_shadow_rays_end();
     for strategy in FAMILIES {
-        picture(&place, &["--strategy", strategy, "--samples", "2", "--verify"]);
+        picture(&folder, &["--strategy", strategy, "--samples", "2", "--verify"]);
     }
 }
 
@@ -185,7 +185,7 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
-    let place = Place::with(&[("scene.toml", &of_both)]);
+    let folder = WorkFolder::with(&[("scene.toml", &of_both)]);
     for (file, from, to, strategy) in due([
         ("common/soft.cl", "bits ^= bits >> 4 & 0x0f0f0f0fu;", "", "tile"),
         ("common/soft.cl", "sqrt(u.x) * sinpi(2.0f * u.z)", "sqrt(u.x) * sinpi(2.0f * u.y)", "tile"),
@@ -202,11 +202,11 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("tile_cpu/sky.cl", "open &= !are_stopped_alone", "open &= are_stopped_alone", "tile"),
         ("tile_cpu/single_ray.cl", "(2 * axis + negative) * NODE_WIDTH", "2 * axis * NODE_WIDTH", "tile"),
         ("tile_cpu/single_ray.cl", "min(min(x2, y2), z2)", "min(x2, y2) * 0.0f", "tile"),
-        ("common/soft.cl", "flip_sign(dot3(*way, r), sign)", "dot3(*way, r)", "tile"),
+        ("common/soft.cl", "flip_sign(dot3(*direction, r), sign)", "dot3(*direction, r)", "tile"),
         ("tile_cpu/single_ray.cl", "(float16)(v.y, v.y)", "(float16)(v.x, v.y)", "tile"),
         ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
     ]) {
-        place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
+        folder.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
     // Only if a packet's rays to a large light pass many small boxes do these changes have a visible effect.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
@@ -216,11 +216,11 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         "near * bounds->per_low[axis]",
     );
     let never_mixed = ("tile_cpu/soft.cl", "bounds->per_low[axis] < 0.0f && !bounds->negative[axis];", "0;");
-    let place = Place::with(&[("scene.toml", &fine)]);
+    let folder = WorkFolder::with(&[("scene.toml", &fine)]);
     let options = ["--verify", "--samples", "2"];
-    has(&render(&place, &[&options[..], &["--strategy", "tile"]].concat()).1, &["verified"]);
+    has(&render(&folder, &[&options[..], &["--strategy", "tile"]].concat()).1, &["verified"]);
     for change in [narrower, never_mixed] {
-        place.notices(change, "tile", &options);
+        folder.notices(change, "tile", &options);
     }
 }
 
@@ -248,30 +248,30 @@ faces = [[0, 1, 2, 3]]
 
 #[test]
 fn a_stopped_ray_to_the_sky_stops_no_other() {
-    let place = Place::with(&[("scene.toml", HALF_OPEN)]);
+    let folder = WorkFolder::with(&[("scene.toml", HALF_OPEN)]);
     let device = device();
     for strategy in ["bvh-packet", "tile", "tile,passes=separate"] {
         let usual =
             ["render", "scene.toml", "--width", "161", "--height", "93", "--device", &device, "--force"];
-        place.output(&[&usual[..], &["-o", "a.png", "--verify", "--strategy", strategy]].concat());
+        folder.output(&[&usual[..], &["-o", "a.png", "--verify", "--strategy", strategy]].concat());
     }
 }
 
 /// Rays from the ground to the light hit the square from below, on its back.
 #[test]
 fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
-    let place = Place::with(&[("scene.toml", SQUARE)]);
+    let folder = WorkFolder::with(&[("scene.toml", SQUARE)]);
     for strategy in ["wide-common-origin,culling=back", "bvh-packet,culling=back", "tile,culling=back"] {
-        picture(&place, &["--strategy", strategy, "--samples", "2", "--verify"]);
+        picture(&folder, &["--strategy", strategy, "--samples", "2", "--verify"]);
     }
     let both_sides = ("common/soft.cl", "stopped &= a > 0.0f;", "");
-    place.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
+    folder.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
 }
 
 /// Each changed kernel lets shadow rays end too far away: it does not subtract the shadow bias from their length.
 #[test]
 fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
-    let place = where_shadow_rays_end();
+    let folder = where_shadow_rays_end();
     for (file, from, to, strategy) in [
         (
             "cast/soft.cl",
@@ -281,8 +281,8 @@ fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
         ),
         (
             "tile_cpu/soft.cl",
-            "from, way, distance - lighting->bias, lit)",
-            "from, way, distance, lit)",
+            "from, to_light, distance - lighting->bias, lit)",
+            "from, to_light, distance, lit)",
             "tile",
         ),
         (
@@ -292,7 +292,7 @@ fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
             "tile",
         ),
     ] {
-        place.notices((file, from, to), strategy, &["--verify", "--samples", "2"]);
+        folder.notices((file, from, to), strategy, &["--verify", "--samples", "2"]);
     }
 }
 
@@ -301,13 +301,13 @@ const TETRAHEDRON: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nf 1 2 3\nf 1 3 
 
 #[test]
 fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
-    let place = Place::with(&[("mesh.obj", TETRAHEDRON)]);
+    let folder = WorkFolder::with(&[("mesh.obj", TETRAHEDRON)]);
     let device = device();
     let size = ["--width", "64", "--height", "40", "--force", "--device", &device, "-o", "a.png"];
     let of = |options: &[&str]| {
-        let said = place.output(&[&["render", "mesh.obj", "--json"], &size[..], options].concat());
+        let said = folder.output(&[&["render", "mesh.obj", "--json"], &size[..], options].concat());
         let report: serde_json::Value = serde_json::from_str(&said).expect("JSON");
-        (image::open(place.path("a.png")).expect("a picture").to_rgb8(), report)
+        (image::open(folder.path("a.png")).expect("a picture").to_rgb8(), report)
     };
     let (dressed, report) = of(&["--verify"]);
     assert_eq!((&report["triangles"], &report["samples"]), (&30.into(), &6.into()));
@@ -342,13 +342,13 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
 #[test]
 fn with_one_sample_under_a_sky_lights_are_points() {
     let sky = "[sky]\nzenith = 0.05\nhorizon = [0.02, 0.03, 0.04]\n";
-    let place = Place::with(&[("scene.toml", &format!("{SQUARE}{sky}"))]);
-    let of = |more: &[&str]| picture(&place, &[&["--samples", "1", "--verify"], more].concat());
+    let folder = WorkFolder::with(&[("scene.toml", &format!("{SQUARE}{sky}"))]);
+    let of = |more: &[&str]| picture(&folder, &[&["--samples", "1", "--verify"], more].concat());
     let points = ["--set", "light.0.radius=0", "--set", "light.1.radius=0.6"];
     for strategy in ["bvh", "tile"] {
         let own = ["--strategy", strategy];
         assert_eq!(of(&own), of(&[&own[..], &points].concat()), "{strategy}");
         let change = ("common/soft.cl", "return soft->sample.y > 1 ?", "return soft->sample.y > 0 ?");
-        place.notices(change, strategy, &["--verify", "--samples", "1"]);
+        folder.notices(change, strategy, &["--verify", "--samples", "1"]);
     }
 }

@@ -1,19 +1,20 @@
-//! A frame on several devices, which has the same pixels as on one device; a run on several devices; samples of several
-//! frames. PoCL is configured to offer the same CPU as two devices.
+//! Tests of frames that several devices cast together and that must have the same pixels as on one device, of runs on
+//! several devices, and of samples that consist of several frames. PoCL is configured to offer the same CPU as two
+//! devices.
 
-use crate::binary::{Place, TRIANGLE, config, repository};
+use crate::binary::{TRIANGLE, WorkFolder, config, repository};
 use crate::common::apart::apart;
 use crate::common::{Stand, is_long, scene};
 use raycl::strategy::preset;
 use serde_json::Value;
 
-fn render(place: &Place, devices: Option<&str>, strategy: [&str; 2], picture: &str) -> Value {
-    render_scene(place, &["scenes/still-life.toml"], devices, strategy, picture)
+fn render(folder: &WorkFolder, devices: Option<&str>, strategy: [&str; 2], picture: &str) -> Value {
+    render_scene(folder, &["scenes/still-life.toml"], devices, strategy, picture)
 }
 
 /// Renders a scene of the repository. `scene` is its file, followed by more arguments.
 fn render_scene(
-    place: &Place,
+    folder: &WorkFolder,
     scene: &[&str],
     devices: Option<&str>,
     [strategy, local]: [&str; 2],
@@ -27,7 +28,7 @@ fn render_scene(
         Some(devices) => arguments.extend(["--devices", devices, "--every-device", "--verify"]),
         None => arguments.extend(["--device", "portable computing language"]),
     }
-    let mut command = place.raycl(&arguments);
+    let mut command = folder.raycl(&arguments);
     let output =
         command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
     serde_json::from_slice(&output).expect("JSON")
@@ -36,7 +37,7 @@ fn render_scene(
 #[test]
 fn two_devices_cast_the_pixels_of_one() {
     apart!();
-    let place = Place::new();
+    let folder = WorkFolder::new();
     // With the strategy `tile`, a work-group of 1 x 1 work-items casts a tile of 32 x 16 pixels.
     let all = [
         ["naive-scratch", "4x2"],
@@ -51,8 +52,8 @@ fn two_devices_cast_the_pixels_of_one() {
     // PoCL takes a minute and a half to compile each of the last two strategies, for whole frames and for bands of a
     // frame.
     for strategy in all.into_iter().take(if is_long() { 8 } else { 6 }) {
-        let one = render(&place, None, strategy, "one.exr");
-        let two = render(&place, Some("portable computing language"), strategy, "two.exr");
+        let one = render(&folder, None, strategy, "one.exr");
+        let two = render(&folder, Some("portable computing language"), strategy, "two.exr");
         let rows: Vec<[u64; 2]> = two["devices"]
             .as_array()
             .expect("a list")
@@ -70,27 +71,28 @@ fn two_devices_cast_the_pixels_of_one() {
         same_rays(&one, &two);
         let longest = two["devices"].as_array().into_iter().flatten().filter_map(|d| d["frame_ms"].as_f64());
         assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
-        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
+        assert!(same_pixels(&folder, "one.exr", "two.exr"), "{strategy:?}: other pixels");
     }
 }
 
-/// A bare mesh has soft light under a sky here, so that samples differ in more than their place in the pixel.
+/// The bare mesh of this test has soft light under a sky, so that samples differ in more than their position in the
+/// pixel.
 #[test]
 fn two_devices_cast_the_samples_of_one() {
     apart!();
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let scene = ["scenes/table/globe.obj", "--samples", "5"];
     for strategy in [["bvh", "4x2"], ["tile", "1x1"]] {
-        let one = render_scene(&place, &scene, None, strategy, "one.exr");
-        let two = render_scene(&place, &scene, Some("portable computing language"), strategy, "two.exr");
+        let one = render_scene(&folder, &scene, None, strategy, "one.exr");
+        let two = render_scene(&folder, &scene, Some("portable computing language"), strategy, "two.exr");
         assert_eq!((&two["samples"], &two["samples"]), (&one["samples"], &Value::from(5)));
         assert_eq!(two["devices"].as_array().map(Vec::len), Some(2), "{two}");
-        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
+        assert!(same_pixels(&folder, "one.exr", "two.exr"), "{strategy:?}: other pixels");
         same_rays(&one, &two);
     }
     let single = ["scenes/table/globe.obj", "--plain"];
-    render_scene(&place, &single, None, ["bvh", "4x2"], "single.exr");
-    assert!(!same_pixels(&place, "one.exr", "single.exr"));
+    render_scene(&folder, &single, None, ["bvh", "4x2"], "single.exr");
+    assert!(!same_pixels(&folder, "one.exr", "single.exr"));
 }
 
 /// It depends on the machine whether two devices that share two cores are faster than one device. The message must be
@@ -98,13 +100,13 @@ fn two_devices_cast_the_samples_of_one() {
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let scene = repository("scenes/still-life.toml");
     let size = ["--width", "75", "--height", "61", "--devices", "portable computing language"];
     let arguments =
         [&["render", scene.to_str().expect("UTF-8"), "--verify", "-o", "p.png"][..], &size].concat();
     let run = |more: &[&str]| {
-        let mut command = place.raycl(&[&arguments[..], more].concat());
+        let mut command = folder.raycl(&[&arguments[..], more].concat());
         let output =
             command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
         String::from_utf8(output).expect("UTF-8")
@@ -130,8 +132,9 @@ fn same_rays(one: &Value, two: &Value) {
     assert!((rays(one) / rays(two) - 1.0).abs() < 1e-9, "{one}\n{two}");
 }
 
-fn same_pixels(place: &Place, one: &str, other: &str) -> bool {
-    let [one, other] = [one, other].map(|name| image::open(place.path(name)).expect("a picture").to_rgb32f());
+fn same_pixels(folder: &WorkFolder, one: &str, other: &str) -> bool {
+    let [one, other] =
+        [one, other].map(|name| image::open(folder.path(name)).expect("a picture").to_rgb32f());
     one.dimensions() == other.dimensions() && one.as_raw() == other.as_raw()
 }
 
@@ -145,17 +148,17 @@ baselines = ["serial"]
 #[test]
 fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     apart!();
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))]);
     let run = |more: &[&str]| {
         let all = [
             &["run", "test.toml", "--device", "portable computing language", "--out", "out", "--spread"],
             more,
         ];
-        let mut command = place.raycl(&all.concat());
+        let mut command = folder.raycl(&all.concat());
         let ended = command.env("POCL_DEVICES", "pthread pthread").assert().success();
         let said = String::from_utf8_lossy(&ended.get_output().stderr).into_owned();
         assert!(!said.contains("waiting for"), "{said}");
-        place.json_lines("out/records.jsonl")
+        folder.json_lines("out/records.jsonl")
     };
     // Both devices are the host's processors, which have one lock, so the run's threads wait for each other.
     let records = run(&["--quiet", "--no-wait"]);
@@ -166,17 +169,18 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // So does every sample, since `--resume` continues a group only on the device of its earlier launches.
+    // Every sample names the same device as its record, since `--resume` continues a group only on the device of the
+    // group's earlier launches.
     let of_records: std::collections::HashMap<_, _> =
         records.iter().map(|record| (record["key"].as_str(), record["measured_on"].as_str())).collect();
-    for sample in place.json_lines("out/samples.jsonl") {
+    for sample in folder.json_lines("out/samples.jsonl") {
         assert_eq!(sample["measured_on"].as_str(), of_records[&sample["key"].as_str()], "{sample}");
     }
     // A point has the same key on each of these equal devices, so `--resume` measures nothing again. The blocks (the
     // parts of the points that each device measures) also stay the same, whatever times were measured.
-    let blocks = place.text("out/blocks.json");
+    let blocks = folder.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
-    assert_eq!(place.text("out/blocks.json"), blocks);
+    assert_eq!(folder.text("out/blocks.json"), blocks);
 }
 
 #[test]

@@ -1,6 +1,6 @@
-//! Colours from pictures, in every family that supports them.
+//! Tests of textures (pictures that give surfaces their colours), in every family that supports them.
 
-use crate::binary::{Place, apart, device, has};
+use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
 use image::{ImageFormat, Rgb, RgbImage};
 
@@ -46,10 +46,10 @@ fn picture() -> RgbImage {
     })
 }
 
-fn room(mtl: &str) -> Place {
-    let place = Place::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
-    picture().save(place.path("a picture.png")).expect("a picture");
-    place
+fn room(mtl: &str) -> WorkFolder {
+    let folder = WorkFolder::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
+    picture().save(folder.path("a picture.png")).expect("a picture");
+    folder
 }
 
 const MTL: &str = "newmtl picture
@@ -69,8 +69,8 @@ fn differ(a: &RgbImage, b: &RgbImage) -> bool {
 
 #[test]
 fn every_family_that_takes_textures_agrees_with_the_reference() {
-    let place = room(MTL);
-    let (expected, said) = place.picture(&[]);
+    let folder = room(MTL);
+    let (expected, said) = folder.picture(&[]);
     assert!(!said.contains("texture"), "{said}");
     let shown = expected.pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
     assert!(shown > 300, "{shown} colours");
@@ -85,58 +85,58 @@ fn every_family_that_takes_textures_agrees_with_the_reference() {
         "tile",
         "tile,passes=separate,intersector=watertight",
     ] {
-        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
-        assert!(!differ(&found, &expected), "{strategy}");
+        let (textured, _) = folder.picture(&["--verify", "--strategy", strategy]);
+        assert!(!differ(&textured, &expected), "{strategy}");
     }
-    place.picture(&["--verify", "--samples", "4", "--strategy", "tile"]);
+    folder.picture(&["--verify", "--samples", "4", "--strategy", "tile"]);
 }
 
 #[test]
 fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
-    let place = room(MTL);
+    let folder = room(MTL);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
-    let (plain, _) = place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
-    assert!(!differ(&plain, &place.picture(&["--set", "textures=false"]).0));
+    has(&folder.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
+    let (plain, _) = folder.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
+    assert!(!differ(&plain, &folder.picture(&["--set", "textures=false"]).0));
     // The floor's own colour is black. It counts as white if a texture is multiplied by it, so that the floor
     // has a hue only with the texture.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()
     };
-    assert!(hue(&plain) < 12 && hue(&place.picture(&[]).0) >= 12);
+    assert!(hue(&plain) < 12 && hue(&folder.picture(&[]).0) >= 12);
 }
 
 #[test]
 fn rows_of_a_picture_are_where_they_belong() {
-    let place = room(MTL);
-    let (found, _) = place.picture(&[]);
+    let folder = room(MTL);
+    let (textured, _) = folder.picture(&[]);
     // The wall spans x from 22 to 50 and y from 8 to 37: the picture's first row is at its top.
-    let channel = |x: u32, y: u32, channel: usize| i32::from(found[(x, y)].0[channel]);
-    assert!(channel(26, 11, 0) > channel(26, 11, 1) + 60, "{:?}", found[(26, 11)]);
-    assert!(channel(23, 22, 1) > channel(23, 22, 0) + 20, "{:?}", found[(23, 22)]);
+    let channel = |x: u32, y: u32, channel: usize| i32::from(textured[(x, y)].0[channel]);
+    assert!(channel(26, 11, 0) > channel(26, 11, 1) + 60, "{:?}", textured[(26, 11)]);
+    assert!(channel(23, 22, 1) > channel(23, 22, 0) + 20, "{:?}", textured[(23, 22)]);
 }
 
 #[test]
 fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its_colour() {
     let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd none.png\nmap_Ks shine.png\nnewmtl tiles\nKd 0.5 0.5 0.5\nmap_Kd ../up.png\n";
-    let place = room(mtl);
-    let (found, said) = place.picture(&["--verify"]);
+    let folder = room(mtl);
+    let (textured, said) = folder.picture(&["--verify"]);
     has(&said, &["room.mtl:3: texture `none.png` cannot be read", "own colour is used"]);
     has(&said, &["room.mtl:7: texture `../up.png`"]);
     has(&said, &["1 material asks for textures (map_Ks), which raycl does not support"]);
-    assert_eq!(found, place.picture(&["--set", "textures=false"]).0);
-    std::fs::write(place.path("none.png"), "no picture").expect("a file");
-    has(&place.picture(&[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
+    assert_eq!(textured, folder.picture(&["--set", "textures=false"]).0);
+    std::fs::write(folder.path("none.png"), "no picture").expect("a file");
+    has(&folder.picture(&[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
     // One face has no texture coordinates; another refers to coordinates that are not in the file.
-    std::fs::write(place.path("room.mtl"), MTL).expect("a file");
-    std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
+    std::fs::write(folder.path("room.mtl"), MTL).expect("a file");
+    std::fs::write(folder.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
         .expect("a file");
-    has(&place.picture(&["--verify"]).1, &["2 triangles have a texture but no texture coordinates"]);
-    std::fs::write(place.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
+    has(&folder.picture(&["--verify"]).1, &["2 triangles have a texture but no texture coordinates"]);
+    std::fs::write(folder.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
     has(
-        &place.picture(&["--verify"]).1,
+        &folder.picture(&["--verify"]).1,
         &["line 9: `nan` in a texture coordinate", "1 such texture coordinate is ignored"],
     );
 }
@@ -145,18 +145,18 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
 /// coordinate of a corner.
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
-    let place = room(MTL);
+    let folder = room(MTL);
     let changes = [
         ("as_float(words[texel >> 8 & 255])", "as_float(words[texel >> 16 & 255])"),
         ("down) * (float)height - 0.5f", "down) * (float)height"),
         ("ke = to_right * to_bottom", "ke = to_right"),
         ("w2 * c.x", "w2 * c.y"),
-        ("return place - floor(place);", "return clamp(place, 0.0f, 1.0f);"),
+        ("return coordinate - floor(coordinate);", "return clamp(coordinate, 0.0f, 1.0f);"),
         ("texel >= size ? -size : 0", "texel > size ? -size : 0"),
     ];
     let all = ["deferred", "tile"].into_iter().flat_map(|strategy| changes.map(|change| (strategy, change)));
     for (strategy, (from, to)) in due(all) {
-        place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
+        folder.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
     }
 }
 
@@ -169,14 +169,14 @@ fn a_face_at_the_edge_of_a_colour_of_a_palette_is_right_unless_it_shows_another_
     let scene = "[camera]\nposition = [2, 2, 3]\nlook_at = [0.5, 0.5, 0.5]\n\
                  [[light]]\nposition = [2, 3, 3]\npower = 14\n[[object]]\nmesh = \"cube.obj\"\n";
     let mtl = "newmtl palette\nmap_Kd palette.png\n";
-    let place = Place::with(&[("cube.obj", cube), ("cube.mtl", mtl), ("scene.toml", scene)]);
+    let folder = WorkFolder::with(&[("cube.obj", cube), ("cube.mtl", mtl), ("scene.toml", scene)]);
     let palette = RgbImage::from_fn(1024, 4, |x, _| Rgb([if x < 512 { 0 } else { 255 }; 3]));
-    palette.save(place.path("palette.png")).expect("a picture");
-    // Rounding moves a place by at most 0.0004 texels.
+    palette.save(folder.path("palette.png")).expect("a picture");
+    // Rounding moves a position by at most 0.0004 texels.
     let moved = ("common/textures.cl", "(float)width - 0.5f", "(float)width - 0.498f");
     for strategy in ["naive", "tile"] {
-        place.picture(&["--verify", "--strategy", strategy]);
-        place.notices(moved, strategy, &["--verify"]);
+        folder.picture(&["--verify", "--strategy", strategy]);
+        folder.notices(moved, strategy, &["--verify"]);
     }
 }
 
@@ -216,13 +216,13 @@ pub fn gltf(sampler: &str, transform: &str) -> String {
 
 #[test]
 fn samplers_of_gltf_repeat_clamp_and_mirror() {
-    let place = room(MTL);
-    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
+    let folder = room(MTL);
+    std::fs::write(folder.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
     let of = |sampler: &str, transform: &str| {
-        std::fs::write(place.path("quad.gltf"), gltf(sampler, transform)).expect("a file");
-        let (found, said) = place.picture(&["--verify"]);
+        std::fs::write(folder.path("quad.gltf"), gltf(sampler, transform)).expect("a file");
+        let (picture, said) = folder.picture(&["--verify"]);
         assert!(!said.contains("texture"), "{said}");
-        found
+        picture
     };
     let repeat = of("{}", "");
     let clamp = of(r#"{"wrapS": 33071, "wrapT": 33071}"#, "");
@@ -234,12 +234,16 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     assert!(
         [&clamp, &mirror, &across].iter().all(|other| **other != down) && across != clamp && across != mirror
     );
-    place.notices(("common/textures.cl", "down = wrap >> 8 & 15", "down = wrap & 15"), "tile", &["--verify"]);
+    folder.notices(
+        ("common/textures.cl", "down = wrap >> 8 & 15", "down = wrap & 15"),
+        "tile",
+        &["--verify"],
+    );
     // Beyond an edge, only a repeated picture continues with the texels of the opposite edge.
     let repeat_across = of(r#"{"wrapT": 33071}"#, "");
     let lower =
         ("texel_in_texture((int)top + 1, height, down)", "texel_in_texture((int)top + 1, height, across)");
-    place.notices(("common/textures.cl", lower.0, lower.1), "tile", &["--verify"]);
+    folder.notices(("common/textures.cl", lower.0, lower.1), "tile", &["--verify"]);
     let repeat_down = of(r#"{"wrapS": 33071}"#, "");
     assert!([&repeat, &clamp, &repeat_down].iter().all(|other| **other != repeat_across));
     // Beyond the upper left corner, a clamped picture has that corner's colour: red.
@@ -247,12 +251,12 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     assert!(corner[0] > corner[1] && corner[0] > corner[2], "{corner:?}");
     let moved = r#", "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [2, 2]}}"#;
     assert_ne!(of("{}", moved), repeat);
-    // The same coordinates in an OBJ file, which counts rows from the bottom.
+    // The OBJ file below has the same texture coordinates as the glTF file, but counts rows from the bottom.
     let obj = "mtllib quad.mtl\nv -1 -1 -3\nv 1 -1 -3\nv 1 1 -3\nv -1 1 -3\nvt -0.5 -0.5\nvt 1.5 -0.5\nvt 1.5 1.5\nvt -0.5 1.5\n\
                usemtl picture\nf 1/1 2/2 3/3 4/4\n";
-    std::fs::write(place.path("quad.obj"), obj).expect("a file");
+    std::fs::write(folder.path("quad.obj"), obj).expect("a file");
     let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd a picture.png\n";
-    std::fs::write(place.path("quad.mtl"), mtl).expect("a file");
-    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.obj")).expect("a file");
-    assert!(!differ(&place.picture(&[]).0, &repeat));
+    std::fs::write(folder.path("quad.mtl"), mtl).expect("a file");
+    std::fs::write(folder.path("scene.toml"), SCENE.replace("room.obj", "quad.obj")).expect("a file");
+    assert!(!differ(&folder.picture(&[]).0, &repeat));
 }

@@ -46,8 +46,8 @@ fn all_finite(picture: &Path) -> Result<(), String> {
 /// Returns whether an error names a file of the folder and a line, and has some text; its lines may be broken anywhere.
 fn is_helpful(said: &str) -> bool {
     let text: String = said.chars().filter(|c| !c.is_whitespace() && *c != '│').collect();
-    let place = text.match_indices(".obj:").chain(text.match_indices(".mtl:")).next();
-    place.is_some_and(|(at, ending)| {
+    let position = text.match_indices(".obj:").chain(text.match_indices(".mtl:")).next();
+    position.is_some_and(|(at, ending)| {
         let rest = &text[at + ending.len()..];
         rest.starts_with(|c: char| c.is_ascii_digit()) && rest.len() > 20
     })
@@ -75,9 +75,9 @@ fn number(path: &Path) -> u32 {
 #[test]
 fn every_file_ends_in_a_picture_or_in_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
-    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/obj");
+    let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/obj");
     let mut files: Vec<PathBuf> =
-        std::fs::read_dir(kept).expect("the files").map(|entry| entry.expect("a file").path()).collect();
+        std::fs::read_dir(stored).expect("the files").map(|entry| entry.expect("a file").path()).collect();
     files.extend(generated(folder.path()));
     files.retain(|path| path.extension().is_some_and(|ending| ending == "obj"));
     files.sort_by_key(|path| number(path));

@@ -1,29 +1,29 @@
 //! Pictures with a transparent background: their alpha channel is the share of a pixel that surfaces cover.
 
-use crate::binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
 use image::{Rgb32FImage, Rgba32FImage};
 
 const STRATEGIES: [&str; 5] = ["deferred", "wide-common-origin", "bvh", "tile", "tile-group"];
 
-fn render(place: &Place, options: &[&str]) -> String {
+fn render(folder: &WorkFolder, options: &[&str]) -> String {
     let (scene, device) = (scene(), device());
     let usual = ["render", &scene, "--width", "61", "--height", "43", "--device", &device, "--force"];
-    place.output(&[&usual[..], options].concat())
+    folder.output(&[&usual[..], options].concat())
 }
 
 fn scene() -> String {
     repository("scenes/still-life.toml").display().to_string()
 }
 
-fn opaque(place: &Place, background: &str, strategy: &str) -> Rgb32FImage {
+fn opaque(folder: &WorkFolder, background: &str, strategy: &str) -> Rgb32FImage {
     let set = format!("background={background}");
-    render(place, &["--set", &set, "--samples", "4", "--strategy", strategy, "-o", "out.exr"]);
-    image::open(place.path("out.exr")).expect("a picture").to_rgb32f()
+    render(folder, &["--set", &set, "--samples", "4", "--strategy", strategy, "-o", "out.exr"]);
+    image::open(folder.path("out.exr")).expect("a picture").to_rgb32f()
 }
 
-fn transparent(place: &Place, options: &[&str], name: &str) -> Rgba32FImage {
-    render(place, &[&["--background", "transparent", "-o", name][..], options].concat());
-    let picture = image::open(place.path(name)).expect("a picture");
+fn transparent(folder: &WorkFolder, options: &[&str], name: &str) -> Rgba32FImage {
+    render(folder, &[&["--background", "transparent", "-o", name][..], options].concat());
+    let picture = image::open(folder.path(name)).expect("a picture");
     assert!(picture.color().has_alpha(), "{name}");
     picture.to_rgba32f()
 }
@@ -32,13 +32,13 @@ fn transparent(place: &Place, options: &[&str], name: &str) -> Rgba32FImage {
 /// that no surface covers.
 #[test]
 fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     for strategy in STRATEGIES {
-        let found =
-            transparent(&place, &["--samples", "4", "--strategy", strategy, "--verify=300"], "out.exr");
-        let [white, black] = ["0.5", "0"].map(|background| opaque(&place, background, strategy));
+        let picture =
+            transparent(&folder, &["--samples", "4", "--strategy", strategy, "--verify=300"], "out.exr");
+        let [white, black] = ["0.5", "0"].map(|background| opaque(&folder, background, strategy));
         let mut partly = 0;
-        for (x, y, pixel) in found.enumerate_pixels() {
+        for (x, y, pixel) in picture.enumerate_pixels() {
             let [red, green, blue, alpha] = pixel.0;
             assert_eq!([red, green, blue], black[(x, y)].0, "{strategy}: ({x}, {y})");
             let through = (white[(x, y)].0[1] - black[(x, y)].0[1]) / 0.5;
@@ -52,13 +52,13 @@ fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
 /// An unlit surface has the same colour as a transparent background, so only alpha shows its edges.
 #[test]
 fn edges_of_a_dark_surface_get_more_samples() {
-    let (place, device) = (Place::with(&[("scene.toml", TRIANGLE)]), device());
+    let (folder, device) = (WorkFolder::with(&[("scene.toml", TRIANGLE)]), device());
     let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
     let dark = ["--set", "light.0.power=0", "--background", "transparent", "-o", "out.exr", "--force"];
     for strategy in ["bvh", "tile", "tile-group"] {
         let sampled = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
-        place.output(&[&usual[..], &dark, &sampled].concat());
-        let picture = image::open(place.path("out.exr")).expect("a picture").to_rgba32f();
+        folder.output(&[&usual[..], &dark, &sampled].concat());
+        let picture = image::open(folder.path("out.exr")).expect("a picture").to_rgba32f();
         let partly = picture.pixels().filter(|pixel| pixel.0[3] > 0.0 && pixel.0[3] < 1.0).count();
         assert!(partly > 50, "{strategy}: {partly}");
     }
@@ -67,32 +67,32 @@ fn edges_of_a_dark_surface_get_more_samples() {
 /// The changed kernel halves the alpha of every fourth pixel. Colours, and which pixels show a surface, stay the same.
 #[test]
 fn a_wrong_alpha_is_a_wrong_picture() {
-    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let halved = ("tile_cpu/shade.cl", "(float4)(r.x, g.x, b.x, h.x)", "(float4)(r.x, g.x, b.x, 0.5f * h.x)");
-    place.notices(halved, "tile", &["--background", "transparent", "--samples", "4", "--verify"]);
+    folder.notices(halved, "tile", &["--background", "transparent", "--samples", "4", "--verify"]);
 }
 
 /// With many lights, the strategy `tile-group` adds light to the picture in several rounds.
 #[test]
 fn a_surface_under_many_lights_covers_its_pixel_once() {
-    let (place, device) = (Place::new(), device());
+    let (folder, device) = (WorkFolder::new(), device());
     let scene = repository("scenes/many-lights.toml").display().to_string();
     let coverage = |strategy: &str| -> Vec<f32> {
         let usual = ["render", &scene, "--width", "45", "--height", "29", "--device", &device, "--force"];
         let more = ["--background", "transparent", "--strategy", strategy, "-o", "out.exr"];
-        place.output(&[&usual[..], &more].concat());
-        let picture = image::open(place.path("out.exr")).expect("a picture").to_rgba32f();
+        folder.output(&[&usual[..], &more].concat());
+        let picture = image::open(folder.path("out.exr")).expect("a picture").to_rgba32f();
         picture.pixels().map(|pixel| pixel.0[3]).collect()
     };
-    let found = coverage("tile-group");
-    assert!(found.contains(&0.0) && found.contains(&1.0) && found == coverage("bvh"));
+    let alphas = coverage("tile-group");
+    assert!(alphas.contains(&0.0) && alphas.contains(&1.0) && alphas == coverage("bvh"));
 }
 
 #[test]
 fn a_png_has_the_colour_of_the_covered_part() {
-    let place = Place::new();
-    let exr = transparent(&place, &["--samples", "4"], "out.exr");
-    let png = transparent(&place, &["--samples", "4"], "out.png");
+    let folder = WorkFolder::new();
+    let exr = transparent(&folder, &["--samples", "4"], "out.exr");
+    let png = transparent(&folder, &["--samples", "4"], "out.png");
     // Applies the scene's display transform (exposure 15, gamma 2.2).
     let shown = |radiance: f32, alpha: f32| (15.0 * radiance / alpha).clamp(0.0, 1.0).powf(1.0 / 2.2);
     for (x, y, pixel) in exr.enumerate_pixels() {
@@ -103,44 +103,44 @@ fn a_png_has_the_colour_of_the_covered_part() {
         assert!((expected - shown_red).abs() <= 1.1 / 255.0, "({x}, {y}): {expected}, {shown_red}");
     }
     // With a single sample, the device may apply the display transform itself.
-    let whole = transparent(&place, &[], "out.png");
+    let whole = transparent(&folder, &[], "out.png");
     assert!(whole.pixels().all(|pixel| pixel.0[3] == 0.0 || pixel.0[3] == 1.0));
 }
 
 #[test]
 fn formats_without_alpha_are_refused_by_name() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let (scene, device) = (scene(), device());
     let refused = |options: &[&str]| {
         let usual = ["render", &scene, "--device", &device, "--background", "transparent"];
-        place.mistake(&[&usual[..], options].concat(), 2)
+        folder.mistake(&[&usual[..], options].concat(), 2)
     };
     has(&refused(&["-o", "out.jpg"]), &["'out.jpg': a JPEG has no alpha channel", "'out.png' or 'out.exr'"]);
     has(&refused(&["-o", "out.hdr"]), &["'out.hdr': an HDR has no alpha channel"]);
     has(&refused(&["--turntable", "4", "-o", "-"]), &["a y4m stream has no alpha channel", "NAME.apng"]);
     let devices = ["render", &scene, "--devices", &device, "--background", "transparent", "-o", "out.jpg"];
-    has(&place.mistake(&devices, 2), &["'out.jpg': a JPEG has no alpha channel"]);
+    has(&folder.mistake(&devices, 2), &["'out.jpg': a JPEG has no alpha channel"]);
     let unknown = ["render", &scene, "--device", &device, "--background", "none"];
     has(
-        &place.mistake(&unknown, 2),
+        &folder.mistake(&unknown, 2),
         &["neither a display colour such as", "nor \"black\", \"white\" or \"transparent\""],
     );
 }
 
 #[test]
 fn frames_bands_and_layers_have_alpha_too() {
-    let place = Place::new();
+    let folder = WorkFolder::new();
     let (scene, device) = (scene(), device());
     let cast = |options: &[&str]| {
         let usual = ["render", &scene, "--width", "61", "--height", "43", "--background", "transparent"];
-        place.output(&[&usual[..], options].concat());
+        folder.output(&[&usual[..], options].concat());
     };
     cast(&["--device", &device, "--turntable", "2", "-o", "turn.png"]);
     cast(&["--device", &device, "--turntable", "2", "-o", "turn.apng"]);
     cast(&["--devices", &device, "-o", "bands.png"]);
     cast(&["--device", &device, "-o", "one.png", "--layers", "layers.exr"]);
     for name in ["turn-0001.png", "turn-0002.png", "turn.apng", "bands.png", "one.png", "layers.exr"] {
-        let bytes = std::fs::read(place.path(name)).expect("a file");
+        let bytes = std::fs::read(folder.path(name)).expect("a file");
         let picture = image::load_from_memory(&bytes).expect("a picture");
         assert!(picture.color().has_alpha(), "{name}");
         let clear = picture.to_rgba32f().pixels().filter(|pixel| pixel.0[3] == 0.0).count();

@@ -1,7 +1,7 @@
 //! `raycl view`: the contents of its window, read from an X server without a screen, and its pictures in a
 //! terminal.
 
-use crate::binary::{NO_SETTINGS, Place, TRIANGLE, device, finish, has, program, until};
+use crate::binary::{NO_SETTINGS, TRIANGLE, WorkFolder, device, finish, has, program, until};
 use crate::x_server::Server;
 use image::RgbImage;
 use serde_json::Value;
@@ -14,40 +14,40 @@ const SIZE: [u32; 2] = [96, 60];
 const RIGHT: u32 = 0xff53;
 const LETTER: fn(char) -> u32 = |letter| letter as u32;
 
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE)])
+fn new_folder() -> WorkFolder {
+    WorkFolder::with(&[("scene.toml", TRIANGLE)])
 }
 
 /// Returns the command that views `scene.toml` on the test device.
-fn view(place: &Place, options: &[&str]) -> std::process::Command {
-    view_of("scene.toml", place, options)
+fn view(folder: &WorkFolder, options: &[&str]) -> std::process::Command {
+    view_of("scene.toml", folder, options)
 }
 
 /// Returns the command that views a scene on the test device.
-fn view_of(scene: &str, place: &Place, options: &[&str]) -> std::process::Command {
+fn view_of(scene: &str, folder: &WorkFolder, options: &[&str]) -> std::process::Command {
     let mut command = program();
-    command.current_dir(place.path(".")).args(["view", scene, "--device", &device()]).args(options);
+    command.current_dir(folder.path(".")).args(["view", scene, "--device", &device()]).args(options);
     command.env_remove("DISPLAY").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
-fn start(place: &Place, server: &Server, options: &[&str]) -> Child {
+fn start(folder: &WorkFolder, server: &Server, options: &[&str]) -> Child {
     let [width, height] = SIZE.map(|side| side.to_string());
     let all = [&["--width", &width, "--height", &height], options].concat();
-    view(place, &all).env("DISPLAY", server.display()).spawn().expect("it starts")
+    view(folder, &all).env("DISPLAY", server.display()).spawn().expect("it starts")
 }
 
 /// Returns the picture that `render` writes for the same scene.
-fn rendered(place: &Place, options: &[&str]) -> RgbImage {
-    rendered_in(place, SIZE, options)
+fn rendered(folder: &WorkFolder, options: &[&str]) -> RgbImage {
+    rendered_in(folder, SIZE, options)
 }
 
-fn rendered_in(place: &Place, size: [u32; 2], options: &[&str]) -> RgbImage {
+fn rendered_in(folder: &WorkFolder, size: [u32; 2], options: &[&str]) -> RgbImage {
     let [width, height] = size.map(|side| side.to_string());
     let device = device();
     let all = ["render", "scene.toml", "-o", "still.png", "--force", "--device", &device];
-    place.output(&[&all[..], &["--width", &width, "--height", &height], options].concat());
-    image::open(place.path("still.png")).expect("a picture").to_rgb8()
+    folder.output(&[&all[..], &["--width", &width, "--height", &height], options].concat());
+    image::open(folder.path("still.png")).expect("a picture").to_rgb8()
 }
 
 fn differences(a: &RgbImage, b: &RgbImage) -> u8 {
@@ -64,9 +64,9 @@ fn quit(child: Child, server: &Server) -> Value {
 
 #[test]
 fn without_a_display_it_is_a_mistake_with_a_remedy() {
-    let place = place();
+    let folder = new_folder();
     for (display, reason) in [("", "DISPLAY is not set"), (":4099", "the window cannot be opened")] {
-        let child = view(&place, &["--frames", "1"]).env("DISPLAY", display).spawn().expect("it starts");
+        let child = view(&folder, &["--frames", "1"]).env("DISPLAY", display).spawn().expect("it starts");
         let output = finish(child);
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         has(&String::from_utf8_lossy(&output.stderr), &[reason, "--terminal", "`raycl render`"]);
@@ -75,11 +75,11 @@ fn without_a_display_it_is_a_mistake_with_a_remedy() {
 
 #[test]
 fn the_window_shows_what_render_writes() {
-    let place = place();
+    let folder = new_folder();
     for samples in ["1", "5"] {
-        let expected = rendered(&place, &["--samples", samples]);
+        let expected = rendered(&folder, &["--samples", samples]);
         let server = Server::start(SIZE);
-        let child = start(&place, &server, &["--samples", samples, "--json"]);
+        let child = start(&folder, &server, &["--samples", samples, "--json"]);
         // `view` and `render` may round sums of several samples differently.
         let most = if samples == "1" { 0 } else { 1 };
         server.until_shown("it shows the picture", |shown| differences(shown, &expected) <= most);
@@ -92,10 +92,10 @@ fn the_window_shows_what_render_writes() {
 
 #[test]
 fn keys_orbit_switch_and_go_back() {
-    let place = place();
+    let folder = new_folder();
     let server = Server::start(SIZE);
-    let child = start(&place, &server, &["--samples", "1", "--strategy", "naive", "--json"]);
-    let own = rendered(&place, &["--strategy", "naive"]);
+    let child = start(&folder, &server, &["--samples", "1", "--strategy", "naive", "--json"]);
+    let own = rendered(&folder, &["--strategy", "naive"]);
     let is_own = |shown: &RgbImage| differences(shown, &own) == 0;
     server.until_shown("it shows the picture", is_own);
     let mut user = server.user();
@@ -118,20 +118,21 @@ fn keys_orbit_switch_and_go_back() {
 
 #[test]
 fn the_picture_gets_the_size_of_the_window() {
-    let place = place();
+    let folder = new_folder();
     let server = Server::start([160, 100]);
-    let child = start(&place, &server, &["--samples", "1", "--json"]);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
     // The window opens in the middle of the screen, and its upper left corner stays where it is.
     let corner = [(160 - SIZE[0]) / 2, (100 - SIZE[1]) / 2];
     let shows = |size: [u32; 2]| {
-        let expected = rendered_in(&place, size, &[]);
+        let expected = rendered_in(&folder, size, &[]);
         server.until_shown("it shows the whole picture", |shown| {
             let window = image::imageops::crop_imm(shown, corner[0], corner[1], size[0], size[1]).to_image();
             differences(&window, &expected) == 0
         });
     };
     shows(SIZE);
-    // With these proportions, the field of view across the width stays, as in the pictures that `render` writes.
+    // At these proportions of the window, its horizontal field of view stays the same, as in the pictures that `render`
+    // writes.
     for size in [[120, 80], [60, 40]] {
         server.user().resize(size);
         shows(size);
@@ -142,9 +143,9 @@ fn the_picture_gets_the_size_of_the_window() {
 
 #[test]
 fn if_a_window_cannot_open_on_a_display_with_few_colours_the_terminal_is_advised() {
-    let place = place();
+    let folder = new_folder();
     let server = Server::with_depth([160, 100], 16);
-    let output = finish(start(&place, &server, &["--frames", "1"]));
+    let output = finish(start(&folder, &server, &["--frames", "1"]));
     assert!(!output.status.success(), "{output:?}");
     let said = String::from_utf8_lossy(&output.stderr);
     let terminal = said.find("--terminal").unwrap_or_else(|| panic!("{said}"));
@@ -161,15 +162,15 @@ fn columns(picture: &RgbImage) -> Option<[u32; 2]> {
 fn the_right_button_drags_the_scene_along_and_the_left_button_turns_it() {
     let small = "vertices = [[0, 0.5, -2], [-0.5, -0.5, -2], [0.5, -0.5, -2]]";
     let scene = TRIANGLE.replace("vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]", small);
-    let place = Place::with(&[("scene.toml", &scene)]);
-    let own = rendered(&place, &[]);
+    let folder = WorkFolder::with(&[("scene.toml", &scene)]);
+    let own = rendered(&folder, &[]);
     let [left, right] = columns(&own).expect("a triangle");
     let is_as_wide = |[first, last]: [u32; 2]| (last - first).abs_diff(right - left) <= 1;
     let is_moved = |at: [u32; 2]| at[0] >= left + 8 && is_as_wide(at);
     let is_turned = |[first, last]: [u32; 2]| last - first + 4 <= right - left;
     for (button, is_dragged) in [(3, &is_moved as &dyn Fn([u32; 2]) -> bool), (1, &is_turned)] {
         let server = Server::start(SIZE);
-        let child = start(&place, &server, &["--samples", "1", "--json"]);
+        let child = start(&folder, &server, &["--samples", "1", "--json"]);
         server.until_shown("it shows the picture", |shown| differences(shown, &own) == 0);
         let mut user = server.user();
         user.point([40, 30]);
@@ -187,9 +188,9 @@ fn the_right_button_drags_the_scene_along_and_the_left_button_turns_it() {
 
 #[test]
 fn the_pointer_finds_the_triangle() {
-    let place = place();
+    let folder = new_folder();
     let server = Server::start(SIZE);
-    let child = start(&place, &server, &["--samples", "1", "--json"]);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
     let user = Mutex::new(server.user());
     let title = || user.lock().expect("no panic").title();
     user.lock().expect("no panic").point([48, 30]);
@@ -201,16 +202,16 @@ fn the_pointer_finds_the_triangle() {
 
 #[test]
 fn it_spins_and_reads_a_changed_scene_again() {
-    let place = place();
+    let folder = new_folder();
     let server = Server::start(SIZE);
-    let child = start(&place, &server, &["--samples", "1", "--json"]);
-    let before = rendered(&place, &[]);
+    let child = start(&folder, &server, &["--samples", "1", "--json"]);
+    let before = rendered(&folder, &[]);
     server.until_shown("it shows the picture", |shown| differences(shown, &before) == 0);
-    place.write("scene.toml", &TRIANGLE.replace("power = 10", "power = 3"));
-    let after = rendered(&place, &[]);
+    folder.write("scene.toml", &TRIANGLE.replace("power = 10", "power = 3"));
+    let after = rendered(&folder, &[]);
     assert!(differences(&before, &after) > 20);
     server.until_shown("it shows the changed scene", |shown| differences(shown, &after) == 0);
-    place.write("scene.toml", "power = \"none\"\n");
+    folder.write("scene.toml", "power = \"none\"\n");
     let user = Mutex::new(server.user());
     until("the mistake is told", || user.lock().expect("no panic").title().contains("power"));
     assert_eq!(differences(&server.picture(), &after), 0, "the last good picture stays");
@@ -222,9 +223,9 @@ fn it_spins_and_reads_a_changed_scene_again() {
 
 #[test]
 fn a_pipe_gets_half_blocks() {
-    let place = place();
+    let folder = new_folder();
     let output =
-        finish(view(&place, &["--terminal", "--frames", "1", "--samples", "1"]).spawn().expect("it starts"));
+        finish(view(&folder, &["--terminal", "--frames", "1", "--samples", "1"]).spawn().expect("it starts"));
     let text = String::from_utf8(output.stdout).expect("UTF-8");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let lines: Vec<&str> = text.lines().filter(|line| line.contains('▀')).collect();
@@ -239,9 +240,9 @@ fn a_pipe_gets_half_blocks() {
 }
 
 /// Returns the output of `raycl view --terminal=FORM` for one frame, without the report.
-fn frame(place: &Place, form: &str) -> Vec<u8> {
+fn frame(folder: &WorkFolder, form: &str) -> Vec<u8> {
     let terminal = format!("--terminal={form}");
-    one_frame(view(place, &[&terminal, "--quiet"])).stdout
+    one_frame(view(folder, &[&terminal, "--quiet"])).stdout
 }
 
 /// Runs a command that shows one frame, and returns its output.
@@ -253,9 +254,9 @@ fn one_frame(mut command: Command) -> Output {
 
 #[test]
 fn json_is_not_mixed_with_pictures_in_a_pipe() {
-    let place = place();
-    let output = one_frame(view(&place, &["--terminal=sixel", "--json"]));
-    assert!(output.stdout == frame(&place, "sixel"), "other bytes than with --quiet");
+    let folder = new_folder();
+    let output = one_frame(view(&folder, &["--terminal=sixel", "--json"]));
+    assert!(output.stdout == frame(&folder, "sixel"), "other bytes than with --quiet");
     let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
     assert_eq!(report["frames"], 1);
 }
@@ -263,27 +264,27 @@ fn json_is_not_mixed_with_pictures_in_a_pipe() {
 #[test]
 fn notes_about_the_scene_are_in_the_report() {
     let mesh = "mtllib no.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-    let place = Place::with(&[("mesh.obj", mesh)]);
-    let output = one_frame(view_of("mesh.obj", &place, &["--plain", "--terminal=blocks", "--json"]));
+    let folder = WorkFolder::with(&[("mesh.obj", mesh)]);
+    let output = one_frame(view_of("mesh.obj", &folder, &["--plain", "--terminal=blocks", "--json"]));
     let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
     has(&report["notes"].to_string(), &["no.mtl"]);
 }
 
 #[test]
 fn a_scene_from_standard_input_is_shown() {
-    let place = place();
-    let scene = std::fs::File::open(place.path("scene.toml")).expect("a file");
-    let mut command = view_of("-", &place, &["--terminal=kitty", "--quiet"]);
+    let folder = new_folder();
+    let scene = std::fs::File::open(folder.path("scene.toml")).expect("a file");
+    let mut command = view_of("-", &folder, &["--terminal=kitty", "--quiet"]);
     command.stdin(scene);
-    assert!(one_frame(command).stdout == frame(&place, "kitty"), "another picture than that of the file");
+    assert!(one_frame(command).stdout == frame(&folder, "kitty"), "another picture than that of the file");
 }
 
 #[test]
 fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
-    let place = place();
+    let folder = new_folder();
     // The picture covers 80 x 23 characters, of 8 x 16 pixels each.
-    let expected = rendered_in(&place, [640, 368], &[]);
-    let text = String::from_utf8(frame(&place, "kitty")).expect("UTF-8");
+    let expected = rendered_in(&folder, [640, 368], &[]);
+    let text = String::from_utf8(frame(&folder, "kitty")).expect("UTF-8");
     let data: String = text
         .split_terminator("\x1b\\")
         .filter_map(|command| command.strip_prefix("\x1b_G")?.split_once(';'))
@@ -294,7 +295,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
     flate2::read::ZlibDecoder::new(&deflated[..]).read_to_end(&mut bytes).expect("zlib");
     let shown = RgbImage::from_raw(640, 368, bytes).expect("a picture of this size");
     assert_eq!(differences(&shown, &expected), 0);
-    let sixels = icy_sixel::SixelImage::decode(&frame(&place, "sixel")).expect("sixels");
+    let sixels = icy_sixel::SixelImage::decode(&frame(&folder, "sixel")).expect("sixels");
     assert_eq!(sixels.width, 640);
     let off: u64 = sixels
         .pixels
@@ -311,8 +312,8 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
 struct Tmux(String);
 
 impl Tmux {
-    fn start(place: &Place, command: &str) -> Self {
-        let tmux = Self(place.path("tmux").display().to_string());
+    fn start(folder: &WorkFolder, command: &str) -> Self {
+        let tmux = Self(folder.path("tmux").display().to_string());
         let size = ["new-session", "-d", "-x", "80", "-y", "24"];
         tmux.run(&[&["-f", "/dev/null"], &size[..], &[command]].concat());
         tmux
@@ -371,15 +372,15 @@ impl Drop for Tmux {
 
 #[test]
 fn a_terminal_shows_the_picture_and_takes_keys() {
-    let place = place();
+    let folder = new_folder();
     let device = device();
-    let expected = rendered_in(&place, [80, 46], &[]);
-    let scene = place.path("scene.toml").display().to_string();
+    let expected = rendered_in(&folder, [80, 46], &[]);
+    let scene = folder.path("scene.toml").display().to_string();
     let program = env!("CARGO_BIN_EXE_raycl");
-    let report = place.path("report.txt").display().to_string();
+    let report = folder.path("report.txt").display().to_string();
     let command =
         format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}' 2>'{report}'");
-    let tmux = Tmux::start(&place, &command);
+    let tmux = Tmux::start(&folder, &command);
     let is_own = || tmux.picture().is_some_and(|shown| differences(&shown, &expected) == 0);
     until("the terminal shows the picture", is_own);
     until("the last line tells the speed", || tmux.text().contains("rays/s"));
@@ -389,20 +390,20 @@ fn a_terminal_shows_the_picture_and_takes_keys() {
     until("the scene's own camera is back", is_own);
     tmux.run(&["send-keys", "q"]);
     until("it has ended", || tmux.text().is_empty());
-    assert_eq!(place.text("report.txt"), "");
+    assert_eq!(folder.text("report.txt"), "");
 }
 
 #[test]
 fn a_line_of_wide_characters_does_not_scroll_the_picture() {
     let name = "\u{8336}\u{58f6}".repeat(30);
-    let place = Place::with(&[("scene.toml", &TRIANGLE.replace("little", &name))]);
-    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
-    let expected = rendered_in(&place, [80, 46], &[]);
+    let folder = WorkFolder::with(&[("scene.toml", &TRIANGLE.replace("little", &name))]);
+    let (device, scene) = (device(), folder.path("scene.toml").display().to_string());
+    let expected = rendered_in(&folder, [80, 46], &[]);
     let program = env!("CARGO_BIN_EXE_raycl");
     let command = format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}'");
-    let tmux = Tmux::start(&place, &command);
-    let is_told = || tmux.text().lines().nth(23).is_some_and(|line| line.contains("\u{8336}"));
-    until("the last line names the scene", is_told);
+    let tmux = Tmux::start(&folder, &command);
+    let names_scene = || tmux.text().lines().nth(23).is_some_and(|line| line.contains("\u{8336}"));
+    until("the last line names the scene", names_scene);
     assert!(tmux.picture().is_some_and(|shown| differences(&shown, &expected) == 0), "{}", tmux.text());
     tmux.run(&["send-keys", "q"]);
     until("it has ended", || tmux.text().is_empty());
@@ -410,12 +411,12 @@ fn a_line_of_wide_characters_does_not_scroll_the_picture() {
 
 #[test]
 fn the_picture_gets_the_size_of_a_terminal_that_becomes_smaller_or_larger() {
-    let place = place();
-    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
-    let whole = rendered_in(&place, [80, 46], &[]);
+    let folder = new_folder();
+    let (device, scene) = (device(), folder.path("scene.toml").display().to_string());
+    let whole = rendered_in(&folder, [80, 46], &[]);
     let program = env!("CARGO_BIN_EXE_raycl");
     let command = format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}'");
-    let tmux = Tmux::start(&place, &command);
+    let tmux = Tmux::start(&folder, &command);
     let shows = |size, expected: &RgbImage| {
         tmux.picture_of(size).is_some_and(|shown| differences(&shown, expected) == 0)
     };
@@ -423,7 +424,7 @@ fn the_picture_gets_the_size_of_a_terminal_that_becomes_smaller_or_larger() {
     for [across, down] in [[60, 20], [100, 30]] {
         tmux.run(&["resize-window", "-x", &across.to_string(), "-y", &down.to_string()]);
         let size = [across, 2 * (down - 1)];
-        let resized = rendered_in(&place, size, &[]);
+        let resized = rendered_in(&folder, size, &[]);
         until("the whole picture is shown", || shows(size, &resized));
         until("the new last line is text", || {
             let last = tmux.text().lines().nth(down as usize - 1).map(str::to_owned);
@@ -436,8 +437,8 @@ fn the_picture_gets_the_size_of_a_terminal_that_becomes_smaller_or_larger() {
 
 #[test]
 fn a_view_ends_when_nobody_reads_its_pipe() {
-    let place = place();
-    let mut child = view(&place, &["--terminal", "--spin", "--json"]).spawn().expect("it starts");
+    let folder = new_folder();
+    let mut child = view(&folder, &["--terminal", "--spin", "--json"]).spawn().expect("it starts");
     let mut pipe = child.stdout.take().expect("a pipe");
     pipe.read_exact(&mut [0; 100]).expect("a picture");
     drop(pipe);
@@ -465,13 +466,13 @@ fn resident_kb(argument: &str) -> u64 {
 #[test]
 fn ctrl_c_ends_the_view_in_a_terminal_while_the_scene_is_loaded() {
     let large = "[[object]]\nshape = \"terrain\"\ntriangles = 4_000_000\n";
-    let place = Place::with(&[("scene.toml", large)]);
-    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
-    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), place.path("code.txt").display().to_string());
+    let folder = WorkFolder::with(&[("scene.toml", large)]);
+    let (device, scene) = (device(), folder.path("scene.toml").display().to_string());
+    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), folder.path("code.txt").display().to_string());
     let command =
         format!("'{program}' view '{scene}' --terminal --device '{device}' --quiet; echo $? >'{code}'");
-    let tmux = Tmux::start(&place, &command);
-    // Only the terrain is as large as this.
+    let tmux = Tmux::start(&folder, &command);
+    // raycl uses more than 100,000 kB only when it makes the terrain.
     until("it makes the terrain", || resident_kb(&scene) > 100_000);
     tmux.run(&["send-keys", "C-c"]);
     until("it has ended", || tmux.text().is_empty());
@@ -481,12 +482,12 @@ fn ctrl_c_ends_the_view_in_a_terminal_while_the_scene_is_loaded() {
 
 #[test]
 fn ctrl_c_ends_the_view_in_a_terminal() {
-    let place = place();
-    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
-    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), place.path("code.txt").display().to_string());
+    let folder = new_folder();
+    let (device, scene) = (device(), folder.path("scene.toml").display().to_string());
+    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), folder.path("code.txt").display().to_string());
     let command =
         format!("'{program}' view '{scene}' --terminal --device '{device}' --quiet; echo $? >'{code}'");
-    let tmux = Tmux::start(&place, &command);
+    let tmux = Tmux::start(&folder, &command);
     until("the last line tells the speed", || tmux.text().contains("rays/s"));
     tmux.run(&["send-keys", "C-c"]);
     until("it has ended", || std::fs::read_to_string(&code).is_ok_and(|code| code == "0\n"));
@@ -507,8 +508,8 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
         (Signal::ABORT, "1", "SIGABRT"),
     ];
     for (signal, code, name) in signals {
-        let place = place();
-        let path = |name: &str| place.path(name).display().to_string();
+        let folder = new_folder();
+        let path = |name: &str| folder.path(name).display().to_string();
         let (device, scene, program) = (device(), path("scene.toml"), env!("CARGO_BIN_EXE_raycl"));
         let (process, mode, ended) = (path("process"), path("mode"), path("code"));
         // The crash writes no file with the memory of the process. `cat` keeps the terminal open.
@@ -517,12 +518,12 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
             "sh -c '{begin}' '{process}' '{program}' view '{scene}' --terminal --spin --device '{device}'; \
              echo $? >'{ended}'; stty -a >'{mode}'; cat"
         );
-        let tmux = Tmux::start(&place, &command);
+        let tmux = Tmux::start(&folder, &command);
         let state =
             || tmux.run(&["display-message", "-p", "#{alternate_on} #{mouse_any_flag} #{cursor_flag}"]);
         until("the last line tells the speed", || tmux.text().contains("rays/s"));
         assert_eq!(state(), "1 1 0\n");
-        let first: u32 = place.text("process").trim().parse().expect("the number of a process");
+        let first: u32 = folder.text("process").trim().parse().expect("the number of a process");
         let to = if signal == Signal::ABORT { crate::faults::children(first)[0] } else { first };
         let to = Pid::from_raw(to as i32).expect("a process has a number");
         kill_process(to, signal).expect("it lives");
@@ -533,8 +534,8 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
             }
             std::fs::read_to_string(&mode).is_ok_and(|mode| !mode.is_empty())
         });
-        assert_eq!(place.text("code").trim(), code, "{signal:?}");
-        let modes = place.text("mode");
+        assert_eq!(folder.text("code").trim(), code, "{signal:?}");
+        let modes = folder.text("mode");
         for usual in ["icanon", "echo", "isig"] {
             assert!(modes.split_whitespace().any(|mode| mode == usual), "{signal:?}, not {usual}: {modes}");
         }

@@ -222,7 +222,7 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
     // The numbers are those of docs/reliability.md. Devices that round differently may find between half and
     // twice as many.
-    let is_near = |found: usize, told: usize| found > told / 2 && found < 2 * told;
+    let is_near = |leaks: usize, stated: usize| leaks > stated / 2 && leaks < 2 * stated;
     let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
     assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");
 }

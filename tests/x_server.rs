@@ -1,5 +1,6 @@
-//! An X server without a screen (Xvfb), the picture that it would show, and a user's input, directly through
-//! the X11 protocol: numbers are little-endian, and lengths are counted in words of four bytes.
+//! Starts an X server without a screen (Xvfb), reads the picture that it would show, and simulates a user's input. The
+//! input is sent directly in the X11 protocol, in which numbers are little-endian here and lengths are counted in words
+//! of four bytes.
 
 use crate::binary::until;
 use image::RgbImage;
@@ -50,7 +51,7 @@ impl Server {
     pub fn picture(&self) -> RgbImage {
         let file: PathBuf = self.folder.path().join("Xvfb_screen0");
         let bytes = std::fs::read(&file).expect("the screen's file");
-        let word = |place: usize| u32::from_be_bytes(std::array::from_fn(|i| bytes[4 * place + i]));
+        let word = |index: usize| u32::from_be_bytes(std::array::from_fn(|i| bytes[4 * index + i]));
         let [width, height, line_bytes] = [word(4), word(5), word(12)];
         let first = word(0) + 12 * word(19);
         RgbImage::from_fn(width, height, |x, y| {
@@ -180,8 +181,8 @@ impl User {
         self.send(&[101, 0, 2, 0, first, last - first + 1, 0, 0]);
         let (head, rest) = self.reply();
         let per_code = usize::from(head[1]);
-        let found = (0..rest.len() / 4).position(|place| word(&rest, 4 * place) == symbol);
-        first + (found.unwrap_or_else(|| panic!("no key {symbol:x}")) / per_code) as u8
+        let position = (0..rest.len() / 4).position(|index| word(&rest, 4 * index) == symbol);
+        first + (position.unwrap_or_else(|| panic!("no key {symbol:x}")) / per_code) as u8
     }
 
     fn send(&mut self, request: &[u8]) {

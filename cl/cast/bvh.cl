@@ -1,5 +1,5 @@
-// Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that stay together. This file is
-// included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
+// Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that walk the tree together. This file
+// is included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray runs from the hit (the working
@@ -24,33 +24,33 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack contains children to be visited, the nearest on top.
+    // Node 0 is the root. The stack contains the children that are still to be visited; the nearest child is on top.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
             // The triangles of a leaf are contiguous in leaf order.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
-            for (int place = first; place < end; place++) {
+            for (int index = first; index < end; index++) {
 #if RECORDS_ONCE
                 Row row;
-                LOAD_ROW(row, scene->records + ROW_UNITS * (size_t)place)
+                LOAD_ROW(row, scene->records + ROW_UNITS * (size_t)index)
 #else
-                const Row row = row_of(leaf_corners(&scene->tree, place));
+                const Row row = row_of(leaf_corners(&scene->tree, index));
 #endif
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
                 if (intersect(&probe, start, to_light, row, t_max, &hit))
-                    open &= !SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);
+                    open &= !SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);
 #else
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
                 // Lanes outside the image take part in the traversal, but record no hit.
-                const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);
+                const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);
                 if (!ANY(nearer)) continue;
-                const int triangle = leaf_triangle(&scene->tree, place);
+                const int triangle = leaf_triangle(&scene->tree, index);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);
                 nearest->triangle = SELECT(nearer, (varying_int)(triangle), nearest->triangle);
                 // With eager shading, this call shades every hit that is nearer than the hits before it. With deferred

@@ -26,19 +26,19 @@ typedef struct {
 } Waiting;
 
 // Puts a child of a node onto the stack. `waiting` is the height of the stack, `below` its height before the first
-// child of this node. Returns the new height.
+// child of this node was pushed. Returns the new height.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
-    int place = waiting;
+    int slot = waiting;
     // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.
-    for (; place > below && stack[place - 1].entry < entry; place--) stack[place] = stack[place - 1];
-    stack[place].word = word;
-    stack[place].entry = entry;
+    for (; slot > below && stack[slot - 1].entry < entry; slot--) stack[slot] = stack[slot - 1];
+    stack[slot].word = word;
+    stack[slot].entry = entry;
     return waiting + 1;
 }
 
 #if WIDTH == 1
-// One ray is tested against up to 16 children at the same time, one lane per child. One load of a vector reads the same
-// side of the boxes of all these children.
+// One ray is tested against up to 16 children at the same time, one lane per child. One load of a vector reads one side
+// (for example the side with the least x) of the boxes of all these children.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -67,12 +67,13 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     const int below = waiting;
     for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
         const __global float *box = node + first;
-        // The slab test (Kay and Kajiya 1986), one lane per child: along each axis, t at both sides of the box.
+        // This is the slab test (Kay and Kajiya 1986), with one lane per child. Along each axis, it computes the values
+        // of t at which the ray crosses the two sides of the box.
         const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
         const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
         const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
         EachBox entry, leave, word;
-        // A ray is in the box after it has entered all three slabs and before it leaves the first of them.
+        // The ray is in the box from the moment when it has entered all three slabs until it leaves one of the three.
         entry.all = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (BoxLanes)(0.0f)));
         leave.all = min(min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS, (BoxLanes)(reach));
         word.all = *(const __global BoxLanes *)(box + CHILD_ROW);
@@ -88,7 +89,8 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
 // box.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
-    // The slab test (Kay and Kajiya 1986), one lane per ray: along each axis, t at both sides of the box.
+    // This is the slab test (Kay and Kajiya 1986), with one lane per ray. Along each axis, it computes the values of t
+    // at which the rays cross the two sides of the box.
     const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
     const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
     const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;

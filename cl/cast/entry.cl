@@ -11,7 +11,7 @@
 #include "cast/parts.cl"
 
 #if FUSED
-// Casts a whole frame: primary rays, shading, shadow rays.
+// Casts a whole frame: casts primary rays, shades their hits, and casts shadow rays.
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
@@ -19,7 +19,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
 // With LINEAR_IN_PIXEL, ray directions are in pixel coordinates during the search. Shading needs unit directions, so
-// that t is a distance.
+// that t is a distance. The rays are therefore computed again.
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
@@ -46,11 +46,13 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 #endif
 
 #if GIVEN_RAYS
-// Casts rays from a buffer, for tests and for uses other than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
+// Casts rays from a buffer, for tests and for uses other than pictures. The buffer holds eight floats per ray:
+// origin.xyz, t_min, direction.xyz, 0.
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
-    // Seven vectors with one lane per ray: origin, direction, t_min. Lanes after the last ray repeat it.
+    // The seven vectors have one lane per ray: three for the origin, three for the direction, one for t_min. Lanes
+    // after the last ray contain the last ray again.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {
@@ -63,7 +65,7 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     working_set(&working, RAY_ORIGIN, vec3(ray[0].all, ray[1].all, ray[2].all));
     working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
     Nearest nearest;
-    // The mask is set in all lanes: every lane has a ray.
+    // The mask of wanted lanes is set in all lanes, since every lane has a ray.
     closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
     // The results of lanes that repeat the last ray are not stored.
     triangle.all = nearest.triangle;

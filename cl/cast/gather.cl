@@ -11,15 +11,15 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     return surface_of(column);
 }
 
-#include "common/meet_plane.cl"
+#include "common/intersect_plane.cl"
 
 // Returns where each lane's ray hits that lane's triangle.
-Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
+Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
     Lanes column[9];
     IntLanes id;
     id.all = triangle;
-    // Nine columns with one lane per ray: corner a in 0 to 2, the edge from a to b in 3 to 5, the edge from a to c in
-    // 6 to 8.
+    // The nine columns have one lane per ray. Columns 0 to 2 contain corner a, columns 3 to 5 the edge from a to b, and
+    // columns 6 to 8 the edge from a to c.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
@@ -33,5 +33,5 @@ Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec
     const Vec3 v0 = vec3(column[0].all, column[1].all, column[2].all);
     const Vec3 e1 = vec3(column[3].all, column[4].all, column[5].all);
     const Vec3 e2 = vec3(column[6].all, column[7].all, column[8].all);
-    return meet_plane(v0, e1, e2, origin, direction);
+    return intersect_plane(v0, e1, e2, origin, direction);
 }

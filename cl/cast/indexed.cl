@@ -76,7 +76,8 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // Two loads, one after the other: the index, then the position, which several triangles may share.
+    // A corner takes two loads, one after the other: first its index, then its position, which several triangles may
+    // share.
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
     Corners corners;
     corners.a = LOAD3(geometry->positions + 3 * index[0]);

@@ -36,7 +36,7 @@
 #if TEXTURES
 #include "common/textures.cl"
 #else
-#define TEXTURED(surface, textures, triangle, w1, w2, way, t) surface
+#define TEXTURED(surface, textures, triangle, w1, w2, direction, t) surface
 #endif
 #if SOFT
 #include "common/soft.cl"
@@ -52,7 +52,7 @@
 #include "common/cutouts.cl"
 #else
 #define SOLID(textures, triangle, hit) hit.lanes
-#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#define SOLID_ON_RAYS(textures, triangle, corners, from, direction, hits) hits
 #endif
 #include "common/reflectance.cl"
 #if TREE
@@ -144,7 +144,7 @@
 #define search_ray camera_ray
 #endif
 
-// Returns `pixels`, but only those that get another sample count as inside the image.
+// Returns `pixels` with a narrower mask `inside`: only pixels that get another sample count as inside the image.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;

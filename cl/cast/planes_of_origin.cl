@@ -9,10 +9,10 @@
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// 1 to check after each edge whether all rays are outside of it. If vectors are implemented as separate scalars, most
-// tests end at a check: on a GPU, casting is 43% faster with the checks, and 28% with planes that are linear in the
-// pixel. If vectors are registers, a check costs more than the dot product of an edge: on a CPU, casting is 10% slower
-// with the checks.
+// ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If vectors are
+// implemented as separate scalars, as on a GPU, most tests end at a check: casting is then 43% faster with the checks
+// than without them, and 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a
+// check costs more than the dot product of an edge: casting is then 10% slower with the checks.
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -51,8 +51,8 @@ varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
 // the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // Three dot products, one for each edge, of three terms each. The origin is not needed, since the planes contain
-    // it.
+    // The test needs one dot product of three terms for each of the three edges. It does not need the origin, since the
+    // planes contain the origin.
     const varying w0 = inside_edge(probe, row.a, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w0))) return 0;
     const varying w1 = inside_edge(probe, row.b, direction);

@@ -56,7 +56,7 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);
-    // The work-items share the rows: with n work-items, each copies every n-th row.
+    // The work-items share the work: with n work-items, each copies every n-th row.
     for (int k = LOCAL_INDEX; k < end; k += LOCAL_X * LOCAL_Y) {
         const Row row = source_row(scene, origin, first + k);
         STORE_ROW(row, scene->tile + ROW_UNITS * k)

@@ -1,4 +1,4 @@
-// Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
+// Computes the radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
 #if PLANES_OF_ORIGIN
 #include "common/shadow_end.cl"
@@ -36,8 +36,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
         // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. But
-        // if tiles are streamed through __local memory, the work-item continues, since all work-items must reach the
-        // barriers.
+        // if tiles of triangles are streamed through __local memory, the work-item continues, since all work-items must
+        // reach the barriers in any_hit.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
@@ -46,7 +46,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         // end is the light. The number of the light's origin is 1 + light, since the eye is origin 0.
         const varying length = distance - scene->bias;
 #if PLANES_OF_ORIGIN
-        // The ray is cast from the light.
+        // The ray is cast from the light, and ends at a small gap before the hit.
         const varying end = distance * (1.0f - gap_before_hit(scene->bias / distance, 1.0f / cosine));
 #else
         const varying end = length;

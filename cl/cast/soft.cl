@@ -8,10 +8,10 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
         // The vectors are read again for every triangle, since the strategy may exist to measure the speed of their
         // memory.
-        const Vec3 way = working_get(working, TO_LIGHT);
-        const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
-        open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
-                               is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max));
+        const Vec3 direction = working_get(working, TO_LIGHT);
+        const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), direction);
+        open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, direction,
+                               is_stopped_by(corners(&scene->geometry, triangle), from, direction, t_max));
     }
     return wanted & !open;
 }
@@ -21,8 +21,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 
 #if SKY
 // Adds the sky's light to RADIANCE of `active` lanes. Each lane casts one ray, in a direction whose probability is
-// proportional to its cosine with the normal. The estimate is therefore the sky's radiance in this direction times k_L
-// (surface->lambertian).
+// proportional to its cosine with the normal. The estimate of the reflected light is therefore the sky's radiance in
+// this direction times k_L (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
@@ -33,10 +33,10 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));
         return;
     }
-    const Vec3 way = way_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
-    working_set(working, TO_LIGHT, way);
+    const Vec3 direction = direction_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
+    working_set(working, TO_LIGHT, direction);
     // Rounding, or a normal of zero, may give a direction that is not above the surface.
-    Mask lit = active & (dot3(way, normal) > 0.0f);
+    Mask lit = active & (dot3(direction, normal) > 0.0f);
     lit &= !any_hit_apart(working, scene, (varying)(reach_of_sky(&scene->soft) - scene->bias), lit);
     const Vec3 received = multiply(surface->lambertian, radiance_of_sky(&scene->soft, working_get(working, TO_LIGHT)));
     const Vec3 sum = working_get(working, RADIANCE);

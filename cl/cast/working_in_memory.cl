@@ -1,5 +1,6 @@
-// Working vectors as [9][work-items][3] in the address space WORKING_SPACE. They are volatile. Otherwise, compilers
-// would keep a vector in registers between a store and its next load, and no access to this memory would be measured.
+// The working vectors are an array [9][work-items][3] in the address space WORKING_SPACE. The array is volatile.
+// Otherwise, compilers would keep a vector in registers between a store and its next load, and no access to this memory
+// would be measured.
 
 // With n work-items:   vector 0                          vector 1
 //                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...

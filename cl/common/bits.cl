@@ -1,4 +1,4 @@
-// Converts masks to the bits of a word: lane i is bit i.
+// Converts masks to the bits of a word: bit i is set if lane i is set.
 
 // A mask has -1 in the lanes that are set. Lane i is replaced by 2^i if it is set, and by 0 otherwise. Then all lanes
 // are combined by a bitwise or:
@@ -6,7 +6,8 @@
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001
 #if REDUCE_BUILTIN && defined(__AVX512DQ__) && defined(__AVX512VL__)
-// Hardware with mask registers does this in one instruction, which the compiler does not choose by itself.
+// Hardware with mask registers converts a mask to bits in one instruction, which the compiler does not choose by
+// itself.
 typedef int Hardware8 __attribute__((__vector_size__(32)));
 typedef int Hardware16 __attribute__((__vector_size__(64)));
 #define LANE_BITS8(mask) ((uint)(uchar)__builtin_ia32_cvtd2mask256(__builtin_astype(mask, Hardware8)))

@@ -10,8 +10,8 @@ typedef struct {
     varying_int x, y;
     Mask inside; // in the image: blocks at its right and lower border may extend beyond it
 #ifdef SUBPIXELS
-    // The ray's place in the pixel: 0.5 at the centre. If a filter is wider than the pixel, a place may lie below 0 or
-    // above 1.
+    // The ray's position in the pixel, across and down: 0.5 at the centre. If the pixel filter is wider than a pixel, a
+    // position may lie below 0 or above 1.
     varying sample_x, sample_y;
 #endif
 } Pixels;

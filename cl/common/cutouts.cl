@@ -50,13 +50,13 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
 
 // Returns those lanes of `hits` whose ray meets a triangle at its surface and not at a hole. Computes the weights
 // first, for callers that do not have them.
-Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 way, Mask hits) {
+Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 direction, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));
-    const Hit hit = meet_plane(splat(corners.a), e1, e2, from, way);
+    const Hit hit = intersect_plane(splat(corners.a), e1, e2, from, direction);
     return solid_lanes(textures, triangle, hit.w1, hit.w2, hits);
 }
 
 #define SOLID(textures, triangle, hit) solid_lanes(textures, triangle, hit.w1, hit.w2, hit.lanes)
-#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) \
-    solid_on_rays(textures, triangle, corners, from, way, hits)
+#define SOLID_ON_RAYS(textures, triangle, corners, from, direction, hits) \
+    solid_on_rays(textures, triangle, corners, from, direction, hits)

@@ -1,8 +1,8 @@
 // A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
 // In the array `numbers` (Soft in soft.cl), other skies store the radiance of zenith and horizon first. In place of
-// this radiance, a sky that is a picture stores the picture's first texel, its size, and the direction of its middle.
-// The texels follow the lights' radii:
+// this radiance, a sky that is a picture stores the index of the picture's first texel, the picture's size, and the
+// direction of its middle. The texels follow the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -24,13 +24,13 @@ Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
 }
 
 // Returns the sky's radiance in a direction, interpolated between four texels.
-Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
+Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
-    const varying ahead = dot3(way, splat(middle)), right = dot3(way, splat(uniform_cross(middle, up)));
+    const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));
     // Both angles are computed by atan2, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
-    const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(way, splat(up)));
+    const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(direction, splat(up)));
     // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge
     // meets its left edge.
     const varying x = around * (float)width - 0.5f;
@@ -71,11 +71,11 @@ Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, co
     // and keeps the digits that a power would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
-    const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
+    const Vec3 half_vector = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
     // The light arrives from the mirrored direction: the direction to the eye, mirrored at the half vector.
-    const varying to_half = dot3(to_eye, half_way);
-    const Vec3 way = along(negate(to_eye), 2.0f * to_half, half_way);
-    const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(way, normal), (varying)(0.0f));
+    const varying to_half = dot3(to_eye, half_vector);
+    const Vec3 direction = along(negate(to_eye), 2.0f * to_half, half_vector);
+    const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(direction, normal), (varying)(0.0f));
     const varying share = cosines * (surface->shininess + 8.0f) / (surface->shininess + 1.0f);
-    return scale(multiply(surface->glossy, radiance_of_sky(soft, way)), share);
+    return scale(multiply(surface->glossy, radiance_of_sky(soft, direction)), share);
 }

@@ -1,8 +1,8 @@
 // Soft light at half resolution. One picture of half the width and height has the light that arrives, with few samples
-// per pixel. A second half picture has the unoccluded light, which would arrive if nothing blocked it. Their ratio is
-// filtered. The unoccluded light of the whole picture, which has no noise, is then multiplied by this ratio (Heitz,
-// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
-// src/reference/half_light.rs does the same in f64.
+// per pixel. A second half picture has the unoccluded light, which would arrive if nothing blocked it. The ratio of the
+// first half picture to the second is filtered. The unoccluded light of the picture of full size, which has no noise,
+// is then multiplied by this ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic
+// Shadows", I3D 2018). src/reference/half_light.rs does the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -13,7 +13,7 @@
 #error "HALF_LIGHT_SHARPNESS: how fast the weight of a pixel for another falls as their unoccluded light differs"
 #endif
 
-// In both kernels, a work-item processes WIDTH pixels of a row.
+// In both kernels of this file, filter_half_light and apply_half_light, a work-item processes WIDTH pixels of a row.
 
 // Returns the weight of one pixel for another: largest if the unoccluded light of both is equal, 0 if their unoccluded
 // light differs much. Pixels on different surfaces, or on different sides of an edge, mostly differ.
@@ -92,8 +92,8 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     if (x >= image_size.x || y >= image_size.y) return;
     const PixelRow pixels = load_pixels(image, image_size, x, y);
     const Vec3 own = pixels.colour;
-    // The positions of the pixels' centres in the half picture, relative to the centre of the half picture's first
-    // pixel.
+    // `across` and `down` are the positions of the pixels' centres in the half picture, relative to the centre of the
+    // half picture's first pixel.
     const float per_x = (float)half_size.x / image_size.x, per_y = (float)half_size.y / image_size.y;
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);

@@ -17,9 +17,9 @@
 // The largest overlap of neighbouring triangles, in tests that use one plane for the edge that two triangles share. The
 // overlap is relative to the product of the triangle's distance from the rays' origin and the size of its edges. Only
 // rays at vertices need this overlap. A larger overlap would darken pixels at an edge that shadow rays graze.
-// Measurements: of 60,516 rays aimed at edges and vertices, none slips through. With half the overlap, up to four rays
-// slip through in exhaustive casting. On terrain, all of 16 million pixels are correct. With twice the overlap, at most
-// one of these pixels is dark.
+// Measurements with this overlap: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
+// pixels of a terrain are correct. With half the overlap, up to four of these rays slip through in exhaustive casting.
+// With twice the overlap, at most one of these pixels is dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 
 typedef struct {

@@ -1,11 +1,11 @@
 // Operations across the 32 lanes (work-items) of a group that shares a tile. All lanes of a group must take the same
-// path through every loop and branch that contains one of these calls.
+// path through every loop and branch that contains a call of such an operation.
 
 #ifndef GROUP_LANES
 #error "GROUP_LANES: work-items of a group"
 #endif
 
-// The implementations of these operations; src/device/lanes.rs finds out which of them work on a device.
+// The implementations of the operations across lanes; src/device/lanes.rs finds out which of them work on a device.
 #define LANES_BY_BARRIERS 0     // __local memory and barriers; one group per work-group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
@@ -31,12 +31,12 @@ typedef struct {
     int turn;            // which of the two words the next operation uses: 0 or 1
 #endif
 #if SAMPLED
-    const __global uint *wanted; // samples that each pixel of a block gets, block by block
-    uint earlier;                // samples of each pixel that are already in the image
-    int bits;                    // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
-    int samples;                 // rays that the frame casts for each pixel; the other sub-pixels stay empty
-    const __global float *places; // x and y of each of these rays in its pixel
-    uint tile;                    // where the group's tile begins in the grid of rays: see packed_tile
+    const __global uint *wanted;     // samples that each pixel of a block gets, block by block
+    uint earlier;                    // samples of each pixel that are already in the image
+    int bits;                        // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
+    int samples;                     // rays that the frame casts for each pixel; the other sub-pixels stay empty
+    const __global float *positions; // x and y of each of these rays in its pixel
+    uint tile;                       // where the group's tile begins in the grid of rays: see packed_tile
 #endif
 } Group;
 
@@ -57,7 +57,7 @@ typedef struct {
     group.board = board;                                                \
     group.turn = 0;
 
-// These loops are not unrolled: there are many of them, and barriers make compilation slow.
+// Loops over the lanes are not unrolled, since there are many such loops, and barriers make compilation slow.
 #define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
@@ -97,7 +97,7 @@ INLINED uint lane_least(Group *group, uint value) {
     return least;
 }
 
-// Returns how many of the lanes `among` have a smaller key.
+// Returns how many of the lanes whose bits are set in `among` have a smaller key than this lane.
 INLINED int lane_rank(Group *group, uint key, uint among) {
     const __local uint *row = write_board(group, key);
     int rank = 0;
@@ -181,7 +181,7 @@ INLINED uint lane_least(Group *group, uint value) {
 }
 #endif
 
-// Returns how many of the lanes `among` have a smaller key.
+// Returns how many of the lanes whose bits are set in `among` have a smaller key than this lane.
 INLINED int lane_rank(Group *group, uint key, uint among) {
     int rank = 0;
     // `left & (left - 1)` clears the lowest bit: the loop runs once per lane of `among`.
@@ -217,11 +217,12 @@ INLINED float lane_get_float(Group *group, float value, int from) {
     return as_float(lane_get(group, as_uint(value), from));
 }
 
-// Returns the smallest of non-negative numbers, whose bits are ordered like the numbers.
+// Returns the smallest of the lanes' numbers, none of which may be negative. The bits of such numbers are ordered like
+// the numbers.
 INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
-// Returns the smallest of arbitrary numbers. The bits of the numbers are converted to unsigned integers of the same
-// order, and back.
+// Returns the smallest of the lanes' numbers, which may be negative. The bits of the numbers are converted to unsigned
+// integers of the same order, and back.
 INLINED float lane_min(Group *group, float value) {
     const uint bits = as_uint(value);
     // As unsigned integers, positive floats have the right order and negative floats the reverse order. Inverting the

@@ -1,6 +1,6 @@
 // Marks the blocks of pixels that get more samples. In such a block, neighbouring pixels differ visibly after the first
-// samples: at an edge, at the border of a shadow, or because few samples leave grain. Before a transparent background,
-// pixels also differ in alpha, which alone shows the edge of a dark surface. src/reference/rough.rs does the same in
+// samples: at an edge, at the border of a shadow, or because few samples leave grain. If the background is transparent,
+// pixels also differ in alpha; only alpha shows the edge of a dark surface. src/reference/rough.rs does the same in
 // f64.
 
 #ifndef ROUGH_STEPS
@@ -21,7 +21,8 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
-    // The window is one pixel wider than the block on each side; `above` holds the row above.
+    // The window of compared pixels is one pixel wider than the block on each side. `above` holds the row above the
+    // current one.
     const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
     float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
     for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {
@@ -33,7 +34,7 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
             above[column] = before = own;
         }
     }
-    // One channel that differs visibly is enough.
+    // A block is rough even if only one channel differs visibly.
     const int is_rough = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w)) > ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;
     // The order of the list varies from run to run, but this has no effect, since the blocks are cast independently

@@ -1,6 +1,6 @@
 // Vectors of pixels that lie side by side in a row of an image.
 
-// Without inlining, some compilers copy these structures of several vectors at every call.
+// Without inlining, some compilers copy a PixelRow, which consists of several vectors, at every call.
 #define INLINED_ROWS static __attribute__((always_inline))
 
 // WIDTH pixels, channel by channel.
@@ -49,7 +49,7 @@ INLINED_ROWS void store_pixels(__global float4 *image, int2 size, int x, int y, 
     __global float4 *row = image + (size_t)y * size.x;
 #if WIDTH == 16
     if (x + WIDTH <= size.x) {
-        // Four stores of four pixels each, if all 16 are inside.
+        // If all 16 pixels are inside the image, four stores of four pixels each store them.
         __global float *to = (__global float *)(row + x);
         vstore16(interleave(colour.x.s0123, colour.y.s0123, colour.z.s0123, hit.s0123), 0, to);
         vstore16(interleave(colour.x.s4567, colour.y.s4567, colour.z.s4567, hit.s4567), 1, to);

@@ -11,7 +11,7 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
 // Returns a row that no ray hits. A ray is outside one of the first two edges, unless the x of its direction is 0 or
-// nearly 0. Such a ray misses because its 1 / t is 0.
+// nearly 0. A ray with such an x misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);
@@ -34,8 +34,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume of the tetrahedron that the origin and the triangle form. If this volume is near zero, the
-    // origin lies in the triangle's plane.
+    // `height` is six times the volume of the tetrahedron that the origin and the triangle form. If this volume is near
+    // zero, the origin lies in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;

@@ -4,9 +4,9 @@ typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// A row: the floats that a ray-triangle test reads of one triangle. They are computed from the triangle's corners, or
-// they are planes prepared for a common origin. The test's file defines the number of floats; in memory, a row consists
-// of ROW_UNITS values of type ROW_UNIT.
+// A row consists of the floats that a ray-triangle test reads of one triangle. These floats are computed from the
+// triangle's corners, or are planes prepared for a common origin. The test's file defines the number of floats; in
+// memory, a row consists of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif

@@ -1,13 +1,14 @@
-// Several samples of each pixel. The image holds the mean of the samples cast so far, and every frame adds further
-// samples. `wanted` holds, for each block of pixels, the number of samples that each of its pixels gets; mark_rough
-// changes this number after the first few samples. A pixel with enough samples is treated like a pixel outside the
-// image: its ray is not cast, and nothing is stored.
+// For pictures with several samples of each pixel. The image holds the mean of the samples cast so far, and every frame
+// adds further samples. `wanted` holds, for each block of pixels, the number of samples that each of its pixels gets;
+// mark_rough changes this number after the first few samples. A pixel with enough samples is treated like a pixel
+// outside the image: its ray is not cast, and nothing is stored.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
 #endif
 
-// A rough block, in the list of blocks that get more samples. Rows and columns count blocks:
+// A word of the list of rough blocks, the blocks that get more samples. The word holds a block's row and column, both
+// counted in blocks:
 //
 //     31 ... 16 | 15 ... 0
 //     row       | column

@@ -1,10 +1,10 @@
 // The end of a shadow ray that is cast from a light to a hit, not from the hit to the light.
 
-// The rounding error of the hit's distance from the light, relative to this distance: four roundings, as AT_DISTANCE in
-// src/reference/cast.rs.
+// The rounding error of the hit's distance from the light, relative to this distance. It is the sum of four roundings,
+// like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
-// Light that grazes a surface at a smaller cosine than 1/50 is too dim for speckles to be seen. The limit keeps the gap
-// below 2.5e-5 of the light's distance.
+// Light that grazes a surface at a smaller cosine than 1/50 is so dim that pixels which rounding shadows by mistake are
+// not seen. The limit keeps the gap below 2.5e-5 of the light's distance.
 #define MOST_PER_COSINE 50.0f
 
 // Returns the gap between the end of the ray and the hit, relative to the distance of the light. The gap is the bias,

@@ -18,7 +18,8 @@ typedef PASTE(uint, WIDTH) varying_uint;
 #endif
 
 typedef struct {
-    // The sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light.
+    // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
+    // reach. Then follows one radius per light.
     const __global float *numbers;
     // The number of the first sample that this frame casts for each pixel, and the number of samples per pixel in this
     // sample's round (see src/scene/samples.rs). If the number of samples is 0, the picture is unoccluded: see
@@ -66,7 +67,7 @@ varying_uint hashed_bits(varying_uint bits, uint seed) {
     return bits;
 }
 
-// Inserts a zero above each of the lower 16 bits. With four bits:
+// Inserts a zero above each of the lower 16 bits. For example, with four bits:
 //
 //     d c b a  ->  0 d 0 c 0 b 0 a
 varying_uint spread_bits(varying_uint bits) {
@@ -96,7 +97,7 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 // that of the last light belong to the sky. The first two numbers are the coordinates of a point. The points of a
 // pixel's samples are evenly distributed over the unit square.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
-    // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
+    // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
 #if HALF_LIGHT // only half pictures use these numbers; other frames of such a program are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
@@ -116,11 +117,11 @@ float radius_of(const Soft *soft, int light) {
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the centre of the light's ball. The
-// points are uniformly distributed on a sphere in four dimensions, and then projected to three. From a distance, the
-// ball then looks like an evenly bright disc from every side.
+// points are uniformly distributed on a sphere in four dimensions, and then projected to three. Seen from a distance,
+// the ball then looks like an evenly bright disc, whatever side it is seen from.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
-    // Three of the four coordinates of a point on the sphere in four dimensions.
+    // The scaled vector has three of the four coordinates of a point on the sphere in four dimensions.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));
@@ -131,7 +132,7 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 // the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
 // unit sphere that touches the surface. This method needs no axes perpendicular to the normal. No choice of such axes
 // changes continuously with the normal everywhere.
-Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
+Vec3 direction_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
     const Vec3 point = vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), 1.0f - 2.0f * u.x);
@@ -145,9 +146,9 @@ float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 #include "common/environment.cl"
 #else
 // Returns the sky's radiance in a direction. Below the horizon, the sky has the radiance of the horizon.
-Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
+Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
-    const varying height = max(dot3(way, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
+    const varying height = max(dot3(direction, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
     return along(horizon, height, subtract(splat(LOAD3(soft->numbers)), horizon));
 }
 #endif
@@ -168,18 +169,18 @@ Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 }
 #endif
 
-// Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any
-// origins and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test allows
-// for the rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
+// Returns the lanes in which a triangle stops a ray before t_max. The test is Moeller and Trumbore's, for rays with any
+// origins and with unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test
+// allows for the rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
 Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
-           const Vec3 *way, varying t_max) {
-    const Vec3 q = cross3(*way, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
+           const Vec3 *direction, varying t_max) {
+    const Vec3 q = cross3(*direction, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
     const varying a = dot3(*e1, q), size = fabs(a);
     // Weights and t stay multiplied by |a|, the absolute value of the determinant.
     const varying_int sign = sign_bit(a);
     const varying distance = fabs(s.x) + fabs(s.y) + fabs(s.z);
     const varying slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
-    const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(*way, r), sign);
+    const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(*direction, r), sign);
     const varying t = flip_sign(dot3(*e2, r), sign); // multiplied by size
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     // A triangle seen edge-on stops nothing.
@@ -191,8 +192,8 @@ Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, va
 }
 
 // Returns the lanes whose ray is stopped by one triangle before t_max.
-Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
+Mask is_stopped_by(Corners corners, Vec3 from, Vec3 direction, varying t_max) {
     const Uniform3 edge1 = uniform_difference(corners.b, corners.a), edge2 = uniform_difference(corners.c, corners.a);
     const Vec3 corner = splat(corners.a), e1 = splat(edge1), e2 = splat(edge2);
-    return stops(&corner, &e1, &e2, (varying)(uniform_size(edge1)), (varying)(uniform_size(edge2)), &from, &way, t_max);
+    return stops(&corner, &e1, &e2, (varying)(uniform_size(edge1)), (varying)(uniform_size(edge2)), &from, &direction, t_max);
 }

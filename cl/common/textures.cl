@@ -11,7 +11,7 @@
 #error "MIPS: 0 or 1: whether textures have mip levels"
 #endif
 
-// The buffer, in words, as src/launch/textures.rs writes it:
+// src/launch/textures.rs writes the buffer as follows, in words:
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
@@ -28,7 +28,7 @@
 // least alpha. Mip levels follow the texels of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
-// Number of float4 in a triangle's row:
+// The number of float4 in a triangle's row. Without mip levels, a row has two:
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
@@ -43,14 +43,14 @@ typedef struct {
 } Textures;
 
 // Returns a texture coordinate after wrapping it to the range from 0 to 1.
-float place_in_texture(float place, uint wrap) {
-    if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
+float coordinate_in_texture(float coordinate, uint wrap) {
+    if (wrap == WRAP_CLAMP) return clamp(coordinate, 0.0f, 1.0f);
     if (wrap == WRAP_MIRROR) {
-        // Every second repetition runs backwards: the coordinate modulo 2, reflected at 1.
-        const float twice = place - 2.0f * floor(0.5f * place);
+        // Every second repetition runs backwards. The coordinate is therefore taken modulo 2, and reflected at 1.
+        const float twice = coordinate - 2.0f * floor(0.5f * coordinate);
         return min(twice, 2.0f - twice);
     }
-    return place - floor(place);
+    return coordinate - floor(coordinate);
 }
 
 // Returns the index of a texel along an axis; an index beyond the edge is wrapped.
@@ -97,8 +97,8 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
     const uint across = wrap & 255, down = wrap >> 8 & 15;
     // Centres of texels lie at half-integers, like those of pixels.
     const float w0 = 1.0f - w1 - w2;
-    const float x = place_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
-    const float y = place_in_texture(w0 * ab.y + w1 * ab.w + w2 * c.y, down) * (float)height - 0.5f;
+    const float x = coordinate_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
+    const float y = coordinate_in_texture(w0 * ab.y + w1 * ab.w + w2 * c.y, down) * (float)height - 0.5f;
     const float left = floor(x), top = floor(y);
     const int x0 = texel_in_texture((int)left, width, across), x1 = texel_in_texture((int)left + 1, width, across);
     const uint row0 = level.first + (uint)(texel_in_texture((int)top, height, down) * width);
@@ -133,7 +133,7 @@ Level next_level(Level level) {
 // and is less than 0 if the texels of level 0 are larger than a pixel. `t` is the distance along the ray from the eye.
 // The method is that of Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray
 // Tracing Gems, 2019.
-varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
+varying levels_for(const Textures *textures, varying_int triangle, Vec3 direction, varying t) {
     IntLanes id;
     Lanes x, y, z;
     id.all = triangle;
@@ -145,14 +145,14 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, var
         x.each[lane] = texel.x, y.each[lane] = texel.y, z.each[lane] = texel.z;
     }
     const float4 cone = textures->cone;
-    const varying width = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
-    // On a surface that is seen at an angle, the cone covers an ellipse, whose length is its width divided by the
-    // cosine of the angle to the normal.
-    const varying across = fabs(dot3(vec3(x.all, y.all, z.all), way));
+    const varying width = t * (direction.x * cone.x + direction.y * cone.y + direction.z * cone.z);
+    // On a surface that is seen at an angle, the cone covers an ellipse. The ellipse's length is its width divided by
+    // the cosine of the angle between the ray and the normal.
+    const varying across = fabs(dot3(vec3(x.all, y.all, z.all), direction));
     return log2(width / across);
 }
 #else
-#define levels_for(textures, triangle, way, t) (varying)(0.0f)
+#define levels_for(textures, triangle, direction, t) (varying)(0.0f)
 #endif
 
 // Returns the texture's colour at the point of a triangle with these weights, as a mean of the two mip levels nearest
@@ -184,12 +184,12 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 
 // Returns a surface whose colour is multiplied by the texture of each lane's triangle, which a ray from the eye meets
 // at distance t. Lanes whose triangle is NO_HIT keep their colour.
-Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 way, varying t) {
+Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 direction, varying t) {
     IntLanes id;
     Lanes second, third, level, red, green, blue;
     id.all = triangle;
     second.all = w1, third.all = w2;
-    level.all = levels_for(textures, triangle, way, t);
+    level.all = levels_for(textures, triangle, direction, t);
     red.all = green.all = blue.all = (varying)(1.0f);
     // Lanes may have different textures, so texels are read one lane after the other.
     for (int lane = 0; lane < WIDTH; lane++) {
@@ -202,4 +202,4 @@ Surface textured(Surface surface, const Textures *textures, varying_int triangle
     return surface;
 }
 
-#define TEXTURED(surface, textures, triangle, w1, w2, way, t) textured(surface, textures, triangle, w1, w2, way, t)
+#define TEXTURED(surface, textures, triangle, w1, w2, direction, t) textured(surface, textures, triangle, w1, w2, direction, t)

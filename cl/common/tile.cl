@@ -9,6 +9,9 @@
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
 #endif
+#if !defined(NORMAL_FLOATS) || NORMAL_FLOATS != 9
+#error "NORMAL_FLOATS: floats of a triangle's three normals, which are 9"
+#endif
 #ifndef WATERTIGHT
 #error "WATERTIGHT: 0 or 1: whether intersector = watertight"
 #endif
@@ -27,7 +30,7 @@
 #if TEXTURES
 #include "common/textures.cl"
 #else
-#define TEXTURED(surface, textures, triangle, w1, w2, way, t) surface
+#define TEXTURED(surface, textures, triangle, w1, w2, direction, t) surface
 #endif
 #if SOFT
 #include "common/soft.cl"

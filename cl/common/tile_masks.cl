@@ -6,6 +6,6 @@
     tree.masks.rows = mask_rows;  \
     tree.masks.words = mask_words;
 #else
-#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#define SOLID_ON_RAYS(textures, triangle, corners, from, direction, hits) hits
 #define BIND_MASKS(tree)
 #endif

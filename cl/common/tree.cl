@@ -10,7 +10,8 @@
 #error "LEAF_COUNT_SHIFT: the lowest bit of the triangle count in a leaf's word; LEAF_MOST: the largest count"
 #endif
 
-// A node, in words. Each child is a column, so that one load reads the same side of the boxes of many children:
+// A node is a table of words. Each child is a column, so that one load reads one side (for example the low x) of the
+// boxes of many children:
 //
 //         child     0      1      2     ...  NODE_WIDTH - 1
 //     row 0         low x  low x  low x
@@ -19,7 +20,7 @@
 //     rows 4, 5     low z, high z
 //     row 6         word   word   word                          CHILD_ROW
 //
-// A child's word. `first` is the place of the leaf's first triangle in leaf order:
+// The bits of a child's word. `first` is the index of the leaf's first triangle in leaf order:
 //
 //     bit 31 | bits 30 to LEAF_COUNT_SHIFT | lower bits
 //     0      | number of the node
@@ -28,8 +29,8 @@
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// The t of a box's far side is multiplied by this factor, which adds more than the rounding error of t (Ize, "Robust
-// BVH Ray Traversal", JCGT 2(2), 2013).
+// The t at which a ray leaves a box is multiplied by this factor, which adds more than the rounding error of t (Ize,
+// "Robust BVH Ray Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, the triangle's number, v1, its material, v2, 0
 
@@ -47,8 +48,8 @@ typedef struct {
 } Tree;
 
 // Returns the corners of the triangle at an index in leaf order.
-Corners leaf_corners(const Tree *tree, int place) {
-    const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+Corners leaf_corners(const Tree *tree, int index) {
+    const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     // Three aligned loads; their fourth numbers are the triangle's number, its material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
@@ -59,7 +60,7 @@ Corners leaf_corners(const Tree *tree, int place) {
 }
 
 // Returns the number of the triangle at an index in leaf order.
-int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
+int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
 
 #if PLANES_OF_ORIGIN
 // Returns the planes prepared for the eye, which is origin 0, or for a light.

@@ -43,7 +43,7 @@ typedef varying_int Mask;
 #define LANE_X (LANE_NUMBER % BLOCK_X)
 #define LANE_Y (LANE_NUMBER / BLOCK_X)
 
-// Access to single lanes, to gather and scatter.
+// These unions give access to single lanes, in order to gather and scatter.
 typedef union {
     varying all;
     float each[WIDTH];
@@ -55,8 +55,8 @@ typedef union {
 
 #define SELECT(mask, yes, no) ((mask) ? (yes) : (no))
 
-// ANY(mask): whether any lane is set. OpenCL's any() is not used: some compilers for CPUs turn it into tens of scalar
-// instructions.
+// ANY(mask) returns whether any lane is set. OpenCL's any() is not used: some compilers for CPUs turn it into tens of
+// scalar instructions.
 #ifdef __has_builtin
 #if REDUCE_BUILTIN && __has_builtin(__builtin_reduce_or)
 #define HAS_REDUCE_OR
@@ -78,7 +78,7 @@ int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
 #define ANY(mask) PASTE(or_of_, WIDTH)(mask)
 #endif
 
-// ALL_NEGATIVE(bits): whether every lane has its sign bit set.
+// ALL_NEGATIVE(bits) returns whether every lane has its sign bit set.
 #if WIDTH == 1
 #define ALL_NEGATIVE(bits) ((bits) < 0)
 #elif defined(HAS_REDUCE_OR)

@@ -1,6 +1,6 @@
-// The display transform, for devices with separate memory: three bytes per pixel are transferred to the host instead of
-// sixteen. The kernel uses the tables of src/image/display.rs, so that every byte equals the byte that the host would
-// compute.
+// Converts pixels to displayed bytes on devices whose memory is separate from the host's. Three bytes per pixel are
+// then transferred to the host instead of sixteen. The kernel uses the tables of src/image/display.rs, so that every
+// byte equals the byte that the host would compute.
 
 #ifndef SHOWN_VALUES
 #error "SHOWN_VALUES: number of values of a displayed channel"
@@ -17,24 +17,24 @@
 
 #define ITEM_BYTES (3 * ITEM_PIXELS)
 
-// Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. smallest: for
-// each value, the smallest radiance that is displayed with a larger value. at_least: for the upper bits of a radiance,
-// a lower bound of its displayed value. Both tables are in global memory: work-items read different addresses, which
-// __constant memory would serve one after the other.
+// Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. `smallest` has,
+// for each value, the smallest radiance that is displayed with a larger value. `at_least` has, for the upper bits of a
+// radiance, a lower bound of its displayed value. Both tables are in global memory: work-items read different
+// addresses, which __constant memory would serve one after the other.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
-    // The table's bound is only a few steps too low.
+    // The bound in `at_least` is only a few values too low, so the loop takes few steps.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }
 
-// image: pixels, of which `count` are displayed, starting with `first`; the fourth channel is positive for a hit.
-// rows: three bytes per pixel, then padding for the last work-item. found: two counters, to which the kernel adds the
-// number of pixels that hit something, and the number of pixels that are not finite.
+// `image` has the pixels, of which `count` are displayed, starting with `first`. A pixel's fourth channel is positive
+// for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements, to
+// which the kernel adds the number of pixels that hit something, and the number of pixels that are not finite.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
-    __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict found) {
+    __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict counters) {
     __local uint hits, wrong;
     if (get_local_id(0) == 0) hits = wrong = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -56,12 +56,13 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }
 
-    // One addition per work-group, since additions at the same address wait for each other.
+    // Each work-group makes one addition to each of the `counters`, since additions at the same address wait for each
+    // other.
     if (own_hits) atomic_add(&hits, own_hits);
     if (own_wrong) atomic_add(&wrong, own_wrong);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0) {
-        if (hits) atomic_add(found, hits);
-        if (wrong) atomic_add(found + 1, wrong);
+        if (hits) atomic_add(counters, hits);
+        if (wrong) atomic_add(counters + 1, wrong);
     }
 }

@@ -8,10 +8,12 @@
 #define EACH_CHAIN(DO) \
     DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7) DO(8) DO(9) DO(10) DO(11) DO(12) DO(13) DO(14) DO(15)
 
-// A function with vector parameters, since some compilers use their widest registers only for such functions.
+// This step is a function with vector parameters, since some compilers use their widest registers only for such
+// functions.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
-// STEPS * CHAINS * WIDTH multiply-adds per loop, so that the cost of the loop counter is negligible.
+// Each iteration of the loop executes STEPS * CHAINS * WIDTH multiply-adds, so that the cost of the loop counter is
+// negligible.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const int loops, const float factor,
                                                                          const float addend,
                                                                          __global float *restrict out) {

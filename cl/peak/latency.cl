@@ -4,7 +4,7 @@
 #error "ENTRIES: number of elements of the arrays in private and __local memory"
 #endif
 
-// STEPS steps per loop, so that the cost of the loop counter is negligible.
+// Each iteration of a loop executes STEPS steps, so that the cost of the loop counter is negligible.
 #define STEPS 16
 #define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
 
@@ -19,7 +19,7 @@ __kernel void chain_private(const int loops, const float factor, const float add
 }
 
 // Fills an array in any address space with indices of its own elements. Reading an element gives the index of the next
-// element to read, `stride` further on.
+// element to read, which is `stride` elements further on.
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 

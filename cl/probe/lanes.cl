@@ -22,7 +22,7 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     BIND_GROUP(group)
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;
     __global uint *answer = answers + ANSWERS * (GROUP_LANES * group.number + group.lane);
-    // Eight results that src/device/lanes.rs knows.
+    // The host knows these eight results (src/device/lanes.rs).
     answer[0] = lane_ballot(&group, own % 3u == 0u);
     answer[1] = lane_get(&group, own, 5);
     answer[2] = lane_least(&group, own + 100u);

@@ -7,8 +7,8 @@
 varying_int sample_of_lane(int bits) {
     // The lowest bits of a lane's column and row in the vector are its column and row in the pixel.
     const int last = (1 << bits) - 1;
-    // A sum of products, since one GPU's compiler computes the same expression with `|` and `<<` wrongly (docs/log.md,
-    // 2026-11-27).
+    // The index is computed as a sum of products, since one GPU's compiler computes the same expression with `|` and
+    // `<<` wrongly (docs/log.md, 2026-11-27).
     return (LANE_X & last) + (LANE_Y & last) * (1 << bits);
 }
 #endif
@@ -17,7 +17,8 @@ varying_int sample_of_lane(int bits) {
 // pixel, several lanes have the same pixel: the vector then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    // The ray's position in the grid of all rays, divided by the number of sub-pixels across or down.
+    // A pixel's position is the ray's position in the grid of all rays, divided by the number of sub-pixels across or
+    // down.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
@@ -28,8 +29,8 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions of a block's rays: the coordinates of its first column and row, relative to the block's first pixel,
-// and the distances from them to the last column and row.
+// The positions of a block's rays. `x` and `y` are the coordinates of the first column and row of rays, relative to the
+// block's first pixel. `across` and `down` are the distances from the first to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -56,7 +57,8 @@ void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays,
     const float16 from_x = x * step_x, from_y = y * step_y;
     const float across = rays->across * step_x, down = rays->down * step_y;
     const float16 base = corner + from_x + from_y;
-    // Rounding errors of the terms: the interval must contain every direction that make_camera_rays computes.
+    // `rounding` is a bound of the terms' rounding errors, since the interval must contain every direction that
+    // make_camera_rays computes.
     const float16 rounding =
         5e-7f * (fabs(from_x) + fabs(from_y) + (float16)(fabs(corner) + fabs(across) + fabs(down)));
     *low = base + (min(across, 0.0f) + min(down, 0.0f)) - rounding;
@@ -96,7 +98,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
-        // The vector's first pixel.
+        // `x` and `y` are the position of the vector's first pixel.
         const int x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
         const int y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
         const int inside = x < image_size.x && y < image_size.y;
@@ -123,7 +125,7 @@ void leave_out_others(Slices *slices, uint cast) {
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     uint inside = 0;
 #if SAMPLED
-    for (int vector = 0; vector < VECTORS; vector++) bundle->place[vector] = (varying_int)(NO_HIT);
+    for (int vector = 0; vector < VECTORS; vector++) bundle->leaf_index[vector] = (varying_int)(NO_HIT);
 #endif
     EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
@@ -132,9 +134,10 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
-        // No hit yet: the nearest hit is at infinity. Lanes outside the image are finished from the start.
+        // No ray has hit anything yet, so the nearest hit is at infinity. Lanes outside the image are finished from the
+        // start.
         bundle->inv_t[vector] = SELECT(pixels.inside, (varying)(LEAST_INV_T), (varying)(FAR));
-        bundle->place[vector] = (varying_int)(NO_HIT);
+        bundle->leaf_index[vector] = (varying_int)(NO_HIT);
         prepare_rays(bundle, vector, pixels.inside);
         inside |= ANY(pixels.inside) ? 1u << vector : 0;
     }

@@ -14,7 +14,7 @@
 #include "cast/intersect/watertight.cl"
 #endif
 #include "common/tree.cl"
-#include "common/meet_plane.cl"
+#include "common/intersect_plane.cl"
 #include "common/shadow_end.cl"
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
@@ -24,7 +24,8 @@
 #include "common/half_light.cl"
 #endif
 
-// A tile of 32 x 16 pixels: 32 vectors, each a block of 4 x 4 pixels whose 16 rays are the lanes of a float16.
+// A tile of 32 x 16 pixels consists of 32 vectors. Each vector is a block of 4 x 4 pixels, whose 16 rays are the lanes
+// of a float16.
 //
 //     vector  0  1  2  3  4  5  6  7         vector 9:   lane  0  1  2  3
 //             8  9 10 11 12 13 14 15                           4  5  6  7
@@ -50,7 +51,8 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// For each vector, the shears of its rays along their common axis k, for the watertight test. d is a ray's direction.
+// The shears that the watertight test uses. For each vector, they are the shears of its rays along their common axis k.
+// d is a ray's direction.
 typedef struct {
     // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
@@ -66,7 +68,7 @@ typedef struct {
     float longest;  // the largest component of all directions
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
-    varying_int place[VECTORS]; // the nearest triangle so far, as an index in leaf order
+    varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
     uint scattered;             // vectors of shadow rays whose directions differ much, one bit each
     varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors
 #if WATERTIGHT
@@ -80,7 +82,7 @@ typedef struct {
 // A tree, and its triangles' normals for shading.
 typedef struct {
     Tree tree;
-    const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
+    const __global float *surfaces; // the normals of the corners in leaf order, NORMAL_FLOATS per triangle
 } SurfaceTree;
 
 // With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts
@@ -100,9 +102,9 @@ typedef struct {
     int bits;     // a pixel has 2^bits sub-pixels across and down
     int count;    // samples of each pixel that the frame casts; the other sub-pixels stay empty
     Mask filled;  // the lanes whose sub-pixel has a sample
-    varying x, y; // the place of each lane's sample in its pixel
+    varying x, y; // the position of each lane's sample in its pixel
 } FrameSamples;
-// The additional parameter of programs with several samples, including the comma.
+// The additional parameter of functions in programs with several samples, including the comma after it.
 #define CAST_PARAMETERS const FrameSamples *samples,
 #define CAST_ARGUMENTS samples,
 #define SUBPIXEL_BITS (samples->bits)
@@ -115,7 +117,7 @@ typedef struct {
 #endif
 
 float least_lane(float16 v) {
-    // Halves are compared: 16 lanes, then 8, 4, 2, 1.
+    // The two halves of the lanes are compared again and again: 16 lanes become 8, then 4, 2 and 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

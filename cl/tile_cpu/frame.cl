@@ -11,12 +11,12 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #endif
     bundle->origin = LOAD3((const float *)&eye);
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
-    const Cone cone = finish_slices(&slices);
+    const TileInterval interval = finish_slices(&slices);
     Boxes boxes;
     // A tile that shows only background ends here, before any ray is computed.
-    if (!children_meet(&cone, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
+    if (!children_overlap(&interval, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
     const uint open = make_camera_rays(CAST_ARGUMENTS bundle, eye, corner, step_x, step_y, image_size);
-    walk(bundle, &slices, &cone, tree, open, 0);
+    walk(bundle, &slices, &interval, tree, open, 0);
     return 1;
 }
 
@@ -91,7 +91,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // Primary rays first; then, from each light in turn, shadow rays to the hits.
+    // Casts primary rays first, and then, from each light in turn, shadow rays to the hits.
     if (find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else
@@ -112,9 +112,9 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     BIND_SURFACE_TREE(tree)
     Bundle bundle;
     // If no ray can hit the scene, the bundle has no results, so NO_HIT is stored instead.
-    const int found = find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size);
+    const int may_hit = find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++)
-        vstore16(found ? bundle.place[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());
+        vstore16(may_hit ? bundle.leaf_index[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());
 }
 
 // Shades the nearest triangle of every ray from the eye.
@@ -124,9 +124,10 @@ __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // The directions of the rays from the eye.
+    // Computes the rays' directions again, since tile_primary has stored only the triangles.
     make_camera_rays(CAST_ARGUMENTS &bundle, eye, corner, step_x, step_y, image_size);
-    for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
+    for (int vector = 0; vector < VECTORS; vector++)
+        bundle.leaf_index[vector] = vload16(vector, nearest + tile_start());
     shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
 }
 #endif

@@ -1,16 +1,16 @@
 // The leaves of a tile's traversal.
 
 #if CUTOUTS
-// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `place` is the triangle's index in
+// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `index` is the triangle's index in
 // leaf order.
-Mask solid_in_tile(const Bundle *bundle, int vector, int place, Mask hits) {
-    const Vec3 way = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
-    return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, place), leaf_corners(bundle->tree, place),
-                         splat(bundle->origin), way, hits);
+Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits) {
+    const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
+    return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, index), leaf_corners(bundle->tree, index),
+                         splat(bundle->origin), direction, hits);
 }
-#define SOLID_IN_TILE(bundle, vector, place, hits) solid_in_tile(bundle, vector, place, hits)
+#define SOLID_IN_TILE(bundle, vector, index, hits) solid_in_tile(bundle, vector, index, hits)
 #else
-#define SOLID_IN_TILE(bundle, vector, place, hits) hits
+#define SOLID_IN_TILE(bundle, vector, index, hits) hits
 #endif
 
 #include "tile_cpu/intersect/{intersector}.cl"
@@ -43,9 +43,9 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
             live &= ~done;
         } else {
             changed |= now;
-            // Normals of hits are prefetched for shading. There is no branch, since it could not be predicted.
-            const __global float4 *surface = tree->surfaces + 3 * (size_t)(now ? first + lane : first);
-            FETCH(surface), FETCH(surface + 2);
+            // Normals of hits are prefetched for shading. There is no branch, since the processor could not predict it.
+            const __global float *normals = tree->surfaces + NORMAL_FLOATS * (size_t)(now ? first + lane : first);
+            FETCH(normals), FETCH(normals + NORMAL_FLOATS - 1);
         }
     }
     return changed;

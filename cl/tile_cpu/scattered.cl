@@ -40,7 +40,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which vectors are scattered, and the reciprocals of their directions for rays_meet.
+// Stores which vectors are scattered, and the reciprocals of their directions for rays_enter.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,13 +53,13 @@ void set_scattered(Bundle *bundle, uint vectors) {
 
 // Returns the vectors with an unfinished ray that enters a child's box before t = 1, the hit. All `vectors` must be
 // scattered.
-uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
+uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
         varying entry = (varying)(0.0f), leave = (varying)(1.0f);
         for (int axis = 0; axis < 3; axis++) {
-            // The slab test (Kay and Kajiya 1986) of sixteen rays against one box.
+            // This is the slab test (Kay and Kajiya 1986) of sixteen rays against one box.
             const varying per = bundle->per[axis][vector];
             const varying a = boxes->near[axis][child] * per, b = boxes->far[axis][child] * per;
             entry = max(entry, min(a, b));

@@ -3,26 +3,36 @@
 // INLINED functions take or return columns of values. Inlining keeps these columns in registers.
 #define INLINED static __attribute__((always_inline))
 
-// Loads a row of three float4, and returns it as 12 columns with the same value in all lanes.
-INLINED void spread_row(const __global float4 *row, varying *column) {
-    for (int quad = 0; quad < 3; quad++) {
-        const float4 four = row[quad];
-        column[4 * quad] = (varying)(four.x), column[4 * quad + 1] = (varying)(four.y);
-        column[4 * quad + 2] = (varying)(four.z), column[4 * quad + 3] = (varying)(four.w);
+// A row of `rows` has three parts: a triangle's three corners, or their normals. A part begins `step` floats after the
+// part before it. Its first three floats are a vector; the fourth float belongs to the corner (see LEAF_ROW), or is the
+// first one of the next normal.
+//
+//     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
+//     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z
+
+// Loads a row, and returns its parts as 12 columns with the same value in all lanes.
+INLINED void spread_row(const __global float *row, int step, varying *column) {
+    for (int part = 0; part < 3; part++) {
+        const float4 four = vload4(0, row + step * part);
+        column[4 * part] = (varying)(four.x), column[4 * part + 1] = (varying)(four.y);
+        column[4 * part + 2] = (varying)(four.z), column[4 * part + 3] = (varying)(four.w);
     }
 }
 
-// Loads a row of three float4 (quads) for each lane, and returns it as 12 columns with one value per lane. Each lane
-// loads each quad of 16 bytes in one piece; the quads are transposed in registers.
-void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
+// Loads four floats for each of four lanes. In `at` are the lanes' offsets in floats.
+#define FOUR_QUADS(from, at, lane)                                                                             \
+    (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
+              vload4(0, from + at[lane + 3]))
+
+// Loads a row for each lane, and returns its parts as 12 columns with one value per lane. Each lane loads the four
+// floats of a part (a quad) in one piece; the quads are transposed in registers.
+void gather_rows(const __global float *rows, int step, varying_int indices, varying *column) {
     IntLanes at;
-    at.all = places * 3;
+    at.all = indices * (3 * step);
     for (int quad = 0; quad < 3; quad++) {
-        const __global float4 *from = rows + quad;
-        const float16 a = (float16)(from[at.each[0]], from[at.each[1]], from[at.each[2]], from[at.each[3]]);
-        const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
-        const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
-        const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
+        const __global float *from = rows + step * quad;
+        const float16 a = FOUR_QUADS(from, at.each, 0), b = FOUR_QUADS(from, at.each, 4);
+        const float16 c = FOUR_QUADS(from, at.each, 8), d = FOUR_QUADS(from, at.each, 12);
         // Each register holds four quads. Separating even and odd lanes twice turns the 16 quads into 4 columns:
         //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x ...,  z z z ...,  y y y ...
         const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
@@ -86,14 +96,14 @@ typedef struct {
 
 // Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns
 // of the triangles' rows: see gather_rows.
-INLINED void meet_rows(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
-                       const varying *normal, Mask hits, Shaded *shaded) {
+INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
+                                    const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
     // t and weights are computed again, as in every strategy with shading = deferred, so that the picture does not
     // depend on the test that found the triangle.
-    const Hit hit = meet_plane(v0, e1, e2, origin, direction);
+    const Hit hit = intersect_plane(v0, e1, e2, origin, direction);
     shaded->point = along(origin, hit.t, direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
     const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
@@ -105,29 +115,29 @@ INLINED void meet_rows(const Lighting *lighting, Vec3 origin, Vec3 direction, co
 }
 
 // Loads the triangles that a vector's rays from the eye hit, and computes the hits.
-void meet_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle, int vector,
-                 Mask hits, Shaded *shaded) {
+void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
+                         int vector, Mask hits, Shaded *shaded) {
     const Vec3 origin = splat(LOAD3((const float *)&eye));
     // The bundle has the rays' directions with depth 1.
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const Vec3 direction = scale(d, 1.0f / sqrt(dot3(d, d)));
-    const varying_int place = bundle->place[vector];
+    const varying_int index = bundle->leaf_index[vector];
     // Lanes without a hit gather another lane's triangle, so that every address is valid.
-    IntLanes places;
-    places.all = place;
-    const int first = places.each[LOWEST_BIT(LANE_BITS16(hits))];
-    const varying_int safe = SELECT(hits, place, (varying_int)(first));
-    const __global float4 *corners = (const __global float4 *)tree->tree.leaves;
-    varying corner[ROW_FLOATS], normal[ROW_FLOATS];
+    IntLanes indices;
+    indices.all = index;
+    const int first = indices.each[LOWEST_BIT(LANE_BITS16(hits))];
+    const varying_int safe = SELECT(hits, index, (varying_int)(first));
+    const __global float *corners = tree->tree.leaves, *normals = tree->surfaces;
+    varying corner[12], normal[12];
     if (!ANY(safe != first)) {
         // All lanes have the same triangle. It is loaded once, and is in registers while the hits are computed.
-        spread_row(corners + 3 * (size_t)first, corner);
-        spread_row(tree->surfaces + 3 * (size_t)first, normal);
-        meet_rows(lighting, origin, direction, corner, normal, hits, shaded);
+        spread_row(corners + ROW_FLOATS * (size_t)first, ROW_FLOATS / 3, corner);
+        spread_row(normals + NORMAL_FLOATS * (size_t)first, NORMAL_FLOATS / 3, normal);
+        compute_surface_points(lighting, origin, direction, corner, normal, hits, shaded);
     } else {
-        gather_rows(corners, safe, corner);
-        gather_rows(tree->surfaces, safe, normal);
-        meet_rows(lighting, origin, direction, corner, normal, hits, shaded);
+        gather_rows(corners, ROW_FLOATS / 3, safe, corner);
+        gather_rows(normals, NORMAL_FLOATS / 3, safe, normal);
+        compute_surface_points(lighting, origin, direction, corner, normal, hits, shaded);
     }
 }
 
@@ -146,7 +156,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     if (!ANY(lit)) return lit;
     const Vec3 f = reflectance(&shaded->surface, to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
-    // The radiance without an occluder: power / (4 pi r^2) times f times the cosine.
+    // If nothing blocks the light, the radiance is power / (4 pi r^2) times f times the cosine.
     *arriving = scale(multiply(power, f), cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again.
     bundle->x[vector] = -offset.x;
@@ -185,12 +195,12 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Mask hits = bundle->place[vector] != NO_HIT;
+        const Mask hits = bundle->leaf_index[vector] != NO_HIT;
 #if SOFT
         const Shaded *surface = shaded + vector; // computed by shade_tile, before all lights
 #else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored
-        if (light == 0) meet_vector(tree, lighting, eye, bundle, vector, hits, surface);
+        if (light == 0) find_surface_points(tree, lighting, eye, bundle, vector, hits, surface);
 #endif
         const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
@@ -201,7 +211,8 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// Stores that bypass the caches, since nothing reads the image again before the next sample or the next kernel.
+// With PREFETCH, STREAM16 stores past the caches, since nothing reads the image again before the next sample or the
+// next kernel.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else
@@ -318,13 +329,13 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
     uint hit = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
         sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
-        hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
+        hit |= ANY(bundle->leaf_index[vector] != NO_HIT) ? 1u << vector : 0;
     }
 #if SOFT
     // Several kinds of light need the hits, so the hits are computed once, before all lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        meet_vector(tree, lighting, eye, bundle, vector, bundle->place[vector] != NO_HIT, shaded + vector);
+        find_surface_points(tree, lighting, eye, bundle, vector, bundle->leaf_index[vector] != NO_HIT, shaded + vector);
     }
 #endif
     for (int light = 0; light < lighting->light_count; light++) {
@@ -343,8 +354,8 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         if (!IS_UNOCCLUDED(&lighting->soft))
 #endif
         {
-            const Cone cone = finish_slices(&slices);
-            walk(bundle, &slices, &cone, tree, open, 1);
+            const TileInterval interval = finish_slices(&slices);
+            walk(bundle, &slices, &interval, tree, open, 1);
         }
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
@@ -358,6 +369,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #endif
     EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-        store_block(CAST_ARGUMENTS image, image_size, background, sum + vector, &pixels, bundle->place[vector] != NO_HIT);
+        store_block(CAST_ARGUMENTS image, image_size, background, sum + vector, &pixels,
+                    bundle->leaf_index[vector] != NO_HIT);
     }
 }

@@ -3,21 +3,21 @@
 // triangles of a leaf together.
 
 typedef struct {
-    float from[3], way[3]; // the origin and the unit direction
-    float reach;           // triangles beyond this distance stop nothing
-    // For the test against boxes: the origin and the direction's reciprocals, each in all lanes. Then, for each axis,
-    // the offsets (in a node) of the sides at which the ray enters and leaves. A ray towards smaller x enters at the
-    // high side.
-    Children origin[3], per_way[3];
+    float from[3], direction[3]; // the origin and the unit direction
+    float reach;                 // triangles beyond this distance stop nothing
+    // The following fields are for the test against boxes. `origin` and `per_direction` are the origin and the
+    // direction's reciprocals, each in all lanes. `near_row` and `far_row` are, for each axis, the offsets in a node of
+    // the sides at which the ray enters and leaves. A ray towards smaller x enters at the high side.
+    Children origin[3], per_direction[3];
     int near_row[3], far_row[3];
 } SingleRay;
 
-// Prepares the test against boxes. `per_way` contains the reciprocals of the direction's components.
-void prepare_single_ray(SingleRay *ray, const float *per_way) {
+// Prepares the test against boxes. `per_direction` contains the reciprocals of the direction's components.
+void prepare_single_ray(SingleRay *ray, const float *per_direction) {
     for (int axis = 0; axis < 3; axis++) {
-        const int negative = per_way[axis] < 0.0f;
+        const int negative = per_direction[axis] < 0.0f;
         ray->origin[axis] = (Children)(ray->from[axis]);
-        ray->per_way[axis] = (Children)(per_way[axis]);
+        ray->per_direction[axis] = (Children)(per_direction[axis]);
         ray->near_row[axis] = (2 * axis + negative) * NODE_WIDTH;
         ray->far_row[axis] = (2 * axis + 1 - negative) * NODE_WIDTH;
     }
@@ -25,12 +25,12 @@ void prepare_single_ray(SingleRay *ray, const float *per_way) {
 
 // Returns the t at which the ray crosses one side of each child's box, one lane per child.
 Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
-    return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_way[axis];
+    return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_direction[axis];
 }
 
 // Returns the children of a node that the ray enters before its reach, one bit each. This is the slab test (Kay and
 // Kajiya 1986) with one child per lane.
-uint single_ray_meets(const SingleRay *ray, const __global float *node) {
+uint single_ray_enters(const SingleRay *ray, const __global float *node) {
     const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
     const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);
     const Children z = pass_side(ray, node, 2, ray->near_row[2]), z2 = pass_side(ray, node, 2, ray->far_row[2]);
@@ -50,8 +50,8 @@ uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
     const Vec3 corner = in_both_halves(a), e1 = in_both_halves(b), e2 = in_both_halves(c);
     const float8 size1 = lanes_size(b), size2 = lanes_size(c);
     // Each lane tests one triangle; all lanes have the same ray.
-    const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
-    return LANE_BITS16(stops(&corner, &e1, &e2, (float16)(size1, size1), (float16)(size2, size2), &from, &way,
+    const Vec3 from = splat(LOAD3(ray->from)), direction = splat(LOAD3(ray->direction));
+    return LANE_BITS16(stops(&corner, &e1, &e2, (float16)(size1, size1), (float16)(size2, size2), &from, &direction,
                              (varying)(ray->reach)));
 }
 
@@ -59,11 +59,12 @@ uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
 // Returns the bits of `hits` for the triangles that the ray hits at their surface and not at a hole. Bit 0 belongs to
 // the triangle `first`.
 uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits) {
-    const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
+    const Vec3 from = splat(LOAD3(ray->from)), direction = splat(LOAD3(ray->direction));
     uint solid = 0;
     for (uint left = hits; left; left &= left - 1) {
-        const int place = first + LOWEST_BIT(left);
-        const Mask hit = solid_on_rays(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way, (Mask)(-1));
+        const int index = first + LOWEST_BIT(left);
+        const Mask hit = solid_on_rays(&tree->masks, leaf_triangle(tree, index), leaf_corners(tree, index), from,
+                                       direction, (Mask)(-1));
         solid |= ANY(hit) ? left & (0u - left) : 0;
     }
     return solid;
@@ -97,7 +98,7 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
         }
         const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
         // Any hit is enough, so children are not sorted.
-        for (uint met = single_ray_meets(ray, node); met; met &= met - 1) {
+        for (uint met = single_ray_enters(ray, node); met; met &= met - 1) {
             stack[waiting] = as_uint(node[CHILD_ROW + LOWEST_BIT(met)]);
             fetch_child(tree, stack[waiting++]);
         }
@@ -106,24 +107,24 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
 }
 
 // Returns the lanes of `wanted` whose ray is stopped before `reach`. Each ray is cast alone.
-Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *way, float reach, Mask wanted) {
-    const BoxProbe probe = prepare_box_probe(*from, *way);
-    const varying numbers[9] = {from->x, from->y, from->z, way->x, way->y, way->z,
+Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
+    const BoxProbe probe = prepare_box_probe(*from, *direction);
+    const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,
                                 probe.per_direction.x, probe.per_direction.y, probe.per_direction.z};
     IntLanes stopped;
     stopped.all = (varying_int)(0);
     for (uint left = LANE_BITS16(wanted); left; left &= left - 1) {
         const int lane = LOWEST_BIT(left);
         SingleRay ray;
-        float per_way[3];
+        float per_direction[3];
         // Vectors are read lane by lane through memory.
         for (int axis = 0; axis < 3; axis++) {
             ray.from[axis] = ((const float *)(numbers + axis))[lane];
-            ray.way[axis] = ((const float *)(numbers + 3 + axis))[lane];
-            per_way[axis] = ((const float *)(numbers + 6 + axis))[lane];
+            ray.direction[axis] = ((const float *)(numbers + 3 + axis))[lane];
+            per_direction[axis] = ((const float *)(numbers + 6 + axis))[lane];
         }
         ray.reach = reach;
-        prepare_single_ray(&ray, per_way);
+        prepare_single_ray(&ray, per_direction);
         stopped.each[lane] = is_stopped_alone(&ray, tree) ? -1 : 0;
     }
     return stopped.all;

@@ -17,7 +17,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
              const Shaded *shaded, Vec3 *sum) {
     const float reach = reach_of_sky(&lighting->soft) - lighting->bias;
     for (int vector = 0; vector < VECTORS; vector++) {
-        const Mask hits = bundle->place[vector] != NO_HIT;
+        const Mask hits = bundle->leaf_index[vector] != NO_HIT;
         if (!ANY(hits)) continue;
         const Shaded *own = shaded + vector;
         if (IS_UNOCCLUDED(&lighting->soft)) {
@@ -30,13 +30,14 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
 #if ENVIRONMENT
         add_mirrored_sky(lighting, own, &pixels, hits, sum + vector);
 #endif
-        const Vec3 way = way_to_sky(&lighting->soft, lighting->light_count, pixels.x, pixels.y, own->normal);
-        const Vec3 from = along(own->point, (varying)(lighting->bias), way);
+        const Vec3 direction =
+            direction_to_sky(&lighting->soft, lighting->light_count, pixels.x, pixels.y, own->normal);
+        const Vec3 from = along(own->point, (varying)(lighting->bias), direction);
         // Rays that point below the surface are not cast.
-        Mask open = hits & (dot3(way, own->normal) > 0.0f);
-        open &= !are_stopped_alone(&tree->tree, &from, &way, reach, open);
+        Mask open = hits & (dot3(direction, own->normal) > 0.0f);
+        open &= !are_stopped_alone(&tree->tree, &from, &direction, reach, open);
         // The rays that nothing has stopped reach the sky.
-        const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(&lighting->soft, way));
+        const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(&lighting->soft, direction));
         sum[vector] = select3(open, add(sum[vector], received), sum[vector]);
     }
 }

@@ -1,5 +1,5 @@
-// Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors
-// (Slices).
+// Bounds of a tile's rays: intervals of their directions, for the whole tile (a TileInterval) and for each of its
+// vectors (Slices).
 
 // Each end of an interval of reciprocals is moved outwards by this part of its value, which is larger than the relative
 // rounding error of a reciprocal.
@@ -14,10 +14,10 @@
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
-} Cone;
+} TileInterval;
 
-// The same intervals for each vector of rays, with one lane per vector. Lanes without rays have the interval from FAR
-// to -FAR.
+// Intervals as in a TileInterval, but for each vector of rays, with one lane per vector. Lanes without rays have the
+// interval from FAR to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
     float16 reach[PARTS]; // the largest t at which something can be hit
@@ -66,7 +66,7 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the minimum and the maximum over a whole tile: over parts, lane by lane, then over lanes.
+// Finds the minimum and the maximum over a whole tile: first over the parts, lane by lane, and then over the lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -74,46 +74,49 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Converts slices from intervals of directions to intervals of reciprocals, and computes the cone around them.
-Cone finish_slices(Slices *slices) {
-    Cone cone;
+// Converts slices from intervals of directions to intervals of reciprocals, and computes the whole tile's
+// interval around them.
+TileInterval finish_slices(Slices *slices) {
+    TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
         float least, most;
         whole_tile(slices->low[axis], slices->high[axis], &least, &most);
-        // The cone is computed from directions, before the slices are converted to reciprocals.
-        cone.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
-        cone.negative[axis] = !cone.mixed[axis] && most < 0.0f;
+        // The tile's interval is computed from directions, before the slices are converted to reciprocals.
+        interval.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
+        interval.negative[axis] = !interval.mixed[axis] && most < 0.0f;
         float16 low = (float16)(least), high = (float16)(most);
         invert_intervals(&low, &high);
-        cone.low[axis] = low.s0;
-        cone.high[axis] = high.s0;
+        interval.low[axis] = low.s0;
+        interval.high[axis] = high.s0;
     }
     // Now the intervals of the tile's vectors are converted, one vector of rays per lane.
     for (int axis = 0; axis < 3; axis++)
         for (int part = 0; part < PARTS; part++) invert_intervals(&slices->low[axis][part], &slices->high[axis][part]);
-    return cone;
+    return interval;
 }
 
-// Returns the children of a node that a cone meets before `reach`, one bit each.
-uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node, float reach, Boxes *boxes) {
+// Returns the children of a node that the tile's rays may enter before `reach`, one bit each.
+uint children_overlap(const TileInterval *interval, Uniform3 origin, const __global float *node, float reach,
+                      Boxes *boxes) {
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays towards smaller x reach the box's high side first. The cone's sign decides for the whole tile which side
-        // is the near one.
-        const int negative = cone->negative[axis];
+        // Rays towards smaller x reach the box's high side first. The sign of the interval's directions decides for the
+        // whole tile which side is the near one.
+        const int negative = interval->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
-        if (cone->mixed[axis]) {
+        if (interval->mixed[axis]) {
             // Along a mixed axis, rays run in both directions. A mixed axis bounds the entry only if the origin does
             // not lie between the box's two sides.
-            entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
+            entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
-            // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
-            entry = max(entry, min(near * cone->low[axis], near * cone->high[axis]));
-            leave = min(leave, max(far * cone->low[axis], far * cone->high[axis]) * OUTWARDS);
+            // A ray crosses a side at t = side * (1 / d). The ends of the interval of 1 / d give the earliest entry and
+            // the latest exit.
+            entry = max(entry, min(near * interval->low[axis], near * interval->high[axis]));
+            leave = min(leave, max(far * interval->low[axis], far * interval->high[axis]) * OUTWARDS);
         }
     }
     boxes->entry = entry;
@@ -121,16 +124,17 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
 }
 
 // Returns the vectors that meet a child, one bit each.
-uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
+uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
-        // The slab test of children_meet for a single child: each lane tests the interval of one vector of rays.
+        // This is the slab test of children_overlap, but for a single child: each lane tests the interval of one vector
+        // of rays.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (cone->mixed[axis]) { // either side may be the near one, even within one vector
+            if (interval->mixed[axis]) { // either side may be the near one, even within one vector
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));

@@ -3,8 +3,8 @@
 
 #include "cast/bvh_node.cl"
 
-// For each axis, the interval of a packet's origins, and the interval of its directions' reciprocals. If rays run in
-// both directions along an axis, the axis is mixed and excludes no box.
+// The bounds of a packet are, for each axis, the interval of the rays' origins, and the interval of the reciprocals of
+// their directions. If rays run in both directions along an axis, the axis is mixed and excludes no box.
 typedef struct {
     float low[3], high[3], per_low[3], per_high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
@@ -22,13 +22,13 @@ void bound_axis(varying origin, varying per_direction, Mask rays, int axis, Pack
 }
 
 // Returns the children of a node that rays of the packet may enter before `reach`, one bit each.
-uint packet_meets(const PacketBounds *bounds, const __global float *node, float reach) {
+uint packet_enters(const PacketBounds *bounds, const __global float *node, float reach) {
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // Of the origins' interval, the end that is nearest to the box's near side gives the earliest entry. The other
-        // end gives the latest exit.
+        // The interval of origins has two ends. The end that is nearer to the box's near side gives the earliest entry,
+        // and the other end gives the latest exit.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -40,8 +40,8 @@ uint packet_meets(const PacketBounds *bounds, const __global float *node, float 
 }
 
 // Returns the lanes of `wanted` whose ray is stopped before t_max.
-Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask wanted) {
-    const BoxProbe probe = prepare_box_probe(from, way);
+Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mask wanted) {
+    const BoxProbe probe = prepare_box_probe(from, direction);
     const float reach = most_lane(SELECT(wanted, t_max, (varying)(-1.0f)));
     PacketBounds bounds;
     bound_axis(from.x, probe.per_direction.x, wanted, 0, &bounds);
@@ -55,16 +55,16 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
         if (IS_LEAF(word)) {
             // All rays test each triangle. A ray that is stopped leaves the packet.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
-            for (int place = first; place < end; place++)
-                open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way,
-                                       is_stopped_by(leaf_corners(tree, place), from, way, t_max));
+            for (int index = first; index < end; index++)
+                open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, index), leaf_corners(tree, index), from,
+                                       direction, is_stopped_by(leaf_corners(tree, index), from, direction, t_max));
             if (!ANY(open)) break;
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
             const varying own_reach = SELECT(open, t_max, (varying)(-1.0f));
             // First, the whole packet is tested against all children together; then its rays, child by child. Any hit
             // is enough, so children are not sorted.
-            for (uint met = packet_meets(&bounds, node, reach); met; met &= met - 1) {
+            for (uint met = packet_enters(&bounds, node, reach); met; met &= met - 1) {
                 const int child = LOWEST_BIT(met);
                 varying entry;
                 if (!ANY(enter_box(&probe, node + child, own_reach, &entry))) continue;
@@ -85,7 +85,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
     for (int vector = 0; vector < VECTORS; vector++) {
-        const Mask hits = bundle->place[vector] != NO_HIT;
+        const Mask hits = bundle->leaf_index[vector] != NO_HIT;
         if (!ANY(hits)) continue;
         // Each lane's ray runs to a point of the light, chosen by its pixel and sample.
         const Shaded *own = shaded + vector;
@@ -94,14 +94,14 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const Vec3 offset = subtract(position, own->point);
         const varying squared = dot3(offset, offset);
         const varying distance = sqrt(squared);
-        const Vec3 way = scale(offset, 1.0f / distance);
-        const varying cosine = dot3(way, own->normal);
+        const Vec3 to_light = scale(offset, 1.0f / distance);
+        const varying cosine = dot3(to_light, own->normal);
         // A light that is behind the surface, or nearer than the bias, needs no ray.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
         if (!ANY(lit)) continue;
-        const Vec3 from = along(own->point, (varying)(lighting->bias), way);
-        lit &= !are_stopped(&tree->tree, from, way, distance - lighting->bias, lit);
-        const Vec3 f = reflectance(&own->surface, way, own->to_eye, own->normal, lit);
+        const Vec3 from = along(own->point, (varying)(lighting->bias), to_light);
+        lit &= !are_stopped(&tree->tree, from, to_light, distance - lighting->bias, lit);
+        const Vec3 f = reflectance(&own->surface, to_light, own->to_eye, own->normal, lit);
         const Vec3 received = scale(multiply(splat(LOAD3(at + 3)), f), cosine / (4.0f * M_PI_F * squared));
         sum[vector] = select3(lit, add(sum[vector], received), sum[vector]);
     }

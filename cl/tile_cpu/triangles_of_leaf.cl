@@ -35,7 +35,7 @@ float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the
 // In memory, a corner is a float4: x y z and a word w. Separating even and odd lanes twice transposes eight corners:
 //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
 Lanes3 load_corners(const __global float4 *rows) {
-    // A triangle has three float4, one for each corner, so every third one is loaded.
+    // A triangle has three float4, one for each corner, so every third float4 is loaded.
     const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
     const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
     const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;

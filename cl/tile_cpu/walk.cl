@@ -16,45 +16,47 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes a node's children onto the stack if a vector of `live` meets them, the nearest last. With `any`, the order
-// does not matter. Returns the new height of the stack. A child's position among the pushed children is the number of
-// children below it. Children that are entered later are below. An example with three children, entered at 5, 2 and 9:
+// Pushes those children of a node that a vector of `live` meets onto the stack, the nearest child last. With `any`, the
+// order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
+// number of these children below it, which the tile enters later. An example with three children, entered at 5, 2 and
+// 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
-int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
-                  uint live, const int any, WaitingTile *stack, int waiting) {
+int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
+                  uint word, uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
-    uint vectors[NODE_WIDTH], kept = 0;
+    uint vectors[NODE_WIDTH], pushed = 0;
     const float reach = any ? 1.0f : furthest(slices);
     // First, the whole tile is tested against all children together; then the vectors, child by child.
-    for (uint met = children_meet(cone, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
+    for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
-        vectors[child] = live & slices_meet(slices, cone, &boxes, child);
+        vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
         // The intervals of scattered vectors are too wide, so each of their rays is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
-        if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
+        if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
-        kept |= 1u << child;
+        pushed |= 1u << child;
     }
-    for (uint left = kept; left; left &= left - 1) {
+    for (uint left = pushed; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
         // Counting the children below each child sorts the children without a loop over pairs.
-        const uint before = kept & ((1u << child) - 1);
+        const uint before = pushed & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
         const uint below =
-            any ? before : (kept & CHILD_BITS(boxes.entry > entry)) | (before & CHILD_BITS(boxes.entry == entry));
-        WaitingTile *place = stack + waiting + popcount(below);
-        place->word = as_uint(node[CHILD_ROW + child]);
-        place->entry = entry;
-        place->live = vectors[child];
+            any ? before : (pushed & CHILD_BITS(boxes.entry > entry)) | (before & CHILD_BITS(boxes.entry == entry));
+        WaitingTile *slot = stack + waiting + popcount(below);
+        slot->word = as_uint(node[CHILD_ROW + child]);
+        slot->entry = entry;
+        slot->live = vectors[child];
     }
-    return waiting + popcount(kept);
+    return waiting + popcount(pushed);
 }
 
 // Traverses the tree with a bundle's rays. With `any`, the traversal ends as soon as every ray has a hit.
-void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
+void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
+          const int any) {
 #if CUTOUTS
     bundle->tree = &tree->tree;
 #endif
@@ -70,7 +72,7 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
-            waiting = push_children(bundle, slices, cone, tree, next.word, live, any, stack, waiting);
+            waiting = push_children(bundle, slices, interval, tree, next.word, live, any, stack, waiting);
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);

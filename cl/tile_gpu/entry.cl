@@ -15,7 +15,7 @@
 #include "common/exact_signs.cl"
 #endif
 #include "common/tree.cl"
-#include "common/meet_plane.cl"
+#include "common/intersect_plane.cl"
 #include "common/shadow_end.cl"
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
@@ -31,14 +31,14 @@
 #if NODE_WIDTH != GROUP_LANES
 #error "a group walks a tree of 32 children per node"
 #endif
-#ifndef LEFT_OVER_KERNEL
-#error "LEFT_OVER_KERNEL: 0 or 1: whether a kernel of its own casts the leftover shadow rays"
+#ifndef LEFTOVER_KERNEL
+#error "LEFTOVER_KERNEL: 0 or 1: whether a kernel of its own casts the leftover shadow rays"
 #endif
 #ifndef PLANES_OF_ORIGIN
 #error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light"
 #endif
 
-// A tile of 8 x 8 pixels: two blocks of 8 x 4, so that each of 32 lanes has two rays.
+// A tile of 8 x 8 pixels consists of two blocks of 8 x 4 pixels, so that each of the 32 lanes has two rays.
 //
 //     ray 0:   lane  0  1  2  3  4  5  6  7      ray 1:   the same lanes, four rows of pixels below
 //                    8  9 10 11 12 13 14 15
@@ -54,11 +54,11 @@
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
 // direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// In a pass that is restricted to rays close to the leader: the largest distance of a ray from the leader, as a
-// multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
+// A pass may be restricted to rays close to the leader. This is then the largest distance of a ray from the leader, as
+// a multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
 // surface are not farther apart than this width.
 #define NEIGHBOURS ((float)TILE_X)
-// This lane, in the middle of the lanes' 8 x 4 pixels, provides the leader if it still has a ray to cast.
+// The lane in the middle of the lanes' 8 x 4 pixels. It provides the leader if it still has a ray to cast.
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
@@ -66,10 +66,10 @@
 // A lane's rays in a pass. A ray that is not in the pass, or is finished, has nearest = FAR.
 typedef struct {
     float x[RAYS], y[RAYS]; // slopes
-    float nearest[RAYS]; // 1/z of the nearest hit so far, or of the ray's end
-    float ceiling[RAYS]; // hits at this 1/z or more are ignored
-    int place[RAYS];     // the nearest triangle so far, as an index in leaf order
-} Beam;
+    float nearest[RAYS];  // 1/z of the nearest hit so far, or of the ray's end
+    float ceiling[RAYS];  // hits at this 1/z or more are ignored
+    int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
+} RayPacket;
 
 // A lane's rays before they are divided into passes. Directions may have any length; distances t are in units of these
 // lengths. All rays begin at the same 1/t (FAR if they begin at the origin) and end at the same 1/t (0 if they do not
@@ -77,7 +77,7 @@ typedef struct {
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
-} Ways;
+} Directions;
 
 // Returns the component of a ray's direction along the axis of a pass. Returns 0 if this component is too small for the
 // ray to join the pass (see ALONG_AXIS).
@@ -103,34 +103,34 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Begins a pass: chooses a leader and the rays of `todo` that join it, and computes their shaft and beam. With `close`,
-// only rays close to the leader's direction join. Returns this lane's rays in the pass, one bit each. The leader's ray
-// always joins, unless its direction is zero or not a number (NaN).
-INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
-                        const int close, Shaft *shaft, Beam *beam) {
+// Begins a pass: chooses a leader and the rays of `todo` that join it, and computes their shaft and packet. With
+// `close`, only rays close to the leader's direction join. Returns this lane's rays in the pass, one bit each. The
+// leader's ray always joins, unless its direction is zero or not a number (NaN).
+INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
+                        const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. This is the lane in the
     // middle of the tile if it still has a ray, because its rays are closest to the other rays; otherwise it is the
     // first lane that has a ray.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // The bit of the leader: the first remaining ray of the leader's lane. In each other lane, `own` is the lane's own
-    // ray with the same bit.
+    // `first` is the bit of the leading ray, which is the first remaining ray of the lane `leader`. In every lane,
+    // `own` is the direction of the lane's own ray with this bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
-    Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
-    EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
-    const Uniform3 own = way;
-    way.x = lane_get_float(group, way.x, leader);
-    way.y = lane_get_float(group, way.y, leader);
-    way.z = lane_get_float(group, way.z, leader);
+    Uniform3 direction = uniform3(0.0f, 0.0f, 0.0f);
+    EACH_RAY(ray) if (HAS(first, ray)) direction = uniform3(directions->x[ray], directions->y[ray], directions->z[ray]);
+    const Uniform3 own = direction;
+    direction.x = lane_get_float(group, direction.x, leader);
+    direction.y = lane_get_float(group, direction.y, leader);
+    direction.z = lane_get_float(group, direction.z, leader);
     // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are the other two
     // components of a direction, per unit of z.
-    aim(group, tree, origin, way, shaft);
+    aim(group, tree, origin, direction, shaft);
 
-    const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
-    const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
-    const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
+    const float per_leader = reciprocal(fabs(component(direction.x, direction.y, direction.z, shaft->along)));
+    const float leader_x = component(direction.x, direction.y, direction.z, shaft->across) * per_leader;
+    const float leader_y = component(direction.x, direction.y, direction.z, shaft->down) * per_leader;
     // Rays from the eye are close to each other. Shadow rays may be far apart, since their hits may lie on several
-    // surfaces.
+    // surfaces; only those near the leader join then.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
@@ -145,10 +145,10 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {
-        const float depth = depth_of(shaft, ways->x[ray], ways->y[ray], ways->z[ray]);
+        const float depth = depth_of(shaft, directions->x[ray], directions->y[ray], directions->z[ray]);
         const float per_depth = depth > 0.0f ? reciprocal(depth) : 0.0f;
-        const float x = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->across) * per_depth;
-        const float y = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->down) * per_depth;
+        const float x = component(directions->x[ray], directions->y[ray], directions->z[ray], shaft->across) * per_depth;
+        const float y = component(directions->x[ray], directions->y[ray], directions->z[ray], shaft->down) * per_depth;
         const int joins = HAS(todo, ray) && depth > 0.0f &&
                           (!close || (fabs(x - leader_x) < tolerance && fabs(y - leader_y) < tolerance));
         joining |= joins ? 1u << ray : 0u;
@@ -156,11 +156,11 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
         high_x = joins ? fmax(high_x, x) : high_x;
         low_y = joins ? fmin(low_y, y) : low_y;
         high_y = joins ? fmax(high_y, y) : high_y;
-        beam->x[ray] = x;
-        beam->y[ray] = y;
+        packet->x[ray] = x;
+        packet->y[ray] = y;
         // In a pass, distances are stored as 1 / z, which is 1 / t divided by the z of the direction.
-        beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
-        beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
+        packet->nearest[ray] = joins ? directions->per_end * per_depth : FAR;
+        packet->ceiling[ray] = fmin(directions->per_begin * per_depth, FAR);
     }
     widen(shaft, lane_min(group, low_x), lane_max(group, high_x), lane_min(group, low_y), lane_max(group, high_y));
     return joining;

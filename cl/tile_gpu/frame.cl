@@ -12,7 +12,7 @@
 //
 //      0  1  2  3
 //      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid, the
-//      8  9 10 11      narrower the tile's beam, and the fewer nodes the tile visits.
+//      8  9 10 11      narrower the tile's shaft, and the fewer nodes the tile visits.
 //     12 13 14 15
 #if SAMPLED
 #define BIND_SAMPLES                       \
@@ -20,7 +20,7 @@
     group.earlier = earlier;               \
     group.bits = (int)subpixel_bits;       \
     group.samples = (int)samples_of_frame; \
-    group.places = places;                 \
+    group.positions = places;              \
     group.tile = own_tile(&group, rough, (int)rough_count);
 #define SUBPIXEL_BITS group.bits
 #define SAMPLES_OF_FRAME group.samples
@@ -34,7 +34,7 @@
 // Returns the first column and row of a group's tile in the grid of rays, if tiles cover the whole grid. `row` is the
 // row of work-groups that contains the tile.
 INLINED int2 tile_in_row(Group *group, int row) {
-    // The first tile of the work-group, plus the position of the group's tile within the work-group.
+    // Adds the position of the group's tile within the work-group to the position of the work-group's first tile.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
     const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
     return (int2)(tile_x * TILE_X, tile_y * TILE_Y);
@@ -120,8 +120,8 @@ INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
     ray.y = at.y;
     ray.inside = (at.x < grid.x) & (at.y < grid.y) & (sample < group->samples);
     ray.inside = ray.inside && is_wanted(group->wanted, group->earlier, grid >> group->bits, pixel.x, pixel.y);
-    ray.ray_x = pixel.x + group->places[2 * sample];
-    ray.ray_y = pixel.y + group->places[2 * sample + 1];
+    ray.ray_x = pixel.x + group->positions[2 * sample];
+    ray.ray_y = pixel.y + group->positions[2 * sample + 1];
     return ray;
 }
 #define RAY_AT_X(ray) (ray).ray_x
@@ -139,14 +139,16 @@ INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
 #endif
 
 // Returns the position of a lane's ray in its tile, which consists of blocks of 8 x 4 rays.
-INLINED int2 place_in_tile(Group *group, int ray) {
+INLINED int2 position_in_tile(Group *group, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
 // Returns the position of a lane's ray in the grid, if tiles cover the whole grid. `row` is the tile's row of
 // work-groups.
-INLINED int2 place_in_row(Group *group, int row, int ray) { return tile_in_row(group, row) + place_in_tile(group, ray); }
+INLINED int2 position_in_row(Group *group, int row, int ray) {
+    return tile_in_row(group, row) + position_in_tile(group, ray);
+}
 
 // Returns a lane's ray in the group's own tile.
 INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
@@ -155,14 +157,14 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
 #else
     const int2 tile = tile_in_row(group, (int)get_global_id(1) / LOCAL_Y);
 #endif
-    return ray_at(group, tile + place_in_tile(group, ray), grid);
+    return ray_at(group, tile + position_in_tile(group, ray), grid);
 }
 
 // Returns the index of a ray from the eye in buffers with one element per ray.
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
 // Returns a ray's direction, which has depth 1 along the view, as in camera_ray.
-INLINED Vec3 way_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
+INLINED Vec3 direction_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
     const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
                 corner.z + x * step_x.z + y * step_y.z);
@@ -176,13 +178,13 @@ INLINED uint rays_inside(Group *group, int2 grid) {
 }
 
 // Computes the tile's rays from the eye. These rays begin at the near plane and never end.
-INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways) {
+INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Directions *directions) {
     EACH_RAY(ray) {
-        const Vec3 way = way_of(corner, step_x, step_y, tile_ray(group, ray, grid));
-        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
+        const Vec3 direction = direction_of(corner, step_x, step_y, tile_ray(group, ray, grid));
+        directions->x[ray] = direction.x, directions->y[ray] = direction.y, directions->z[ray] = direction.z;
     }
-    ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
-    ways->per_end = 0.0f;
+    directions->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
+    directions->per_end = 0.0f;
 }
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
@@ -192,31 +194,32 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
-// NO_HIT. Returns this lane's rays that hit, one bit each. `beam.place` keeps the nearest hits of all passes, since a
-// pass only changes the hits of its own rays.
+// NO_HIT. Returns this lane's rays that hit, one bit each. `packet.leaf_index` keeps the nearest hits of all passes,
+// since a pass only changes the hits of its own rays.
 INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     int unlimited = 0;
     uint todo = rays_inside(group, grid);
-    Beam beam;
-    EACH_RAY(ray) beam.place[ray] = NO_HIT;
+    RayPacket packet;
+    EACH_RAY(ray) packet.leaf_index[ray] = NO_HIT;
     // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
     // together, since the functions that the loop calls need the whole group. The loop has a single exit, since PoCL
     // repeats the code after a loop with barriers for each of its exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
-        Ways ways;
+        Directions directions;
         Shaft shaft;
-        camera_ways(group, eye, corner, step_x, step_y, grid, &ways);
-        const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
-        walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
+        camera_directions(group, eye, corner, step_x, step_y, grid, &directions);
+        const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &directions, todo, 0,
+                                       &shaft, &packet);
+        walk(group, tree, &shaft, &packet, 0, &unlimited, stack, candidates);
         todo &= ~active;
     }
     uint hits = 0;
     // The result of every ray of the tile is stored, even if the ray hit nothing, since shading reads all results.
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
-        if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = beam.place[ray];
-        hits |= beam.place[ray] != NO_HIT ? 1u << ray : 0u;
+        if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = packet.leaf_index[ray];
+        hits |= packet.leaf_index[ray] != NO_HIT ? 1u << ray : 0u;
     }
     return hits;
 }

@@ -3,33 +3,35 @@
 
 // Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns which of these rays' lights
 // reach the pixel, as bits of the pixel's word (see shadow.cl).
-INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float4 *surfaces,
-                            CAMERA_PARAMETERS, EyeRay eye_ray, int place, const __global float *lights, uint left_over, float bias,
-                            __local uint2 *stack) {
+INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float *surfaces,
+                           CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index, const __global float *lights,
+                           uint leftover, float bias, __local uint2 *stack) {
     uint reached = 0;
-    for (uint left = left_over; left; left &= left - 1) {
+    for (uint left = leftover; left; left &= left - 1) {
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
 #if SOFT
         // A ray to a light with a radius, or to the sky, starts at its own hit and needs no planes prepared for the
         // light.
         if (goes_apart(sources, light)) {
-            Meeting hit = meet(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), place);
+            const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
+            SurfacePoint hit = surface_point_of(tree, surfaces, from_eye, leaf_index);
             hit.pixel = eye_ray;
             if (reaches(group, tree, sources, light, at, &hit, bias, stack))
                 reached |= left & (0u - left);
             continue;
         }
 #endif
-        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
+        const SurfacePoint surface_point =
+            surface_point_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, leaf_index);
         // Computes the ray from the light again. This ray is the only one in its shaft, so the box of slopes is a
         // point.
-        const Vec3 way = way_to_hit(meeting, subtract(load_vec3(at), meeting.point), bias);
+        const Vec3 direction = direction_to_hit(surface_point, subtract(load_vec3(at), surface_point.point), bias);
         Shaft shaft;
-        aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
-        const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));
-        const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
-        const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
+        aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(direction.x, direction.y, direction.z), &shaft);
+        const float per_depth = reciprocal(fabs(component(direction.x, direction.y, direction.z, shaft.along)));
+        const float x = component(direction.x, direction.y, direction.z, shaft.across) * per_depth;
+        const float y = component(direction.x, direction.y, direction.z, shaft.down) * per_depth;
         widen(&shaft, x, x, y, y);
         // `left & (0u - left)` is the lowest bit of `left`, which belongs to this light.
         if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
@@ -46,7 +48,7 @@ INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
 
-#if LEFT_OVER_KERNEL
+#if LEFTOVER_KERNEL
 // Casts the leftover shadow rays. The queue contains each ray from the eye that has leftover shadow rays, once. One
 // group casts all leftover shadow rays of an entry of the queue.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
@@ -57,11 +59,11 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     const uint first = (uint)get_group_id(0) * LOCAL_Y + group.number;
     FOR_QUEUED(i, first, groups, count) {
         const uint2 entry = queue[i];
-        const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
-                                            ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
-                                            entry.y, bias, stack);
+        const uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
+                                           ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x],
+                                           lights + LIGHT_FLOATS * first_light, entry.y, bias, stack);
         // Only this group writes the word of this ray from the eye, so no atomic operation is needed.
-        if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
+        if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFTOVER) | reached;
     }
 }
 #endif
@@ -70,9 +72,9 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 // sky. Shiny surfaces mirror this picture in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
-#define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))
+#define HAS_LIGHT(reached, leaf_index) ((reached) || ((leaf_index) != NO_HIT && SHOWS_SKY(sources)))
 #else
-#define HAS_LIGHT(reached, place) reached
+#define HAS_LIGHT(reached, leaf_index) reached
 #endif
 
 INLINED void load_material(const __global float *material, Surface *surface) {
@@ -83,36 +85,36 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 }
 
 // Returns the radiance that a hit reflects to the eye from the lights whose bits are set in `reached`.
-INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface, Meeting meeting,
-                      Vec3 to_eye) {
+INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface,
+                      SurfacePoint surface_point, Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
     // Each step takes the lowest bit: the next light that reaches the hit.
     for (; reached; reached &= reached - 1) {
         const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
 #if SOFT
-        const Sight sight = sight_of(sources, LIGHT_OF_BIT(LOWEST_BIT(reached)), light, &meeting);
+        const Sight sight = sight_of(sources, LIGHT_OF_BIT(LOWEST_BIT(reached)), light, &surface_point);
 #if SKY
         if (sight.is_sky) {
-            const Vec3 radiance = IS_UNOCCLUDED(&sources->soft) ? mean_of_sky(&sources->soft, meeting.normal)
-                                                                : radiance_of_sky(&sources->soft, sight.way);
+            const Vec3 radiance = IS_UNOCCLUDED(&sources->soft) ? mean_of_sky(&sources->soft, surface_point.normal)
+                                                                : radiance_of_sky(&sources->soft, sight.direction);
             sum = add(sum, multiply(surface->lambertian, radiance));
             continue;
         }
 #endif
-        const Vec3 offset = scale(sight.way, sight.distance);
+        const Vec3 offset = scale(sight.direction, sight.distance);
 #else
-        const Vec3 offset = subtract(load_vec3(light), meeting.point);
+        const Vec3 offset = subtract(load_vec3(light), surface_point.point);
 #endif
         const float squared = dot3(offset, offset);
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
-        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // negative only by rounding
-        const Vec3 f = reflectance(surface, to_light, to_eye, meeting.normal, 1);
+        const float cosine = max(dot3(to_light, surface_point.normal), 0.0f); // negative only by rounding
+        const Vec3 f = reflectance(surface, to_light, to_eye, surface_point.normal, 1);
         sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
     }
     return sum;
 }
 
-// The additional parameters of shading with textures, including the comma.
+// The additional parameters of shading with textures, including the comma after them.
 #if TEXTURES
 #define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words, float4 cone,
 #define TEXTURE_ARGUMENTS texture_rows, texture_words, cone,
@@ -122,31 +124,32 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #endif
 
 // Adds to `sum` the radiance from a round's lights that reach a pixel; `reached` has a bit for each of these lights.
-INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
-                         const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int place,
+INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float *surfaces,
+                         const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index,
                          const __global float *lights, uint reached, float4 *sum) {
     // Only the triangle's index was stored, so the hit is computed again.
     const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
-    Meeting meeting = meet(tree, surfaces, from_eye, place);
-    meeting.normal = normalize_or_zero(meeting.normal);
+    SurfacePoint surface_point = surface_point_of(tree, surfaces, from_eye, leaf_index);
+    surface_point.normal = normalize_or_zero(surface_point.normal);
 #if SOFT
-    meeting.pixel = eye_ray;
+    surface_point.pixel = eye_ray;
 #endif
     Surface surface;
-    load_material(materials + MATERIAL_FLOATS * meeting.material, &surface);
+    load_material(materials + MATERIAL_FLOATS * surface_point.material, &surface);
 #if TEXTURES
     Textures textures;
     textures.rows = texture_rows;
     textures.words = texture_words;
     textures.cone = cone;
-    surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2, from_eye.direction, meeting.t);
+    surface = TEXTURED(surface, &textures, surface_point.triangle, surface_point.w1, surface_point.w2,
+                       from_eye.direction, surface_point.t);
 #endif
-    Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
+    Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, surface_point, negate(from_eye.direction));
 #if ENVIRONMENT
     // Shiny surfaces also mirror the picture of the sky, once per frame.
     if (SHOWS_SKY(sources))
         received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, eye_ray.x, eye_ray.y, &surface,
-                                              meeting.normal, negate(from_eye.direction)));
+                                              surface_point.normal, negate(from_eye.direction)));
 #endif
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
@@ -164,21 +167,22 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) : (sum))
 #endif
 
-// Returns the ray from the eye through one sample of a lane's pixel, in a row of work-groups.
+// Returns the ray from the eye through one sample of a lane's pixel. `row` is the row of work-groups that contains the
+// tile.
 INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;
-    const int2 first = place_in_row(group, row, ray) << group->bits;
+    const int2 first = position_in_row(group, row, ray) << group->bits;
     return ray_at(group, first + (int2)(sample & last, sample >> group->bits), grid);
 #else
-    return ray_at(group, place_in_row(group, row, ray), grid);
+    return ray_at(group, position_in_row(group, row, ray), grid);
 #endif
 }
 
 // Shades nearest hits by the lights of a round that reach them; AFTER_ROUND combines the result with the image. If no
 // other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and shade
-// their pixels. The rays are few, but each takes long. Meanwhile, the other work-groups shade all pixels whose lights
-// are known.
+// their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, the other work-groups shade all
+// pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -193,15 +197,15 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         FOR_QUEUED(i, first, groups, count) {
             const uint2 entry = queue[i];
             const EyeRay eye_ray = ray_of(&group, entry.x, GRID_OF(image_size));
-            const int place = nearest[entry.x];
-            uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray, place,
-                                          lights_of_round, entry.y, bias, stack);
+            const int leaf_index = nearest[entry.x];
+            uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray,
+                                         leaf_index, lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // The lights that were already known to reach the pixel, and the lights found now.
-                reached |= lit[entry.x] & ~SOME_LEFT_OVER;
+                // Joins the lights that were already known to reach the pixel, and the lights found now.
+                reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
-                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray, place, lights_of_round,
-                            reached, &sum);
+                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y,
+                            eye_ray, leaf_index, lights_of_round, reached, &sum);
                 image[entry.x] = AFTER_ROUND(image[entry.x], sum);
             }
         }
@@ -216,24 +220,25 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             pixels += sample_in_row(&group, row, ray, 0, grid).inside;
         }
         for (int sample = 0; pixels && sample < SAMPLES_OF_FRAME; sample++) {
-            int place[RAYS];
+            int leaf_index[RAYS];
             uint reached[RAYS];
             EACH_RAY(ray) { // all loads come first, so that they overlap
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
-                place[ray] = eye_ray.inside ? nearest[index_of(eye_ray, grid)] : NO_HIT;
+                leaf_index[ray] = eye_ray.inside ? nearest[index_of(eye_ray, grid)] : NO_HIT;
             }
             EACH_RAY(ray) {
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
-                reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(eye_ray, grid)] : 0;
-                waiting |= reached[ray] & SOME_LEFT_OVER ? 1u << ray : 0u;
+                reached[ray] =
+                    leaf_index[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(eye_ray, grid)] : 0;
+                waiting |= reached[ray] & SOME_LEFTOVER ? 1u << ray : 0u;
             }
             EACH_RAY(ray) {
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
                 // The first round of lights begins with the background or a dark surface; later rounds only add light.
-                if (!first_light) sum[ray] += place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
-                if (HAS_LIGHT(reached[ray], place[ray]))
+                if (!first_light) sum[ray] += leaf_index[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
+                if (HAS_LIGHT(reached[ray], leaf_index[ray]))
                     shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
-                                place[ray], lights_of_round, reached[ray] & ~SOME_LEFT_OVER, &sum[ray]);
+                                leaf_index[ray], lights_of_round, reached[ray] & ~SOME_LEFTOVER, &sum[ray]);
             }
         }
         EACH_RAY(ray) {

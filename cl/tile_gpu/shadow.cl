@@ -1,9 +1,9 @@
 // Casts the shadow rays of a round of lights. A round consists of the lights whose shadow rays one run of a kernel
 // casts. The rays run from each light to the hits that face it.
 
-// Limits per tile and light: the number of passes, and the number of words popped from the stack. A pass casts rays
-// that are close to each other. At silhouettes, these limits are too small for some rays. The rays that remain are
-// leftover shadow rays, which are later cast one at a time, each by a whole group.
+// These two numbers limit the work for one tile and one light: the number of passes, and the number of nodes and leaves
+// taken from the stack. A pass casts rays that are close to each other. At silhouettes, these limits are too small for
+// some rays. The rays that remain are leftover shadow rays, which are later cast one at a time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word has one bit for each pair of a light of the round and a ray of the lane, ordered by light. The size of
@@ -12,7 +12,7 @@
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
-#define SOME_LEFT_OVER 0x80000000u
+#define SOME_LEFTOVER 0x80000000u
 // With two rays per lane, bit 2 * light + ray of a lane's word belongs to that light and that ray:
 //
 //     bit   ...  5  4  3  2  1  0
@@ -24,6 +24,8 @@
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
+
+INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
 
 // The hit of a ray from the eye on its nearest triangle; the normal may have any length.
 typedef struct {
@@ -37,31 +39,30 @@ typedef struct {
 #if SOFT
     EyeRay pixel; // soft light casts one sample of each pixel, so the grid is the image
 #endif
-} Meeting;
+} SurfacePoint;
 
 // Computes the hit of a ray on the triangle at an index in leaf order.
-INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray, int place) {
-    const __global float4 *corners = (const __global float4 *)tree->leaves + 3 * (size_t)place;
-    const __global float4 *normals = surfaces + 3 * (size_t)place;
+INLINED SurfacePoint surface_point_of(const Tree *tree, const __global float *surfaces, Ray ray, int leaf_index) {
+    const __global float4 *corners = (const __global float4 *)tree->leaves + 3 * (size_t)leaf_index;
+    const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;
     const float4 a = corners[0], b = corners[1], c = corners[2];
-    const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 v0 = vec3(a.x, a.y, a.z);
     const Vec3 e1 = subtract(vec3(b.x, b.y, b.z), v0), e2 = subtract(vec3(c.x, c.y, c.z), v0);
     // t and weights are computed again, as in every strategy with shading = deferred, so that the picture does not
     // depend on the test that found the triangle.
-    const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
-    const Vec3 n0 = vec3(na.x, na.y, na.z), n1 = vec3(nb.x, nb.y, nb.z), n2 = vec3(nc.x, nc.y, nc.z);
-    Meeting meeting;
-    meeting.point = along(ray.origin, hit.t, ray.direction);
-    meeting.normal = along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2);
-    meeting.material = as_int(b.w);
+    const Hit hit = intersect_plane(v0, e1, e2, ray.origin, ray.direction);
+    const Vec3 n0 = load_vec3(normals), n1 = load_vec3(normals + 3), n2 = load_vec3(normals + 6);
+    SurfacePoint surface_point;
+    surface_point.point = along(ray.origin, hit.t, ray.direction);
+    surface_point.normal = along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2);
+    surface_point.material = as_int(b.w);
 #if TEXTURES
-    meeting.triangle = as_int(a.w);
-    meeting.w1 = hit.w1;
-    meeting.w2 = hit.w2;
-    meeting.t = hit.t;
+    surface_point.triangle = as_int(a.w);
+    surface_point.w1 = hit.w1;
+    surface_point.w2 = hit.w2;
+    surface_point.t = hit.t;
 #endif
-    return meeting;
+    return surface_point;
 }
 
 // Returns a ray from the eye with a direction of length 1.
@@ -79,49 +80,47 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit, of which only the point and the normal are valid. Together, these two determine which lights the
-// surface faces, and where the shadow rays from these lights end.
-INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
+// Returns the hit of a ray from the eye, of which only the point and the normal are valid. These two determine which
+// lights the surface faces, and where the shadow rays from these lights end.
+INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
+                                              EyeRay eye_ray, int leaf_index) {
 #if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
-    const __global float4 *planes = planes_for(tree, 0) + place;
-    const __global float4 *normals = surfaces + 3 * (size_t)place;
+    const __global float4 *planes = planes_for(tree, 0) + leaf_index;
+    const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
-    const float4 na = normals[0], nb = normals[1], nc = normals[2];
-    const Vec3 way = way_of(corner, step_x, step_y, eye_ray);
-    // Four dot products: the three weights, which are not divided by their sum yet, and 1 / t.
-    const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
-    Meeting meeting;
-    meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
-    meeting.normal = vec3(inside.x * na.x + inside.y * nb.x + inside.z * nc.x,
-                          inside.x * na.y + inside.y * nb.y + inside.z * nc.y,
-                          inside.x * na.z + inside.y * nb.z + inside.z * nc.z);
-    meeting.material = 0;
-    return meeting;
+    const Vec3 n0 = load_vec3(normals), n1 = load_vec3(normals + 3), n2 = load_vec3(normals + 6);
+    const Vec3 direction = direction_of(corner, step_x, step_y, eye_ray);
+    // `inside` has four dot products: the three weights, which are not divided by their sum yet, and 1 / t.
+    const float4 inside = along_x * direction.x + along_y * direction.y + along_z * direction.z;
+    SurfacePoint surface_point;
+    surface_point.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), direction);
+    surface_point.normal = along(along(scale(n0, inside.x), inside.y, n1), inside.z, n2);
+    surface_point.material = 0;
+    return surface_point;
 #else
-    return meet(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), place);
+    return surface_point_of(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), leaf_index);
 #endif
 }
 
 // Returns whether a surface faces a light and is not too close to it, so that a shadow ray is needed.
-INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
-    return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
+INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
+    return (dot3(offset, surface_point.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
 
 // Returns the vector from a light to the end of its shadow ray, shortly before the hit. `offset` points from the hit to
 // the light.
-INLINED Vec3 way_to_hit(Meeting meeting, Vec3 offset, float bias) {
+INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bias) {
     const float per_distance = rsqrt(dot3(offset, offset));
     // The normal may have any length.
-    const float cosine = dot3(offset, meeting.normal) * per_distance * rsqrt(dot3(meeting.normal, meeting.normal));
+    const float cosine = dot3(offset, surface_point.normal) * per_distance *
+                         rsqrt(dot3(surface_point.normal, surface_point.normal));
     return scale(offset, gap_before_hit(bias * per_distance, reciprocal(cosine)) - 1.0f);
 }
-
-INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
 
 #if SOFT
 #include "tile_gpu/soft.cl"
 #endif
-// The additional parameters of functions for lights with a radius or a sky, including the comma.
+// The additional parameters of functions for lights with a radius or a sky, including the comma after them.
 #if SOFT // frames with soft light cast one sample per pixel
 #if SAMPLED
 #define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
@@ -146,28 +145,30 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #endif
 
 // Computes the rays from a light to the tile's hits, for the hits in `wanted`. Returns the hits whose ray must be cast.
-INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                        int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
+INLINED uint light_directions(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
+                              int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted,
+                              Directions *directions) {
     uint cast = 0;
-    ways->per_begin = FAR;
-    ways->per_end = 1.0f;
+    directions->per_begin = FAR;
+    directions->per_end = 1.0f;
     EACH_RAY(ray) { // no branch, so that the loads of all rays overlap
         const EyeRay eye_ray = tile_ray(group, ray, grid);
         const int hit = HAS(wanted, ray) != 0;
-        const int place = hit ? nearest[index_of(eye_ray, grid)] : 0;
-        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
-        const Vec3 offset = subtract(light, meeting.point);
-        const Vec3 way = way_to_hit(meeting, offset, bias);
-        cast |= hit & faces(meeting, offset, bias) ? 1u << ray : 0u;
-        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
+        const int leaf_index = hit ? nearest[index_of(eye_ray, grid)] : 0;
+        const SurfacePoint surface_point =
+            surface_point_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, leaf_index);
+        const Vec3 offset = subtract(light, surface_point.point);
+        const Vec3 direction = direction_to_hit(surface_point, offset, bias);
+        cast |= hit & faces(surface_point, offset, bias) ? 1u << ray : 0u;
+        directions->x[ray] = direction.x, directions->y[ray] = direction.y, directions->z[ray] = direction.z;
     }
     return cast;
 }
 
 // Casts a tile's shadow rays from a light to its hits. Returns the rays that nothing blocks. `*left` receives the rays
-// that were not decided. Rays are computed again for each pass, and the indices of hits are read again. Storing rays
-// and indices would take registers during the traversal, and a second pass is rare.
-INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+// that were not decided. For each pass, the rays are computed again, and the indices of hits are read again. Storing
+// them would take registers during the traversal, and a second pass is rare.
+INLINED uint unblocked(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
     uint todo = hits, clear = 0;
@@ -175,19 +176,20 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
     *left = 0;
     for (int pass = 0; lane_any(group, todo != 0) && pass < SHADOW_PASSES && budget > 0; pass++) {
         Shaft shaft;
-        Beam beam;
-        Ways ways;
+        RayPacket packet;
+        Directions directions;
         // Only hits that face the light have a shadow ray.
-        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
-                          vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
+        todo = light_directions(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
+                                vec3(light.at.x, light.at.y, light.at.z), bias, todo, &directions);
         if (lane_any(group, todo != 0)) {
             // A pass takes one ray as its leader and casts the rays close to the leader; all other rays wait for the
             // next pass.
-            const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
-            const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
+            const uint active = begin_pass(group, tree, light, &directions, todo, 1, &shaft, &packet);
+            const int enough = walk(group, tree, &shaft, &packet, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
-                // FAR means that something blocks the ray. If the budget was not enough, all other rays are undecided.
-                const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
+                // If something blocks the ray, its `nearest` is FAR. If the budget was not enough, all other rays are
+                // undecided.
+                const int open = HAS(active, ray) && packet.nearest[ray] < FAR;
                 clear |= open && enough ? 1u << ray : 0u;
                 *left |= open && !enough ? 1u << ray : 0u;
             }
@@ -201,14 +203,14 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 #if SOFT
 // Returns the hits that face a source (a light or the sky). Unoccluded light reaches all these hits, since nothing
 // blocks it.
-INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, int2 grid,
+INLINED uint faces_source(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
     const int source = sources->first_light + light;
     if (source >= sources->light_count) return hits; // the sky is on every side
-    Ways ways;
-    return light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
-                      load_vec3(lights + LIGHT_FLOATS * source), bias, hits, &ways);
+    Directions directions;
+    return light_directions(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
+                            load_vec3(lights + LIGHT_FLOATS * source), bias, hits, &directions);
 }
 #endif
 
@@ -219,8 +221,8 @@ INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __globa
     // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
     // here.
     uint first = 0;
-    // One atomic operation per group. A lane with an entry finds its position in the queue by its rank among the lanes
-    // with entries.
+    // One atomic operation per group is enough, since a lane with an entry finds its position in the queue by its rank
+    // among the lanes with entries.
     if (leaving && group->lane == 0) first = atomic_add(queued, popcount(leaving));
     first = lane_get(group, first, 0);
     if (lights) queue[first + BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -231,15 +233,15 @@ typedef struct {
     __global uint *lit;    // one word of lights per ray from the eye that hits something
     __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of the shadow rays
     __global uint *queued; // number of entries in the queue
-} Found;
+} ShadowResults;
 
 // Casts the shadow rays of a round's lights, from `first_light` on. Sets a bit of a pixel's word if the pixel faces the
 // bit's light and nothing blocks this light. Adds leftover shadow rays to the queue.
-INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+INLINED void find_lit(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                       int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
-                      SOURCES_PARAMETER Found found) {
-    uint reached = 0, left_over = 0;
+                      SOURCES_PARAMETER ShadowResults results) {
+    uint reached = 0, leftover = 0;
     const int end = min(SOURCE_COUNT(light_count) - first_light, LIGHTS_OF_ROUND);
     for (int light = 0; light < end; light++) {
         uint left;
@@ -251,40 +253,40 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
         }
         if (goes_apart(sources, light)) {
             // All rays without a common origin become leftover shadow rays.
-            left_over |= BITS_OF_LIGHT(hits, light);
+            leftover |= BITS_OF_LIGHT(hits, light);
             continue;
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // One light after the other. The results of a light are shifted to its bits in both words.
+        // Lights are processed one after the other. The results of a light are shifted to its bits in both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);
-        left_over |= BITS_OF_LIGHT(left, light);
+        leftover |= BITS_OF_LIGHT(left, light);
     }
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
-        // This pixel's word: a bit for each light that reaches it, and bit 31 if the pixel is in the queue.
-        const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
-        if (HAS(hits, ray)) found.lit[index_of(eye_ray, grid)] = BITS_OF_PIXEL(reached, ray) | left;
+        // The pixel's word has a bit for each light that reaches the pixel, and bit 31 if the pixel is in the queue.
+        const uint left = BITS_OF_PIXEL(leftover, ray) ? SOME_LEFTOVER : 0u;
+        if (HAS(hits, ray)) results.lit[index_of(eye_ray, grid)] = BITS_OF_PIXEL(reached, ray) | left;
     }
     for (int ray = 0; ray < RAYS; ray++)
-        leave(group, tile_ray(group, ray, grid), grid, BITS_OF_PIXEL(left_over, ray), found.queue,
-              found.queued);
+        leave(group, tile_ray(group, ray, grid), grid, BITS_OF_PIXEL(leftover, ray), results.queue,
+              results.queued);
 }
 
-#define BIND_FOUND      \
-    Found found;          \
-    found.lit = lit;      \
-    found.queue = queue;  \
-    found.queued = queued;
+#define BIND_RESULTS       \
+    ShadowResults results; \
+    results.lit = lit;     \
+    results.queue = queue; \
+    results.queued = queued;
 
 // Casts the shadow rays of the nearest hits.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS
     TREE_OF_TILES
-    BIND_FOUND
+    BIND_RESULTS
     BIND_SOURCES
     const int2 grid = GRID_OF(image_size);
     uint hits = 0;
@@ -293,7 +295,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
         hits |= eye_ray.inside && nearest[index_of(eye_ray, grid)] != NO_HIT ? 1u << ray : 0u;
     }
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
-             first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
+             first_light, bias, stack, &candidates, SOURCES_ARGUMENT results);
 }
 
 #if FUSED
@@ -303,11 +305,11 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS
     TREE_OF_TILES
-    BIND_FOUND
+    BIND_RESULTS
     BIND_SOURCES
     const uint hits =
         find_nearest(&group, &tree, eye, corner, step_x, step_y, GRID_OF(image_size), stack, &candidates, nearest);
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
-             first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
+             first_light, bias, stack, &candidates, SOURCES_ARGUMENT results);
 }
 #endif

@@ -1,7 +1,7 @@
 // The axes of a pass (see entry.cl), and the box around the slopes of the pass's rays.
 
-// a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as fast, even if
-// FP_FAST_FMAF is not defined.)
+// MULTIPLY_ADD computes a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as
+// fast, even if FP_FAST_FMAF is not defined.)
 #if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
 #define MULTIPLY_ADD(a, b, c) fma(a, b, c)
 #else
@@ -52,8 +52,8 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // This lane's offsets in a node of 32 columns (common/tree.cl), for these axes. A load then needs only one
-    // addition.
+    // These are the offsets of this lane's child in a node of 32 columns (common/tree.cl), for the pass's axes. They
+    // are computed once, so that a load needs only one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards reach a box's high side first.
@@ -91,8 +91,8 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
 // Loads the corners of the triangle at an index in leaf order, and returns 1. If the fourth component of a `float4` is
 // unused, some compilers load the other three in two pieces, which takes twice as long. The return value therefore
 // depends on the fourth components of all three corners.
-INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
-    const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
+    const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     const float4 first = row[0], second = row[1], third = row[2];
     *a = along_axes(shaft, first);
     *b = along_axes(shaft, second);

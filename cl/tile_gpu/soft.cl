@@ -17,13 +17,15 @@ INLINED int goes_apart(const Sources *sources, int light) {
 }
 
 // Returns whether something stops a ray before t_max.
-INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
-    // A shaft around this ray alone: its box of slopes is a point.
+INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction, float t_max, __local uint2 *stack) {
+    // This ray is the only one in its shaft, so the box of slopes is a point.
     Shaft shaft;
-    aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(way.x, way.y, way.z), &shaft);
-    const float depth = fabs(component(way.x, way.y, way.z, shaft.along)), per_depth = reciprocal(depth);
-    const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
-    const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
+    aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(direction.x, direction.y, direction.z),
+        &shaft);
+    const float depth = fabs(component(direction.x, direction.y, direction.z, shaft.along));
+    const float per_depth = reciprocal(depth);
+    const float x = component(direction.x, direction.y, direction.z, shaft.across) * per_depth;
+    const float y = component(direction.x, direction.y, direction.z, shaft.down) * per_depth;
     widen(&shaft, x, x, y, y);
     const float reach = t_max < FAR ? 1.00001f * t_max * depth : FAR;
     uint word = 0;
@@ -32,15 +34,15 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, floa
         uint met = 0;
         if (!IS_LEAF(word)) {
             // Each lane tests one child. Any hit is enough, so children are not sorted.
-            const Child child = meet_child(group, tree, &shaft, word, reach);
+            const Child child = test_child(group, tree, &shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
             // Each lane tests one triangle; a single hit of any lane ends the search.
             const int own = LEAF_FIRST(word) + group->lane;
             const int hit = group->lane < LEAF_COUNT(word) &&
-                            SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, own), leaf_corners(tree, own), from, way,
-                                          is_stopped_by(leaf_corners(tree, own), from, way, t_max));
+                            SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, own), leaf_corners(tree, own), from,
+                                          direction, is_stopped_by(leaf_corners(tree, own), from, direction, t_max));
             stopped = lane_any(group, hit);
         }
         if (met) continue;
@@ -54,13 +56,13 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, floa
 // The ray from a hit to a point of a light or to the sky, as it was chosen for this sample of the pixel: its unit
 // direction and its length.
 typedef struct {
-    Vec3 way;
+    Vec3 direction;
     float distance;
     int is_sky;
 } Sight;
 
 // Returns the ray from a hit to a source.
-INLINED Sight sight_of(const Sources *sources, int light, const __global float *at, const Meeting *meeting) {
+INLINED Sight sight_of(const Sources *sources, int light, const __global float *at, const SurfacePoint *surface_point) {
     const Soft *soft = &sources->soft;
     const int source = sources->first_light + light;
     Sight sight;
@@ -68,26 +70,28 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 #if SKY
     // A ray to the sky only has a direction; its length is the reach of the sky.
     if (sight.is_sky) {
-        const Vec3 normal = normalize_or_zero(meeting->normal);
-        sight.way = way_to_sky(soft, source, meeting->pixel.x, meeting->pixel.y, normal);
+        const Vec3 normal = normalize_or_zero(surface_point->normal);
+        sight.direction = direction_to_sky(soft, source, surface_point->pixel.x, surface_point->pixel.y, normal);
         sight.distance = reach_of_sky(soft);
         return sight;
     }
 #endif
     // A ray to a light ends at a point of the light's ball.
-    const Vec3 position = add(load_vec3(at), off_middle(soft, source, meeting->pixel.x, meeting->pixel.y));
-    const Vec3 offset = subtract(position, meeting->point);
+    const Vec3 position = add(load_vec3(at), off_middle(soft, source, surface_point->pixel.x, surface_point->pixel.y));
+    const Vec3 offset = subtract(position, surface_point->point);
     sight.distance = sqrt(dot3(offset, offset));
-    sight.way = scale(offset, 1.0f / sight.distance);
+    sight.direction = scale(offset, 1.0f / sight.distance);
     return sight;
 }
 
 // Returns whether a source is visible from a pixel's hit.
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
-                    const Meeting *meeting, float bias, __local uint2 *stack) {
-    const Sight sight = sight_of(sources, light, at, meeting);
+                    const SurfacePoint *surface_point, float bias, __local uint2 *stack) {
+    const Sight sight = sight_of(sources, light, at, surface_point);
     // A light that is nearer than the bias counts as hidden. The sky has no position, so only the direction of the ray
     // to it is tested.
-    const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
-    return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
+    const int faces_it =
+        (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
+    return faces_it && !is_stopped(group, tree, along(surface_point->point, bias, sight.direction), sight.direction,
+                                   sight.distance - bias, stack);
 }

@@ -1,4 +1,4 @@
-// The traversal of the tree by a group, with a beam (the rays of a pass: see entry.cl) or with a single ray.
+// The traversal of the tree by a group, with a packet (the rays of a pass: see entry.cl) or with a single ray.
 
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
@@ -9,11 +9,12 @@ typedef struct {
 
 // Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
 // report a child that the shaft does not meet, but it never misses a child that the shaft meets.
-INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
+INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
-    // The sides relative to the origin: lane i reads column i of each row, so 32 lanes read 128 contiguous bytes.
+    // The sides of the child's box are made relative to the rays' origin. Lane i reads column i of each row, so 32
+    // lanes read 128 contiguous bytes.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -22,9 +23,10 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Along x, the shaft lies between a low and a high side. At each z, a side lies at its slope times z, so its extreme
-    // positions within the child's box are those at z = near and at z = far. The shaft can meet the box only if the box
-    // overlaps the range from the low side's least position to the high side's greatest. The same holds along y.
+    // Along x, the shaft lies between a low and a high side. At each z, a side lies at its slope times z, so the side's
+    // extreme positions within the child's box are those at z = near and at z = far. The shaft can meet the box only if
+    // the box overlaps the range from the low side's least position to the high side's greatest. The same holds along
+    // y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -69,15 +71,15 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 #if CUTOUTS
 // For a ray that hits the triangle at an index in leaf order, returns whether the ray hits the triangle's surface and
 // not a hole. The ray has the slopes x and y.
-INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float x, float y) {
+INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, float x, float y) {
     Corners corners;
-    load_corners(shaft, tree, place, &corners.a, &corners.b, &corners.c);
-    return solid_on_rays(&tree->masks, leaf_triangle(tree, place), corners, vec3(shaft->x, shaft->y, shaft->z), vec3(x, y, 1.0f), 1);
+    load_corners(shaft, tree, index, &corners.a, &corners.b, &corners.c);
+    return solid_on_rays(&tree->masks, leaf_triangle(tree, index), corners, vec3(shaft->x, shaft->y, shaft->z), vec3(x, y, 1.0f), 1);
 }
-#define SOLID_IN_BEAM(tree, shaft, place, x, y, hit) (hit && solid_in_beam(tree, shaft, place, x, y))
+#define SOLID_IN_PACKET(tree, shaft, index, x, y, hit) (hit && solid_in_packet(tree, shaft, index, x, y))
 #define USES_LANES(any) 1
 #else
-#define SOLID_IN_BEAM(tree, shaft, place, x, y, hit) hit
+#define SOLID_IN_PACKET(tree, shaft, index, x, y, hit) hit
 #define USES_LANES(any) !any
 #endif
 
@@ -87,9 +89,9 @@ typedef struct {
     __local int *lanes;
 } Candidates;
 
-// Tests the beam against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
+// Tests the packet against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
 // triangle is finished; otherwise its nearest hit is stored. Returns whether any triangle was tested.
-INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
+INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
     Candidate own;
@@ -106,8 +108,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     }
     lane_sync(group);
     const int count = popcount(tested);
-    int found[RAYS];
-    EACH_RAY(ray) found[ray] = -1;
+    int hit_candidate[RAYS];
+    EACH_RAY(ray) hit_candidate[ray] = -1;
 #pragma unroll 4
     for (int k = 0; k < count; k++) {
         // Here each lane works on its own rays, and tests them against every stored triangle. All lanes read the same
@@ -115,54 +117,55 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
-            const int hit = SOLID_IN_BEAM(tree, shaft, first + candidates->lanes[k], beam->x[ray], beam->y[ray],
-                                          meets(&triangle, beam->x[ray], beam->y[ray], beam->nearest[ray],
-                                                beam->ceiling[ray], any, &per_depth));
-            beam->nearest[ray] = hit ? (any ? FAR : per_depth) : beam->nearest[ray];
-            found[ray] = hit ? k : found[ray];
+            const int hit = SOLID_IN_PACKET(tree, shaft, first + candidates->lanes[k], packet->x[ray], packet->y[ray],
+                                            is_hit(&triangle, packet->x[ray], packet->y[ray], packet->nearest[ray],
+                                                   packet->ceiling[ray], any, &per_depth));
+            packet->nearest[ray] = hit ? (any ? FAR : per_depth) : packet->nearest[ray];
+            hit_candidate[ray] = hit ? k : hit_candidate[ray];
         }
     }
     // The nearest triangle's index is read only now: once per ray instead of once per hit.
     if (!any) {
-        EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
+        EACH_RAY(ray)
+            if (hit_candidate[ray] >= 0) packet->leaf_index[ray] = first + candidates->lanes[hit_candidate[ray]];
     }
     return count != 0;
 }
 
 // Returns the smallest 1/z at which a hit matters to any ray of the group: the smallest 1/z of its rays' nearest hits.
 // For a ray that has hit nothing, the 1/z of its end counts (0 for rays from the eye).
-INLINED float worst_of(Group *group, const Beam *beam) {
+INLINED float worst_of(Group *group, const RayPacket *packet) {
     float worst = FAR;
-    EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
+    EACH_RAY(ray) worst = fmin(worst, packet->nearest[ray]);
     return lane_least_positive(group, worst);
 }
 
 // Returns whether any of this lane's rays still needs a hit.
-INLINED int is_looking(const Beam *beam) {
+INLINED int is_looking(const RayPacket *packet) {
     int looking = 0;
-    EACH_RAY(ray) looking |= beam->nearest[ray] < FAR;
+    EACH_RAY(ray) looking |= packet->nearest[ray] < FAR;
     return looking;
 }
 
 // Returns the z beyond which no hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
-// Walks the tree with a pass's beam, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
-// word taken from the stack uses up one unit of `budget`. Returns whether the budget was enough.
-INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
+// Walks the tree with a pass's packet, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
+// entry taken from the stack uses up one unit of `budget`. Returns whether the budget was enough.
+INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
-    float worst = worst_of(group, beam), reach = reach_of(worst);
+    float worst = worst_of(group, packet), reach = reach_of(worst);
     uint word = 0;
     int waiting = 0, enough = 1, going = worst < FAR;
     while (going) {
         uint met = 0;
         if (!IS_LEAF(word)) {
-            const Child child = meet_child(group, tree, shaft, word, reach);
+            const Child child = test_child(group, tree, shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, !any, stack, &waiting);
-        } else if (visit_leaf(group, tree, shaft, beam, word, worst, any, candidates)) {
-            going = any ? lane_any(group, is_looking(beam)) : 1;
-            if (!any) worst = worst_of(group, beam);
+        } else if (visit_leaf(group, tree, shaft, packet, word, worst, any, candidates)) {
+            going = any ? lane_any(group, is_looking(packet)) : 1;
+            if (!any) worst = worst_of(group, packet);
             reach = reach_of(worst);
         }
         if (met || !going) continue;
@@ -193,7 +196,7 @@ INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float
     while (going) {
         uint met = 0;
         if (!IS_LEAF(word)) {
-            const Child child = meet_child(group, tree, shaft, word, reach);
+            const Child child = test_child(group, tree, shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
@@ -203,8 +206,8 @@ INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float
             float per_depth;
             if (group->lane < LEAF_COUNT(word) &&
                 prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
-                hit = SOLID_IN_BEAM(tree, shaft, LEAF_FIRST(word) + group->lane, x, y,
-                                    meets(&own, x, y, nearest, FAR, 1, &per_depth));
+                hit = SOLID_IN_PACKET(tree, shaft, LEAF_FIRST(word) + group->lane, x, y,
+                                      is_hit(&own, x, y, nearest, FAR, 1, &per_depth));
             blocked = lane_any(group, hit);
         }
         if (met) continue;

@@ -31,8 +31,8 @@ impl<const N: usize> Slicer<N> {
     /// Returns the slice of a primitive along each axis, each below `N`.
     #[inline(always)]
     fn slices(&self, primitive: &Primitive) -> [usize; 3] {
-        let place = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
-        let slice = place.max(Vec4::ZERO).min(Vec4::splat((N - 1) as f32)) + Vec4::splat(ROUND);
+        let position = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
+        let slice = position.max(Vec4::ZERO).min(Vec4::splat((N - 1) as f32)) + Vec4::splat(ROUND);
         [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
     }
 
@@ -40,11 +40,11 @@ impl<const N: usize> Slicer<N> {
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
-        let place = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
+        let position = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
         // These comparisons send a NaN to slice 0, as the vector `max` and `min` in `slices` do.
-        let place = if place > 0.0 { place } else { 0.0 };
-        let place = if place < (N - 1) as f32 { place } else { (N - 1) as f32 };
-        (place + ROUND).to_bits() as usize & (N - 1)
+        let position = if position > 0.0 { position } else { 0.0 };
+        let position = if position < (N - 1) as f32 { position } else { (N - 1) as f32 };
+        (position + ROUND).to_bits() as usize & (N - 1)
     }
 
     /// Returns the plane at the lower end of a slice, in the coordinates of doubled centres.

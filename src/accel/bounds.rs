@@ -58,7 +58,7 @@ impl Primitive {
         self.0.low.w.to_bits() - NUMBER_BASE
     }
 
-    /// Returns twice the box's centre, which saves a multiplication.
+    /// Returns the doubled centre of the box; computing the centre itself would need one more multiplication.
     #[inline(always)]
     pub fn centre(self) -> Vec4 {
         self.0.low + self.0.high

@@ -17,11 +17,16 @@ const PARALLEL_NODE: usize = 1 << 16;
 const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
+/// The nodes of a subtree with at most this many triangles are joined into one piece as soon as the subtree is finished.
+/// A piece of this size has memory of its own, which the system gets back when the piece is freed. The memory of many
+/// small pieces would stay with the allocator, and large meshes would need a tenth more memory until the end.
+const JOINED: usize = 1 << 19;
 /// Nodes with more triangles than this are cut into `FINE` slices, others into `COARSE`.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
-/// From this depth on, nodes are halved by count, which bounds the depth for any input.
+/// From this depth on, nodes are divided into two halves with equal numbers of triangles, which limits the tree's depth
+/// for any mesh.
 const HALVING_DEPTH: u32 = 64;
 
 /// A subtree to be built.
@@ -46,6 +51,13 @@ struct Subtree {
     nodes: usize,
     /// Number of edges from the root of the whole tree to the deepest leaf of this subtree.
     depth: u32,
+}
+
+impl Subtree {
+    /// Returns the same subtree in one piece.
+    fn joined(self) -> Self {
+        Self { pieces: vec![self.pieces.concat()], ..self }
+    }
 }
 
 /// Builds a tree; see [`Bvh::build`].
@@ -79,7 +91,12 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
     }
     let bounds = work.bounds;
     let [left, right] = divide(work);
-    let (left, right) = rayon::join(|| grow(left, leaf_size), || grow(right, leaf_size));
+    let side = |work: Work| {
+        let joins = count > JOINED && work.primitives.len() <= JOINED;
+        let subtree = grow(work, leaf_size);
+        if joins { subtree.joined() } else { subtree }
+    };
+    let (left, right) = rayon::join(|| side(left), || side(right));
     let root = Node::inner(bounds, left.nodes as u32 + 1, count);
     let mut pieces = vec![vec![root]];
     pieces.extend(left.pieces);
@@ -89,7 +106,7 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
 
 /// Appends a subtree and returns the depth of its deepest node.
 fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
-    let (count, depth, place) = (work.primitives.len(), work.depth, nodes.len());
+    let (count, depth, index) = (work.primitives.len(), work.depth, nodes.len());
     nodes.push(Node::leaf(work.bounds, count));
     if count <= leaf_size {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
@@ -99,7 +116,7 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     }
     let [left, right] = divide(work);
     let left_depth = grow_serially(left, leaf_size, nodes);
-    nodes[place].right = (nodes.len() - place) as u32;
+    nodes[index].right = (nodes.len() - index) as u32;
     left_depth.max(grow_serially(right, leaf_size, nodes))
 }
 
@@ -149,7 +166,7 @@ fn cut_in_chunks(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
 }
 
 impl<'a> Work<'a> {
-    /// Returns the two sides of a cut, which has moved the primitives.
+    /// Returns the two sides of a cut. The primitives have already been moved to their sides.
     fn split(self, cut: Cut) -> [Self; 2] {
         let (left, right) = self.primitives.split_at_mut(cut.left_count);
         let (order_left, order_right) = self.order.split_at_mut(cut.left_count);

@@ -18,14 +18,14 @@ mod wide;
 use crate::scene::Mesh;
 use bounds::Bounds;
 
-pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_triangle_rows};
+pub use triangles::{NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, write_normal_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
 /// A hash of the trees over a few fixed meshes. Each measured point (a strategy with a local size, an image size, a
 /// scene and a device) is stored under a key. If the point uses a tree, its key contains this hash. A change to the
 /// builder or the layout changes these trees; a test then fails until the hash is updated. With a new hash, points that
 /// use a tree are measured again.
-pub const FINGERPRINT: &str = "934693743fb607b9";
+pub const FINGERPRINT: &str = "f4d8994f5412a369";
 
 /// A node of a [`Bvh`]: 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,9 +85,9 @@ impl Bvh {
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
     /// `leaf_size` is the largest number of triangles in a leaf. Degenerate and coincident triangles need no
-    /// special case: triangles that no plane separates are halved by count. All nodes from depth 64 on are halved by
-    /// count too, so the depth is at most 64 plus the binary logarithm of the number of triangles, rounded up.
-    /// Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
+    /// special case: triangles that no plane separates are divided into two halves with equal numbers of triangles. All
+    /// nodes from depth 64 on are divided in this way too, so the depth is at most 64 plus the binary logarithm of the
+    /// number of triangles, rounded up. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size)
     }

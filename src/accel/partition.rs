@@ -37,12 +37,12 @@ fn partition_on<const N: usize, const AXIS: usize>(
 
 /// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned alone;
 /// `bins` are the chunks' bins, which tell how many primitives of a chunk belong to the left side. Then, the primitives
-/// that still lie on the wrong side of the whole node exchange their places.
+/// that still lie on the wrong side of the whole node exchange their positions.
 ///
 /// ```text
 ///   chunk 0    chunk 1     chunk 2
 ///   L L L R R  L L R R R | L L L L L    L, R: belongs to the left or the right side; |: the cut
-///         ^ ^      ^ ^ ^   ^ ^ ^ ^ ^    the two R and the three R exchange their places with the five L
+///         ^ ^      ^ ^ ^   ^ ^ ^ ^ ^    the two R and the three R exchange their positions with the five L
 /// ```
 pub(super) fn partition_chunks<const N: usize>(
     primitives: &mut [Primitive],
@@ -65,18 +65,18 @@ pub(super) fn partition_chunks<const N: usize>(
     pairs(rights, lefts).into_par_iter().for_each(|[right, left]| right.swap_with_slice(left));
 }
 
-/// Returns the parts of `primitives` in the given ranges, which ascend; `first` is the place of the first primitive.
+/// Returns the parts of `primitives` in the given ranges, which ascend; `first` is the index of the first primitive.
 fn pieces<'a>(
     mut primitives: &'a mut [Primitive],
     first: usize,
     ranges: &[Range<usize>],
 ) -> Vec<&'a mut [Primitive]> {
-    let mut place = first;
+    let mut index = first;
     let mut pieces = Vec::new();
     for range in ranges.iter().filter(|range| !range.is_empty()) {
-        let (piece, rest) = primitives.split_at_mut(range.start - place).1.split_at_mut(range.len());
+        let (piece, rest) = primitives.split_at_mut(range.start - index).1.split_at_mut(range.len());
         pieces.push(piece);
-        (primitives, place) = (rest, range.end);
+        (primitives, index) = (rest, range.end);
     }
     pieces
 }

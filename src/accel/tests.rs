@@ -36,9 +36,9 @@ fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     }))
 }
 
-/// Returns the distance along a ray at which it meets a triangle: Moeller and Trumbore, "Fast, minimum
+/// Returns the distance along a ray at which it hits a triangle: Moeller and Trumbore, "Fast, minimum
 /// storage ray/triangle intersection", 1997, in f64.
-fn meet(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f64> {
+fn hit_distance(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f64> {
     let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
     let (e1, e2, p) = (b - a, c - a, direction.cross(c - a));
     let det = e1.dot(p);
@@ -53,7 +53,7 @@ fn meet(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f
 
 fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
     let all = 0..mesh.triangles.len() as u32;
-    all.filter_map(|triangle| meet(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
+    all.filter_map(|triangle| hit_distance(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
 }
 
 /// Checks that the binary and the wide tree over a mesh are valid, and that the wide tree finds the same hits as an
@@ -68,7 +68,7 @@ fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
         let origin = 3.0 * scale * random_point(&mut rng).as_dvec3();
         let direction = scale * random_point(&mut rng).as_dvec3() - origin;
         let walk = wide.closest_hit(origin, direction, f64::INFINITY, |triangle, reach| {
-            meet(mesh, triangle, origin, direction).filter(|&distance| distance < reach)
+            hit_distance(mesh, triangle, origin, direction).filter(|&distance| distance < reach)
         });
         assert_eq!(walk.hit.map(|hit| hit.distance), closest_of_all(mesh, origin, direction));
     }
@@ -124,7 +124,7 @@ fn points_and_lines_are_triangles_too() {
 }
 
 #[test]
-fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
+fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
         let corner = Vec3::splat(2f32.powi(power));
         std::iter::repeat_n([corner, corner * Vec3::new(1.0, 1.25, 1.0), corner * 1.5], 40)
@@ -135,9 +135,10 @@ fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
 }
 
 /// The triangles are far apart along each axis in turn. Each split separates few triangles from the rest; with such
-/// splits alone, the tree would be far deeper than with halving by count, which the builder uses from a depth of 64 on.
+/// splits alone, the tree would be far deeper than with halves of equal numbers of triangles, into which the builder
+/// splits nodes from a depth of 64 on.
 #[test]
-fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
+fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
         Vec3::AXES.map(|axis| {
             let corner = axis * 2f32.powi(power);
@@ -154,7 +155,7 @@ fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
 #[test]
 fn the_depth_is_that_of_the_deeper_side() {
     for side in [1.0, -1.0] {
-        let row = (0..5000).map(|place| Vec3::new(side * (10.0 + place as f32), 0.0, 0.0));
+        let row = (0..5000).map(|number| Vec3::new(side * (10.0 + number as f32), 0.0, 0.0));
         let row = row.map(|corner| [corner, corner + 0.5 * Vec3::X, corner + Vec3::Y]);
         let halves = (0..100).map(|power| Vec3::new(-side * 2f32.powi(-power), 0.0, 0.0));
         let halves = halves.map(|corner| [corner, corner * 1.25, corner * 1.5]);
@@ -194,7 +195,7 @@ fn nodes_on_all_cores_are_cut_across_any_axis() {
 }
 
 #[test]
-fn all_triangles_in_one_place_on_all_cores() {
+fn coincident_triangles_on_all_cores() {
     let mesh = mesh_of(std::iter::repeat_n([Vec3::ZERO, Vec3::X, Vec3::Y], 100_000));
     Bvh::build(&mesh, 4).validate(&mesh).unwrap();
 }
@@ -204,7 +205,7 @@ fn a_tree_is_much_cheaper_than_a_search_of_all() {
     let mesh = random_mesh(8, 20_000, 0.02, 1.0);
     let wide = WideBvh::new(Bvh::build(&mesh, 4), 8, 8).unwrap();
     let origin = DVec3::new(0.1, 0.2, 5.0);
-    let walk = wide.closest_hit(origin, -DVec3::Z, 10.0, |t, _| meet(&mesh, t, origin, -DVec3::Z));
+    let walk = wide.closest_hit(origin, -DVec3::Z, 10.0, |t, _| hit_distance(&mesh, t, origin, -DVec3::Z));
     assert!(walk.nodes < 60 && walk.triangles < 200, "{walk:?}");
 }
 
@@ -215,7 +216,8 @@ fn nearer_boxes_are_searched_first() {
     let wide = WideBvh::new(Bvh::build(&mesh, 1), 8, 1).unwrap();
     for (origin, direction, nearest) in [(0.0, -DVec3::Z, 0), (-9.0, DVec3::Z, 7)] {
         let origin = DVec3::new(0.2, 0.2, origin);
-        let walk = wide.closest_hit(origin, direction, 20.0, |t, _| meet(&mesh, t, origin, direction));
+        let walk =
+            wide.closest_hit(origin, direction, 20.0, |t, _| hit_distance(&mesh, t, origin, direction));
         assert_eq!((walk.hit.map(|hit| hit.triangle), walk.triangles), (Some(nearest), 1), "{walk:?}");
     }
 }
@@ -279,20 +281,18 @@ fn triangle_rows_follow_the_leaf_order() {
 }
 
 #[test]
-fn surface_rows_hold_the_normal_of_each_corner() {
+fn normal_rows_hold_the_normal_of_each_corner() {
     let mut mesh = random_mesh(11, 50, 0.1, 1.0);
     mesh.normals = mesh.positions.iter().map(|corner| 2.0 * *corner).collect();
-    for (material, triangle) in (1..).zip(&mut mesh.triangles) {
-        (triangle.normals, triangle.material) = (triangle.positions, material);
-    }
+    mesh.triangles.iter_mut().for_each(|triangle| triangle.normals = triangle.positions);
     let order = Bvh::build(&mesh, 4).order;
-    let mut rows = vec![1.0; 50 * TRIANGLE_WORDS];
-    write_surface_rows(&mesh, &order, &mut rows);
-    for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
+    let mut rows = vec![1.0; 51 * NORMAL_FLOATS];
+    write_normal_rows(&mesh, &order, &mut rows);
+    assert_eq!(rows[50 * NORMAL_FLOATS..], [0.0; NORMAL_FLOATS]);
+    for (row, &number) in rows.chunks(NORMAL_FLOATS).zip(&order) {
         let triangle = &mesh.triangles[number as usize];
         let normals = mesh.corner_normals(triangle).map(|normal| normal.to_array());
-        assert_eq!([&row[0..3], &row[4..7], &row[8..11]].concat(), normals.concat());
-        assert_eq!((row[3].to_bits(), row[7], row[11]), (triangle.material, 0.0, 0.0));
+        assert_eq!(row, normals.concat());
     }
 }
 
@@ -300,10 +300,10 @@ fn surface_rows_hold_the_normal_of_each_corner() {
 fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
     for (width, leaf_size) in WideBvh::WIDTHS.into_iter().flat_map(|width| [(width, 4), (width, 16)]) {
         let tree = WideBvh::of_mesh(mesh, width, leaf_size).unwrap();
-        let count = TRIANGLE_WORDS * tree.order.len();
-        let [mut corners, mut normals] = [vec![0.0; count], vec![0.0; count]];
+        let [mut corners, mut normals] =
+            [TRIANGLE_WORDS, NORMAL_FLOATS].map(|floats| vec![0.0; floats * tree.order.len()]);
         write_triangle_rows(mesh, &tree.order, &mut corners);
-        write_surface_rows(mesh, &tree.order, &mut normals);
+        write_normal_rows(mesh, &tree.order, &mut normals);
         let rows = corners.iter().chain(&normals).map(|float| float.to_bits());
         let counts = [tree.stride as u32, tree.depth, tree.stack_size() as u32];
         for word in tree.nodes.iter().copied().chain(rows).chain(counts) {
@@ -329,9 +329,9 @@ fn the_fingerprint_is_that_of_this_builder() {
     // This mesh has so many triangles that its root is cut on all cores.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
-    let found = &hasher.finalize().to_hex()[..16];
+    let actual = &hasher.finalize().to_hex()[..16];
     assert_eq!(
-        FINGERPRINT, found,
+        FINGERPRINT, actual,
         "the builder or the layout has changed: set accel::FINGERPRINT to the hash that was found"
     );
 }

@@ -6,6 +6,9 @@ use rayon::prelude::*;
 /// Words per triangle in [`write_triangle_rows`]: three float4, or 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
+/// Floats per triangle in [`write_normal_rows`]: 36 bytes.
+pub const NORMAL_FLOATS: usize = 9;
+
 /// Number of rows of zeros after the last triangle. Kernels that load several triangles at once (TOGETHER in
 /// cl/tile_cpu/triangles_of_leaf.cl) may read these rows.
 pub const PADDING_ROWS: usize = 8;
@@ -28,19 +31,18 @@ pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     });
 }
 
-/// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, as three float4. The fourth
-/// component of n0's float4 is the material's number, as bits; that of the other two is 0.
-pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
+/// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, three floats each. The remaining
+/// floats of `rows` become zero.
+pub fn write_normal_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
-        let triangle = &mesh.triangles[number as usize];
-        let [a, b, c] = mesh.corner_normals(triangle);
-        [a.x, a.y, a.z, f32::from_bits(triangle.material), b.x, b.y, b.z, 0.0, c.x, c.y, c.z, 0.0]
+        let [a, b, c] = mesh.corner_normals(&mesh.triangles[number as usize]);
+        [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]
     });
 }
 
 /// Writes one row for each triangle of `order`, on all cores.
-fn write_rows(order: &[u32], rows: &mut [f32], row: impl Fn(u32) -> [f32; TRIANGLE_WORDS] + Sync) {
-    let (rows, padding) = rows.as_chunks_mut::<TRIANGLE_WORDS>().0.split_at_mut(order.len());
-    padding.fill([0.0; TRIANGLE_WORDS]);
+fn write_rows<const N: usize>(order: &[u32], rows: &mut [f32], row: impl Fn(u32) -> [f32; N] + Sync) {
+    let (rows, padding) = rows.as_chunks_mut::<N>().0.split_at_mut(order.len());
+    padding.fill([0.0; N]);
     rows.par_iter_mut().zip(order).for_each(|(words, &number)| *words = row(number));
 }

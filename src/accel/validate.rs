@@ -36,8 +36,8 @@ impl Bvh {
             depth = depth.max(level);
             let node = &self.nodes[number];
             if node.is_leaf() {
-                let places = first..first + node.count as usize;
-                encloses_triangles(mesh, &self.order[places], (node.low, node.high))?;
+                let range = first..first + node.count as usize;
+                encloses_triangles(mesh, &self.order[range], (node.low, node.high))?;
             } else {
                 let [left, right] = self.checked_children(number, node)?;
                 let right_first = first + self.nodes[left].count as usize;
@@ -95,32 +95,32 @@ impl WideBvh {
                 }
             }
             depth = depth.max(level);
-            for place in 0..self.width {
-                let [low, high] = self.child_box(node, place);
-                let word = self.child(node, place);
-                let Some(places) = Self::leaf_range(word) else {
+            for slot in 0..self.width {
+                let [low, high] = self.child_box(node, slot);
+                let word = self.child(node, slot);
+                let Some(range) = Self::leaf_range(word) else {
                     encloses(bounds, (low, high))?;
                     waiting.push((word as usize, (low, high), level + 1));
                     continue;
                 };
-                if places.is_empty() {
+                if range.is_empty() {
                     let is_marked = word == Self::UNUSED && [low, high] == [[f32::MAX; 3]; 2];
                     is_marked
                         .then_some(())
-                        .ok_or(format!("child {place} of node {node} is empty but not marked unused"))?;
+                        .ok_or(format!("child {slot} of node {node} is empty but not marked unused"))?;
                     continue;
                 }
                 encloses(bounds, (low, high))?;
                 let triangles =
-                    self.order.get(places.clone()).ok_or("a leaf ends beyond the last triangle")?;
+                    self.order.get(range.clone()).ok_or("a leaf ends beyond the last triangle")?;
                 encloses_triangles(mesh, triangles, (low, high))?;
-                held[places].iter_mut().for_each(|count| *count += 1);
+                held[range].iter_mut().for_each(|count| *count += 1);
             }
         }
-        if let Some(place) = held.iter().position(|&count| count != 1) {
+        if let Some(position) = held.iter().position(|&count| count != 1) {
             return Err(format!(
-                "the triangle at place {place} of the leaf order lies in {} leaves; expected 1",
-                held[place]
+                "the triangle at place {position} of the leaf order lies in {} leaves; expected 1",
+                held[position]
             ));
         }
         expect_equal("nodes reached", reached.iter().filter(|&&seen| seen).count(), self.node_count())?;
@@ -131,8 +131,8 @@ impl WideBvh {
 /// A box's smallest and largest corner.
 type Corners = ([f32; 3], [f32; 3]);
 
-fn expect_equal(what: &str, found: usize, expected: usize) -> Verdict {
-    (found == expected).then_some(()).ok_or(format!("{what}: {found}, expected {expected}"))
+fn expect_equal(what: &str, actual: usize, expected: usize) -> Verdict {
+    (actual == expected).then_some(()).ok_or(format!("{what}: {actual}, expected {expected}"))
 }
 
 fn encloses(outer: Corners, inner: Corners) -> Verdict {

@@ -3,7 +3,7 @@
 use super::WideBvh;
 use glam::DVec3;
 
-/// The closest triangle that a ray meets.
+/// The closest triangle that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The triangle's number in the mesh.
@@ -26,9 +26,9 @@ pub struct Walk {
 impl WideBvh {
     /// Returns the closest hit nearer than `reach`. Nearer boxes are visited first.
     ///
-    /// `test(triangle, reach)` returns the distance at which the ray meets a triangle of the mesh. It returns `None` if
-    /// the ray misses the triangle, or if the distance is not below `reach`. Of several hits at the same distance, the
-    /// first that is found is returned.
+    /// `test(triangle, reach)` returns the distance at which the ray hits a triangle of the mesh. `test` returns
+    /// `None` if the ray misses the triangle, or if the distance is not below `reach`. Of several closest hits at the
+    /// same distance, the one that is found first is returned.
     pub fn closest_hit(
         &self,
         origin: DVec3,
@@ -42,8 +42,8 @@ impl WideBvh {
             if near > reach {
                 continue;
             }
-            if let Some(places) = Self::leaf_range(word) {
-                for &triangle in &self.order[places] {
+            if let Some(range) = Self::leaf_range(word) {
+                for &triangle in &self.order[range] {
                     walk.triangles += 1;
                     if let Some(distance) = test(triangle, reach) {
                         walk.hit = Some(Hit { triangle, distance });
@@ -53,9 +53,9 @@ impl WideBvh {
             } else {
                 walk.nodes += 1;
                 let begin = waiting.len();
-                waiting.extend((0..self.width).filter_map(|place| {
-                    let entry = enter(origin, direction, self.child_box(word as usize, place))?;
-                    (entry <= reach).then_some((entry, self.child(word as usize, place)))
+                waiting.extend((0..self.width).filter_map(|slot| {
+                    let entry = enter(origin, direction, self.child_box(word as usize, slot))?;
+                    (entry <= reach).then_some((entry, self.child(word as usize, slot)))
                 }));
                 waiting[begin..].sort_by(|a, b| b.0.total_cmp(&a.0));
             }

@@ -118,11 +118,11 @@ impl WideBvh {
     }
 
     /// Collapses a binary tree. To find a node's children, the function starts with the node's binary subtree as the
-    /// only child. It then repeatedly replaces the child of largest surface area by that child's own two children,
-    /// until all slots are used. Children with more than `leaf_size` triangles are replaced first. If unused slots
-    /// remain, smaller children are replaced too, since testing an unused slot costs as much as testing a used one.
-    /// Leaves therefore become as small as the slots allow, but never smaller than the leaves of the binary tree. The
-    /// binary tree should therefore be built with the leaf size that is fastest.
+    /// only child. The function then repeatedly replaces the child of largest surface area by the two children of this
+    /// child in the binary tree, until all slots are used. Children with more than `leaf_size` triangles are replaced
+    /// first. If unused slots remain, smaller children are replaced too, since testing an unused slot costs as much as
+    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller than the leaves of
+    /// the binary tree. The binary tree should therefore be built with the leaf size that is fastest.
     ///
     /// # Errors
     ///
@@ -138,7 +138,7 @@ impl WideBvh {
             // Trees of large meshes take hundreds of megabytes, so everything is freed as soon as it is copied.
             drop(bvh.nodes);
             wide.nodes.reserve_exact(parts.iter().map(|part| part.nodes.len()).sum());
-            parts.into_iter().enumerate().for_each(|(place, part)| wide.append(1 + place, &part));
+            parts.into_iter().enumerate().for_each(|(index, part)| wide.append(1 + index, &part));
         }
         wide.order = bvh.order;
         if wide.node_count() > Self::MAX_INDEX {
@@ -213,13 +213,13 @@ impl WideBvh {
     }
 
     /// Returns a child's word.
-    pub fn child(&self, node: usize, place: usize) -> u32 {
-        self.nodes[node * self.stride + 6 * self.width + place]
+    pub fn child(&self, node: usize, slot: usize) -> u32 {
+        self.nodes[node * self.stride + 6 * self.width + slot]
     }
 
     /// Returns a child's box: its smallest and its largest corner.
-    pub fn child_box(&self, node: usize, place: usize) -> [[f32; 3]; 2] {
-        let row = |row: usize| f32::from_bits(self.nodes[node * self.stride + row * self.width + place]);
+    pub fn child_box(&self, node: usize, slot: usize) -> [[f32; 3]; 2] {
+        let row = |row: usize| f32::from_bits(self.nodes[node * self.stride + row * self.width + slot]);
         [[row(0), row(2), row(4)], [row(1), row(3), row(5)]]
     }
 
@@ -244,19 +244,19 @@ impl WideBvh {
     /// Writes a node. The nodes that are appended next become the inner children of this node.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
-        for (place, child) in children.iter().enumerate() {
+        for (slot, child) in children.iter().enumerate() {
             let word = if child.is_inner(leaf_size) {
                 next += 1;
                 next - 1
             } else {
                 Self::LEAF | child.count << Self::COUNT_SHIFT | child.first
             };
-            self.write_child(node, place, &bvh.nodes[child.node], word);
+            self.write_child(node, slot, &bvh.nodes[child.node], word);
         }
     }
 
-    fn write_child(&mut self, node: usize, place: usize, child: &Node, word: u32) {
-        let begin = node * self.stride + place;
+    fn write_child(&mut self, node: usize, slot: usize, child: &Node, word: u32) {
+        let begin = node * self.stride + slot;
         for axis in 0..3 {
             self.nodes[begin + 2 * axis * self.width] = child.low[axis].to_bits();
             self.nodes[begin + (2 * axis + 1) * self.width] = child.high[axis].to_bits();

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// Returns the limit of the cache's size in bytes, from the environment. If the environment variable is not a whole
-/// number of MiB, commands refuse it ([`check_limit`]); for other programs, the default applies.
+/// Returns the limit of the cache's size in bytes, from the environment. If the variable's value is not a whole number
+/// of MiB, raycl's commands refuse it ([`check_limit`]); programs that use raycl as a library get the default limit.
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
@@ -44,7 +44,7 @@ pub fn temporary() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();
     let folder = std::env::temp_dir().join(format!("raycl-{user}"));
     make(&folder).ok()?;
-    let own = folder.symlink_metadata().is_ok_and(|found| found.is_dir());
+    let own = folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir());
     (own && trusted(&folder).is_some()).then_some(folder)
 }
 
@@ -67,15 +67,15 @@ pub fn make(folder: &Path) -> std::io::Result<()> {
 
 /// Returns the folder if it belongs to the user and nobody else may write into it.
 pub fn trusted(folder: &Path) -> Option<&Path> {
-    let found = folder.metadata().ok()?;
-    (found.is_dir() && is_own(&found)).then_some(folder)
+    let metadata = folder.metadata().ok()?;
+    (metadata.is_dir() && is_own(&metadata)).then_some(folder)
 }
 
 /// Returns why raycl cannot use a folder for the cache; `None` if raycl can use the folder, or can make it.
 pub fn why_unusable(folder: &Path) -> Option<&'static str> {
     match folder.metadata() {
-        Ok(found) if !found.is_dir() => Some("it is not a folder"),
-        Ok(found) if !is_own(&found) => {
+        Ok(metadata) if !metadata.is_dir() => Some("it is not a folder"),
+        Ok(metadata) if !is_own(&metadata) => {
             Some("another user owns it, or users other than its owner may write into it")
         }
         _ => (!can_be_written(folder)).then_some("raycl cannot write into it"),
@@ -83,8 +83,9 @@ pub fn why_unusable(folder: &Path) -> Option<&'static str> {
 }
 
 /// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
-/// this by creating a temporary file in the nearest existing folder. Permission bits alone show too little: for
-/// the superuser they permit writing even if the file system does not.
+/// this by creating a temporary file in the folder or, if the folder does not exist, in its nearest ancestor that
+/// exists. Permission bits are no sufficient test: they permit the superuser to write even if the file system is
+/// read-only.
 pub fn can_be_written(folder: &Path) -> bool {
     let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
     existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
@@ -93,18 +94,18 @@ pub fn can_be_written(folder: &Path) -> bool {
 /// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for all other files,
 /// and for links.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
-    let found = path.symlink_metadata().ok()?;
-    if !found.is_file() || !is_own(&found) {
+    let metadata = path.symlink_metadata().ok()?;
+    if !metadata.is_file() || !is_own(&metadata) {
         return None;
     }
     std::fs::read(path).ok()
 }
 
 #[cfg(unix)]
-fn is_own(found: &std::fs::Metadata) -> bool {
+fn is_own(metadata: &std::fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt as _;
     const OTHERS_WRITE: u32 = 0o022;
-    found.uid() == rustix::process::geteuid().as_raw() && found.mode() & OTHERS_WRITE == 0
+    metadata.uid() == rustix::process::geteuid().as_raw() && metadata.mode() & OTHERS_WRITE == 0
 }
 
 #[cfg(not(unix))]
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_is_told_in_mebibytes_and_is_512_of_them_otherwise() {
+    fn the_limit_is_set_in_mebibytes_and_is_512_of_them_otherwise() {
         const MIB: u64 = 1024 * 1024;
         let limit = |text: &str| limit_of(Some(OsStr::new(text)));
         for (text, bytes) in [("64", 64 * MIB), (" 64\n", 64 * MIB), ("0", 0), ("", 512 * MIB)] {

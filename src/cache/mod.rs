@@ -18,7 +18,7 @@ const UNFINISHED: &str = ".unfinished-";
 /// of the cache's size also limits the number of its entries.
 const BLOCK_BYTES: u64 = 4096;
 
-/// A folder of entries. Without a folder, nothing is stored.
+/// A cache: a folder of entries, and the limit of its size. If there is no folder, nothing is stored.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
     folder: Option<PathBuf>,
@@ -96,9 +96,9 @@ impl Cache {
         if !fits || folder::make(folder).is_err() || folder::trusted(folder).is_none() {
             return false;
         }
-        let kept = write(folder, &file_name(kind, key), &bytes).is_ok();
+        let is_stored = write(folder, &file_name(kind, key), &bytes).is_ok();
         self.trim();
-        kept
+        is_stored
     }
 
     /// Returns all entries, the most recently used entry first.
@@ -128,7 +128,7 @@ impl Cache {
     }
 }
 
-/// Returns what an entry of this size counts towards the limit.
+/// Returns the number of bytes by which an entry of this size counts towards the limit.
 fn space_bytes(bytes: u64) -> u64 {
     bytes.max(BLOCK_BYTES)
 }
@@ -160,14 +160,14 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
 
 /// Returns the entry of a file, even if the file is unfinished; `None` if the cache did not create the file.
 fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
-    let found = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
+    let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();
     let name = name.to_str()?;
     let ours = entry::is_name(name) || name.starts_with(UNFINISHED);
     ours.then(|| Entry {
         path: file.path(),
-        bytes: found.len(),
-        used: found.modified().unwrap_or(SystemTime::UNIX_EPOCH),
+        bytes: metadata.len(),
+        used: metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH),
     })
 }
 
@@ -178,9 +178,9 @@ mod tests {
     use std::time::Duration;
 
     fn cache(limit_bytes: u64) -> (tempfile::TempDir, Cache) {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), limit_bytes);
-        (place, cache)
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), limit_bytes);
+        (folder, cache)
     }
 
     fn only_file(cache: &Cache) -> PathBuf {
@@ -189,8 +189,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_comes_back_by_its_key_and_kind_alone() {
-        let (_place, cache) = cache(10_000);
+    fn what_is_stored_comes_back_by_its_key_and_kind_alone() {
+        let (_parent, cache) = cache(10_000);
         assert_eq!(cache.get("program", "key"), None);
         assert!(cache.put("program", "key", b"content"));
         assert_eq!(cache.get("program", "key").unwrap(), b"content");
@@ -205,15 +205,15 @@ mod tests {
 
     #[test]
     fn a_changed_byte_anywhere_counts_as_no_entry() {
-        let (_place, cache) = cache(10_000);
+        let (_parent, cache) = cache(10_000);
         assert!(cache.put("program", "key", b"content"));
         let path = only_file(&cache);
         let whole = std::fs::read(&path).unwrap();
-        for place in 0..whole.len() {
+        for position in 0..whole.len() {
             let mut broken = whole.clone();
-            broken[place] ^= 1;
+            broken[position] ^= 1;
             std::fs::write(&path, broken).unwrap();
-            assert_eq!(cache.get("program", "key"), None, "byte {place}");
+            assert_eq!(cache.get("program", "key"), None, "byte {position}");
         }
         for length in 0..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn an_entry_under_anothers_name_is_not_taken_for_it() {
-        let (_place, cache) = cache(10_000);
+        let (_parent, cache) = cache(10_000);
         assert!(cache.put("program", "other", b"of another program"));
         let name = cache.folder().unwrap().join(file_name("program", "key"));
         std::fs::rename(only_file(&cache), name).unwrap();
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn what_was_not_used_for_longest_goes_first() {
-        let (_place, cache) = cache(3 * BLOCK_BYTES);
+        let (_parent, cache) = cache(3 * BLOCK_BYTES);
         let day = Duration::from_secs(86_400);
         for (key, days) in [("a", 3), ("b", 1), ("c", 2)] {
             assert!(cache.put("program", key, &[0; 200]));
@@ -243,23 +243,23 @@ mod tests {
         }
         assert!(cache.get("program", "a").is_some(), "this counts as a use");
         assert!(cache.put("program", "d", &[0; 200]));
-        let kept = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
-        assert_eq!(kept, [true, true, false, true]);
+        let present = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
+        assert_eq!(present, [true, true, false, true]);
         assert!(!cache.put("program", "e", &[0; 20_000]), "larger than the cache may be");
     }
 
     #[test]
     fn entries_that_fill_the_limit_stay() {
-        let (_place, large) = cache(10_000);
+        let (_parent, large) = cache(10_000);
         assert!(large.put("program", "a", &[0; 5_000]));
-        let (_place, full) = cache(2 * large.entries()[0].bytes);
+        let (_parent, full) = cache(2 * large.entries()[0].bytes);
         assert!(["a", "b"].iter().all(|key| full.put("program", key, &[0; 5_000])));
         assert_eq!(full.entries().len(), 2);
     }
 
     #[test]
     fn a_small_entry_counts_as_the_block_that_it_takes_on_a_disk() {
-        let (_place, full) = cache(2 * BLOCK_BYTES);
+        let (_parent, full) = cache(2 * BLOCK_BYTES);
         assert!((0..5).all(|key| full.put("program", &key.to_string(), b"small")));
         assert_eq!(full.entries().len(), 2);
     }
@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn what_others_may_write_is_not_trusted() {
         use std::os::unix::fs::{PermissionsExt as _, symlink};
-        let (place, cache) = cache(10_000);
+        let (parent, cache) = cache(10_000);
         assert!(cache.put("program", "key", b"content"));
         let (folder, file) = (cache.folder().unwrap().to_owned(), only_file(&cache));
         let mode = |path: &Path, mode| {
@@ -287,7 +287,7 @@ mod tests {
         }
         mode(&file, 0o644);
         assert!(cache.get("program", "key").is_some());
-        let elsewhere = place.path().join("elsewhere");
+        let elsewhere = parent.path().join("elsewhere");
         std::fs::rename(&file, &elsewhere).unwrap();
         symlink(&elsewhere, &file).unwrap();
         assert_eq!(cache.get("program", "key"), None);
@@ -297,7 +297,7 @@ mod tests {
     #[test]
     fn a_folder_that_others_may_write_and_a_file_in_its_place_keep_nothing() {
         use std::os::unix::fs::PermissionsExt as _;
-        let (place, cache) = cache(10_000);
+        let (parent, cache) = cache(10_000);
         assert!(cache.keeps(), "the folder can be made");
         assert!(!Cache::none().keeps());
         assert!(cache.put("program", "key", b"content") && cache.keeps());
@@ -306,7 +306,7 @@ mod tests {
         assert!(!cache.keeps() && !cache.put("program", "other", b"content"));
         assert_eq!(cache.entries().len(), 1, "only the entry that was stored before");
         assert!(cache.why_unusable().unwrap().contains("users other than its owner"));
-        let file = place.path().join("file");
+        let file = parent.path().join("file");
         std::fs::write(&file, "").unwrap();
         assert_eq!(Cache::at(&file, 10_000).why_unusable(), Some("it is not a folder"));
         let below = Cache::at(&file.join("raycl"), 10_000);
@@ -315,7 +315,7 @@ mod tests {
 
     #[test]
     fn only_the_caches_own_files_are_cleared() {
-        let (_place, cache) = cache(10_000);
+        let (_parent, cache) = cache(10_000);
         assert!(cache.put("program", "key", b"content"));
         let bytes = cache.entries()[0].bytes;
         let folder = cache.folder().unwrap();
@@ -333,14 +333,14 @@ mod tests {
 
     #[test]
     fn entries_are_removed_although_some_are_gone_and_some_cannot_be_removed() {
-        let (_place, cache) = cache(10_000);
+        let (_parent, cache) = cache(10_000);
         assert!(["a", "b"].iter().all(|key| cache.put("program", key, b"content")));
         let entry = |name: &str| Entry {
             path: cache.folder().unwrap().join(name),
             bytes: 3,
             used: SystemTime::UNIX_EPOCH,
         };
-        // The first entry is gone.
+        // The first entry in the list has no file, as if another process had removed it.
         let listed = [vec![entry("gone")], cache.entries()].concat();
         let bytes = listed[1].bytes + listed[2].bytes;
         assert_eq!(remove(&listed).unwrap(), (2, bytes));
@@ -355,7 +355,7 @@ mod tests {
 
     #[test]
     fn an_entry_may_be_as_large_as_the_cache() {
-        let (_place, large) = cache(10_000);
+        let (_parent, large) = cache(10_000);
         assert!(large.put("program", "a", &[0; 5_000]));
         let bytes = large.entries()[0].bytes;
         let [(_full, full), (_small, small)] = [bytes, bytes - 1].map(cache);

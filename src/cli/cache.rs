@@ -32,14 +32,14 @@ enum Action {
     Path,
 }
 
-/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `clear`, `entries` and `bytes` count
-/// what was removed.
+/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `clear`, `entries` and `bytes` are the
+/// number and the size of the removed entries.
 #[derive(Serialize)]
 struct Shown {
-    /// The cache's folder; null if the cache has no folder, so that raycl stores nothing between runs.
+    /// The path of the cache's folder. Null if the cache has no folder; raycl then stores nothing between runs.
     folder: Option<String>,
-    /// Why raycl cannot use the folder, so that it stores nothing between runs; null if it can, or if there is no
-    /// folder.
+    /// The reason why raycl cannot use the folder. If there is such a reason, raycl stores nothing between runs. Null
+    /// if raycl can use the folder, or if there is no folder.
     unusable: Option<&'static str>,
     entries: usize,
     bytes: u64,

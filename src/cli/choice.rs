@@ -2,7 +2,7 @@
 
 use super::Cli;
 use crate::cache::Cache;
-use crate::device::{Device, DeviceInfo, DeviceLimits, LaneTest, default_place, pick_one, places};
+use crate::device::{Device, DeviceInfo, DeviceLimits, LaneTest, default_index, matching_indices, pick_one};
 use crate::error::{Error, Result, meant};
 use crate::scene;
 use crate::settings;
@@ -15,7 +15,7 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// Parses `WIDTHxHEIGHT`, or one number for both.
+/// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (across, down) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
@@ -27,8 +27,8 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     Ok([number(across)?, number(down)?])
 }
 
-/// Returns a parser for clap that accepts a whole number of a range. clap's own parser does not tell the range if the
-/// text is not a whole number.
+/// Returns a parser that accepts a whole number in `range`, for clap (the library that parses raycl's arguments). If
+/// the text is not a whole number, the message of clap's own parser does not state the range.
 pub fn whole<T: TryFrom<u32>>(
     range: RangeInclusive<u32>,
 ) -> impl Fn(&str) -> std::result::Result<T, String> + Clone {
@@ -103,9 +103,9 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// Returns the error for a part of a strategy's text without `=` that is not the first part. The first part may name
-/// the preset `named`, and `axes` are the parts after that preset. The part may be a preset that the user wrote after
-/// its axes, or the preset of another strategy.
+/// Returns the error for `part`, which is a part of a strategy's text, has no `=`, and is not the preset at the
+/// beginning. `named` is this preset, if there is one, and `axes` are all other parts of the text. `part` may be a
+/// preset that the user wrote after its axes, or the preset of another strategy.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -113,7 +113,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // Other presets are left out, since a strategy has one.
+            // The suggestion leaves out the parts without `=`, such as further presets, since a strategy has only one
+            // preset.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
@@ -121,18 +122,18 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     })
 }
 
-/// Returns the error for a text that names no strategy. Such a text is mostly the value of a shell's variable that is
-/// not set.
+/// Returns the error for a text that names no strategy. In most cases, the text is empty because the user wrote a shell
+/// variable that is not set.
 fn no_strategy(text: &str) -> Error {
     Error::input(format!("'{text}' names no strategy: it has neither a preset nor the value of an axis")).with_help(
         "name a preset (naive), values of axes (width=4), or both (deferred,width=4); `raycl strategies` lists them",
     )
 }
 
-/// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
-/// fastest one that raycl knows or, if `set` requests the watertight test, the fastest one with this test. Finally,
-/// each axis that `set` names gets its value in `set`. If the fastest strategy does not allow these values, the remedy
-/// is to name another strategy.
+/// Returns the strategy for a task, and its local size. `text` names the strategy, and `set` has the keys and values of
+/// the options `--set`. Without `text`, the strategy is the fastest one that raycl knows or, if `set` requests the
+/// watertight test, the fastest one with this test. Finally, each axis that `set` names gets its value in `set`. If the
+/// fastest strategy cannot be combined with these values, the error advises the user to name another strategy.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -154,8 +155,9 @@ pub fn chosen_strategy(
     Ok((strategy, strategy.usual_local_size(limits)))
 }
 
-/// Returns the remedy if values of `--set` cannot be combined with the strategy that raycl chose. The strategy may
-/// differ from every preset, for example in its width, so the text names the most similar preset.
+/// Returns the remedy (the advice in the error message) if values of `--set` cannot be combined with `chosen`, the
+/// strategy that raycl chose. `chosen` may differ from every preset, for example in its width, so the remedy names the
+/// most similar preset.
 fn another_strategy(chosen: &Strategy) -> String {
     let own = chosen.axes();
     let differences =
@@ -189,7 +191,7 @@ pub fn is_axis(key: &str) -> bool {
 }
 
 /// Returns an error if a key of `--set` is not a key of a scene, but names an option that `render` and `view` have,
-/// such as `local_size`. The remedy is this option with the value.
+/// such as `local_size`. The error's remedy is the option with the value, such as `--local-size 8`.
 pub fn refuse_option(key: &str, value: &str) -> Result<()> {
     let (all, name) = (Cli::command(), key.replace('_', "-"));
     let of = |command: &str| {
@@ -229,11 +231,17 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
 /// Returns the index, in `infos`, of the device that [`one_device`] chooses. `word` is the text that names a device in
 /// the user's settings. Returns an error if `pattern` or `word` matches no usable device. Without `pattern` and `word`,
 /// returns `None` if no device is usable.
-fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) -> Result<Option<usize>> {
+fn one_device_index(
+    infos: &[DeviceInfo],
+    pattern: Option<&str>,
+    word: Option<String>,
+) -> Result<Option<usize>> {
     match (pattern, word) {
-        (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
-        (None, Some(word)) => Ok(places(infos, &[word]).map_err(settings::blame_device)?.first().copied()),
-        (None, None) => Ok(default_place(infos)),
+        (Some(pattern), _) => Ok(matching_indices(infos, &[pattern.to_owned()])?.first().copied()),
+        (None, Some(word)) => {
+            Ok(matching_indices(infos, &[word]).map_err(settings::blame_device)?.first().copied())
+        }
+        (None, None) => Ok(default_index(infos)),
     }
 }
 
@@ -244,15 +252,15 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
 /// # Errors
 ///
 /// Fails if no usable device matches the user's settings.
-pub fn usual_place(infos: &[DeviceInfo]) -> Result<Option<usize>> {
-    one_place(infos, None, settings::device())
+pub fn usual_device_index(infos: &[DeviceInfo]) -> Result<Option<usize>> {
+    one_device_index(infos, None, settings::device())
 }
 
-/// Returns the same device as [`one_device`]. If the cache has no up-to-date list of devices, `lane_test` decides
-/// whether the devices' lane operations (such as ballots among work-items that execute together) are tested now or
-/// later.
+/// Returns a device, chosen as [`one_device`] chooses it. If the cache has no up-to-date list of devices, `lane_test`
+/// decides whether the devices' lane operations (such as ballots among work-items that execute together) are tested now
+/// or later.
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
-    let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());
+    let choose = |infos: &[DeviceInfo]| one_device_index(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {
         Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each device")
     })
@@ -268,13 +276,13 @@ mod tests {
         assert_eq!(parse_size("16X8"), Ok([16, 8]));
         assert_eq!(parse_size("4"), Ok([4, 4]));
         for wrong in ["", "x", "0x4", "-1", "4x", "5000", "8x8x8"] {
-            let told = parse_size(wrong).expect_err(wrong);
-            assert!(told.contains("such as 16x8, or one number for both"), "{told}");
+            let message = parse_size(wrong).expect_err(wrong);
+            assert!(message.contains("such as 16x8, or one number for both"), "{message}");
         }
     }
 
     #[test]
-    fn a_whole_number_that_is_refused_is_told_with_its_range() {
+    fn a_whole_number_that_is_refused_is_reported_with_its_range() {
         let rate = whole::<u16>(1..=1000);
         assert_eq!([rate("1"), rate("1000")], [Ok(1), Ok(1000)]);
         for wrong in ["29.97", "0", "1001", "-1", "70000", "99999999999", "many", ""] {
@@ -296,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_misspelt_axis_is_told_from_a_key_of_the_scene() {
+    fn a_misspelt_axis_is_distinguished_from_a_key_of_the_scene() {
         for key in ["wdith", "vectros", "layuot"] {
             assert!(refuse_misspelt_axis(key).is_err(), "{key}");
         }
@@ -318,7 +326,7 @@ mod tests {
             let error = refuse_option(key, value).expect_err(key);
             assert_eq!((error.exit_code(), error.remedy()), (2, &*format!("{key} is an option: {option}")));
         }
-        // The first three keys are options too.
+        // The first three keys are names of options, but also keys of a scene.
         for key in ["background", "two_sided", "crease", "name", "camera.up", "object.0.seed", "wdith"] {
             assert!(refuse_option(key, "1").is_ok(), "{key}");
         }
@@ -388,7 +396,8 @@ mod tests {
         };
         let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..crate::device::EXAMPLE_LIMITS };
         let wide = [("width".to_owned(), "4".to_owned())];
-        // A picture with so many pixels is cast by large tiles with separate passes on a GPU, which no preset has.
+        // On a GPU, raycl casts a picture with so many pixels with large tiles in separate passes. No preset has this
+        // combination.
         let task = Task::covering(1026, 1 << 24);
         for (limits, name) in [(&cpu, "tile"), (&gpu, "tile-group")] {
             let error = chosen_strategy(None, &wide, limits, task).expect_err("tiles do not have this width");
@@ -405,9 +414,9 @@ mod tests {
         let infos = ["one", "two"]
             .map(|name| crate::device::tests::example("P", name, crate::device::DeviceKind::Cpu, 2));
         for (pattern, word) in [(Some("cpu"), None), (None, Some("cpu")), (Some("one"), Some("two"))] {
-            let place = one_place(&infos, pattern, word.map(str::to_owned)).unwrap();
-            assert_eq!(place, Some(0), "{pattern:?} {word:?}");
+            let index = one_device_index(&infos, pattern, word.map(str::to_owned)).unwrap();
+            assert_eq!(index, Some(0), "{pattern:?} {word:?}");
         }
-        assert_eq!(one_place(&infos, None, Some("two".to_owned())).unwrap(), Some(1));
+        assert_eq!(one_device_index(&infos, None, Some("two".to_owned())).unwrap(), Some(1));
     }
 }

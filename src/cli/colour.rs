@@ -1,5 +1,6 @@
-//! `--color`: whether raycl prints in colour. The option decides first, then `NO_COLOR`
-//! (<https://no-color.org>), then the user's settings, then whether the output is a terminal.
+//! `--color`: whether raycl prints in colour. The option takes precedence over the environment variable `NO_COLOR`
+//! (<https://no-color.org>), and this variable over the user's settings. If none of them decides, raycl prints in
+//! colour if the output is a terminal.
 
 use clap::ColorChoice;
 use std::ffi::OsString;
@@ -34,7 +35,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
 }
 
 /// Returns true if the user chose `always` and false if the user chose `never`; `None` if colours depend on the output.
-pub fn told() -> Option<bool> {
+pub fn chosen() -> Option<bool> {
     match CHOSEN.load(Ordering::Relaxed) {
         1 => Some(true),
         2 => Some(false),
@@ -45,12 +46,12 @@ pub fn told() -> Option<bool> {
 /// Returns whether standard output is coloured.
 pub fn on_output() -> bool {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-    told().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
+    chosen().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
 }
 
 /// Returns the choice of colour for the help and the messages that clap prints.
 pub(super) fn of_clap() -> ColorChoice {
-    told()
+    chosen()
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 

@@ -108,8 +108,8 @@ fn remedy(comparison: &Comparison, after: &Path) -> String {
     }
 }
 
-/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Nothing is refused
-/// without a limit. `between` is the part of the message after the number of regressions.
+/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Without a limit, there
+/// is no error. `between` is the text that the message has between the number of regressions and their list.
 pub(super) fn refuse_regressions(
     comparison: &Comparison,
     limit_percent: Option<f64>,
@@ -154,7 +154,8 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     super::print(comparison.summary())
 }
 
-/// Returns the points whose verdict is not "same": the largest slowdown first, points without a ratio last.
+/// Returns the points whose verdict is not "same". The point with the largest slowdown comes first; points for which
+/// the ratio of the two times is unknown come last.
 fn changed(comparison: &Comparison) -> Vec<&report::Pair> {
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
     let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);

@@ -64,7 +64,8 @@ struct Report {
     /// at least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
-    /// Remarks for the user: the two files have values of different kinds.
+    /// Remarks for the user. The only possible remark is that one picture has displayed values and the other one
+    /// radiance.
     notes: Vec<String>,
 }
 
@@ -120,7 +121,7 @@ fn refuse_compared(args: &Args, target: &Target) -> Result<()> {
 /// Returns a note if one picture has displayed values and the other one radiance. Such pictures differ in every pixel,
 /// even if they are of the same render.
 fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> {
-    let told = |path: &PathBuf, values| {
+    let values_of = |path: &PathBuf, values| {
         let what = match values {
             Values::Displayed => "displayed values",
             Values::Radiance => "linear radiance",
@@ -131,8 +132,8 @@ fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> 
         format!(
             "{} and {}, so the two differ even if they show the same picture: compare a .png or .jpg with a .png or \
              .jpg, and an .exr or .hdr with an .exr or .hdr",
-            told(&args.found, found),
-            told(&args.expected, expected)
+            values_of(&args.found, found),
+            values_of(&args.expected, expected)
         )
     })
 }
@@ -151,8 +152,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
     let mut largest = (0.0, None);
     let (mut squares, mut different, mut relative, mut peak) = (0.0, 0, 0.0f64, 0.0f64);
     let channels = if found.coverage.is_empty() { 3.0 } else { 4.0 };
-    for (place, (a, b)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
-        let alpha = alpha_difference(found.coverage.get(place), expected.coverage.get(place));
+    for (index, (a, b)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
+        let alpha = alpha_difference(found.coverage.get(index), expected.coverage.get(index));
         let [red, green, blue] =
             [0, 1, 2].map(|channel| (f64::from(a[channel]) - f64::from(b[channel])).abs());
         let errors = [red, green, blue, alpha];
@@ -166,7 +167,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             different += 1;
         }
         if worst > largest.0 {
-            largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
+            largest = (worst, Some([index as u32 % found.width, index as u32 / found.width]));
         }
     }
     // The peak of the signal-to-noise ratio is white (1) for 8-bit pictures. For radiance, the peak is the brightest
@@ -287,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn the_text_has_every_difference_with_its_place_and_its_unit() {
+    fn the_text_has_every_difference_with_its_position_and_its_unit() {
         let report = Report {
             psnr_db: Some(43.686),
             equal: false,
@@ -299,9 +300,9 @@ mod tests {
             output: Some("d.png".into()),
             notes: vec!["a remark".into()],
         };
-        let told = text(&report);
+        let printed = text(&report);
         let lines: Vec<String> =
-            told.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+            printed.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
         assert_eq!(
             lines,
             [

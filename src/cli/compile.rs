@@ -8,7 +8,7 @@ use crate::microscope::Microscope;
 use crate::output::{Choice, OutFolder};
 use crate::printer;
 use crate::program::compiled::is_ptx;
-use crate::program::{CACHE_DISABLE, CompiledKernel, Kept, Sources};
+use crate::program::{CACHE_DISABLE, CompiledKernel, ProgramCache, Sources};
 use crate::report::{MICROSCOPE, microscope_page};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
@@ -75,10 +75,12 @@ struct Compilation {
     microscope: Option<Microscope>,
 }
 
-/// The image size. The compiled code does not depend on the size, so any size will do.
+/// The image size for which the kernels are prepared. The compiled code does not depend on the image size, so any size
+/// will do.
 const IMAGE_SIZE: [u32; 2] = [64, 64];
 
-/// Builds the program of every strategy. Fails if a program cannot be built, after the others have been built.
+/// Builds the program of every strategy. If a program cannot be built, builds the programs of the other strategies, and
+/// then fails.
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;
@@ -88,7 +90,7 @@ pub fn run(args: Args) -> Result<()> {
     strategies.iter().try_for_each(|strategy| strategy.check())?;
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
     let device = one_device(args.device.as_deref(), &sources)?;
-    let mut session = Session::open(&device, &sources, Arc::new(scene))?.keeping(Kept::default());
+    let mut session = Session::open(&device, &sources, Arc::new(scene))?.with_cache(ProgramCache::default());
     let mut failed = Vec::new();
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = match compile(&args, &device, &mut session, strategy) {
@@ -115,8 +117,8 @@ pub fn run(args: Args) -> Result<()> {
     refuse_not_compiled(&failed, strategies.len())
 }
 
-/// Returns an error if programs could not be compiled. `failed` has the names of their strategies, and the exit codes
-/// of the errors, which have been printed.
+/// Returns an error if programs could not be compiled. For each of these programs, `failed` has the name of its
+/// strategy and the exit code of its error. These errors have been printed.
 fn refuse_not_compiled(failed: &[(&str, u8)], all: usize) -> Result<()> {
     if failed.is_empty() {
         return Ok(());
@@ -144,8 +146,9 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Turns off the cache of NVIDIA's compiler, unless the user has set the environment variable of this cache. The
-/// compiler prints the number of registers only when it compiles a program.
+/// Turns off the cache of NVIDIA's compiler, unless the user has set the environment variable of this cache. NVIDIA's
+/// compiler prints the number of registers only when it compiles a program, not when it takes the program from its
+/// cache.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
         // SAFETY: the command has just begun: no driver is loaded and no other thread could read the
@@ -154,7 +157,7 @@ fn disable_caches() {
     }
 }
 
-/// Names and contents of the files, except `made.json` and the page [`MICROSCOPE`].
+/// The names and contents of the files of a strategy's folder, except `made.json` and the page [`MICROSCOPE`].
 type Files = Vec<(&'static str, Vec<u8>)>;
 
 fn compile(
@@ -197,8 +200,8 @@ fn compile(
     Ok((made, files))
 }
 
-/// Writes a strategy's folder, and removes the files of an earlier program that the new one lacks: a program has one of
-/// the two kinds of binaries.
+/// Writes the files of a strategy's folder. Then removes files that an earlier program left in this folder and that the
+/// new program does not have. For example, a program has only one of the files `binary.ptx` and `binary.bin`.
 fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));
@@ -224,8 +227,8 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
 
 /// Returns the name of a strategy's folder: "deferred-width-4" for "deferred,width=4".
 fn folder_name(strategy: &str) -> String {
-    let kept = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
-    strategy.chars().map(kept).collect()
+    let allowed = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
+    strategy.chars().map(allowed).collect()
 }
 
 fn text_of(name: &str, made: &Compilation) -> String {
@@ -271,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_folder_has_the_binary_of_its_latest_program_only() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let made = Compilation {
             device: "a device".to_owned(),
             strategy: "a strategy".to_owned(),
@@ -283,17 +286,17 @@ mod tests {
             microscope: None,
         };
         let keep_with = |strategy: &str, binary: &'static str| {
-            let mut out = OutFolder::open(place.path(), Choice::new(false, "--out DIR")).unwrap();
+            let mut out = OutFolder::open(folder.path(), Choice::new(false, "--out DIR")).unwrap();
             keep(&mut out, strategy, &made, vec![(binary, b"a program".to_vec())]).unwrap();
         };
         keep_with("naive", "binary.ptx");
         keep_with("deferred", "binary.ptx");
-        std::fs::write(place.path().join("naive/notes.txt"), "mine").unwrap();
+        std::fs::write(folder.path().join("naive/notes.txt"), "mine").unwrap();
         keep_with("naive", "binary.bin");
-        let is_there = |name: &str| place.path().join(name).is_file();
+        let is_there = |name: &str| folder.path().join(name).is_file();
         assert!(is_there("naive/binary.bin") && !is_there("naive/binary.ptx"));
-        for kept in ["naive/made.json", "naive/notes.txt", "deferred/binary.ptx"] {
-            assert!(is_there(kept), "{kept}");
+        for file in ["naive/made.json", "naive/notes.txt", "deferred/binary.ptx"] {
+            assert!(is_there(file), "{file}");
         }
     }
 }

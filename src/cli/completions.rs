@@ -24,7 +24,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(script.trim_end())
 }
 
-/// Returns raycl without its hidden subcommands, since clap_complete would include them in the completions.
+/// Returns raycl's command line without the hidden subcommands, since clap_complete (the library that generates the
+/// script) would include them in the completions.
 fn shown() -> Command {
     let whole = super::Cli::command();
     let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::choice::usual_place;
+use super::choice::usual_device_index;
 use crate::device::{self, DeviceInfo, Survey};
 use crate::error::Result;
 use crate::settings;
@@ -21,11 +21,11 @@ pub struct Args {
     json: bool,
 }
 
-/// Lists the devices. It is an error if there is no platform.
+/// Lists the devices. Fails if there is no OpenCL platform.
 pub fn run(args: Args) -> Result<()> {
     let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
     let infos: Vec<DeviceInfo> = devices.into_iter().map(|device| device.info).collect();
-    let default = usual_place(&infos);
+    let default = usual_device_index(&infos);
     if args.json {
         return super::print_json(&listing(&infos, &empty_platforms, default.ok().flatten()));
     }
@@ -36,7 +36,8 @@ pub fn run(args: Args) -> Result<()> {
 struct Listing<'a> {
     devices: Vec<Row<'a>>,
     empty_platforms: &'a [String],
-    /// The slug of the device on which commands cast if no option names a device; null if they refuse to cast.
+    /// The slug (the name for use in file names) of the device on which commands cast if no option names a device; null
+    /// if commands then refuse to cast.
     default: Option<String>,
 }
 
@@ -53,7 +54,7 @@ fn listing<'a>(
     default: Option<usize>,
 ) -> Listing<'a> {
     let devices = infos.iter().map(|info| Row { slug: info.slug(), info }).collect();
-    Listing { devices, empty_platforms, default: default.map(|place| infos[place].slug()) }
+    Listing { devices, empty_platforms, default: default.map(|index| infos[index].slug()) }
 }
 
 const HEADER: [&str; 9] = [
@@ -92,13 +93,13 @@ fn text(infos: &[DeviceInfo], empty_platforms: &[String]) -> String {
     text
 }
 
-/// Returns the line that says on which device commands cast if no option names a device. `origin` is what names the
-/// device in the user's settings.
+/// Returns the line that says on which device commands cast if no option names a device. `origin` says where the user's
+/// settings name the device: in the environment variable `RAYCL_DEVICE` or in the settings file.
 fn by_default(infos: &[DeviceInfo], default: Result<Option<usize>>, origin: Option<&str>) -> String {
     match default {
-        Ok(Some(place)) => {
+        Ok(Some(index)) => {
             let named = origin.map(|origin| format!(" (named by {origin})")).unwrap_or_default();
-            format!("\nBy default, raycl casts on {}{named}.", infos[place].describe())
+            format!("\nBy default, raycl casts on {}{named}.", infos[index].describe())
         }
         Err(error) if infos.iter().any(|info| info.unusable.is_none()) => {
             format!("\nWithout --device, raycl does not cast: {}.", error.in_a_line())
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_is_told_with_what_names_it_or_why_there_is_none() {
+    fn the_default_is_reported_with_what_names_it_or_why_there_is_none() {
         let mut infos = [example("PoCL", "cpu", DeviceKind::Cpu, 2)];
         let casts = |origin| by_default(&infos, Ok(Some(0)), origin);
         assert!(casts(None).starts_with("\nBy default, raycl casts on cpu (PoCL, "), "{}", casts(None));

@@ -1,6 +1,6 @@
-//! Protects commands from drivers that crash or hang while they list their devices. A command that starts drivers does
-//! its work in a child process. If a driver ends the child process, raycl tries the drivers one by one, and starts the
-//! work again without the drivers that fail.
+//! Protects commands from OpenCL drivers that crash or hang while they list their devices. A command that starts
+//! drivers does its work in a child process. If a driver ends the child process, raycl tries the drivers one by one,
+//! and starts the work again without the drivers that fail.
 
 #[cfg(unix)]
 mod terminal;
@@ -20,13 +20,19 @@ use std::process::ExitStatus;
 #[cfg(unix)]
 use terminal::LentTerminal;
 
-/// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown settings). The
-/// first access to each page of new memory causes a page fault; these page faults took a fifth of the time of a short
-/// command. With these settings, the allocator asks the system for huge pages, and extends its heaps by 16 MiB at a
-/// time. Larger steps are hardly faster, and let the process keep more freed memory than raycl's predictions of memory
-/// use allow for. glibc reads the variable only when a process starts, so raycl sets it for the child process of
-/// `render` or `view`. If the user has set the variable, raycl leaves it unchanged.
-const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216");
+/// The environment variable for settings of glibc's memory allocator, and its value. glibc 2.35 and later obey these
+/// settings; older versions and other C libraries ignore them. The first access to each page of new memory causes a
+/// page fault; these page faults took a fifth of the time of a short command. With these settings, the allocator asks
+/// the system for huge pages, and extends its heaps by 16 MiB at a time. Larger steps are hardly faster, and let the
+/// process keep more freed memory than raycl's predictions of memory use allow for. An allocation of 4 MiB or more gets
+/// memory of its own, which the system gets back when the allocation is freed. (By itself, glibc raises this limit to as
+/// much as 32 MiB; a picture of ten million triangles then took 125 MiB more.) glibc reads the variable only when a
+/// process starts, so raycl sets it for the child process of `render` or `view`. If the user has set the variable,
+/// raycl leaves it unchanged.
+const ALLOCATOR: (&str, &str) = (
+    "GLIBC_TUNABLES",
+    "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216:glibc.malloc.mmap_threshold=4194304",
+);
 
 /// Returns whether this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {
@@ -37,12 +43,11 @@ pub fn is_inside() -> bool {
 /// if this code is 0. If a driver ends the child process, raycl runs the command line again without the drivers that
 /// fail. A command that reads standard input cannot run again, since its input can be read only once. If
 /// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
-/// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
-/// processes of `raycl run` do not use huge pages either. If `uses_terminal` is true (for `raycl view --terminal`), the
-/// terminal is restored however the child process ends, but only on Unix, and only if standard input and standard
-/// output are a terminal. `opens_window` is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the
-/// user's kernel files, if the command uses one: if the child process crashes, a mistake in these files is more likely
-/// than one in a driver.
+/// unless the user has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes
+/// of `raycl run` do. If `uses_terminal` is true (for `raycl view --terminal`), the terminal is restored however the
+/// child process ends, but only on Unix, and only if standard input and standard output are a terminal. `opens_window`
+/// is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel files, if the command
+/// uses one: if the child process crashes, a mistake in these files is more likely than one in a driver.
 ///
 /// # Errors
 ///
@@ -105,8 +110,9 @@ fn without_broken(
     }
 }
 
-/// Returns the error if a process crashed that used kernel files of the user; `None` if it used none, or did not crash.
-/// `cl_dir` is the folder of these files. If the process opens a window, the window's library may have crashed instead.
+/// Returns the error for a process that used kernel files of the user and crashed. Returns `None` if the process used
+/// no kernel files of the user, or did not crash. `cl_dir` is the folder of these files. If the process opens a window,
+/// the library that opens the window may have crashed instead, so the remedy names this cause too.
 fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
@@ -123,9 +129,9 @@ fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) 
     )
 }
 
-/// Returns the error if every one of these drivers works when it is loaded alone. `cause` is how the process ended. If
-/// the process crashed and opens a window, the window's library may have crashed: the crate minifb frees memory twice if
-/// it finds that a display's pixels do not have 32 bits.
+/// Returns the error if every one of these drivers works when it is loaded alone. `cause` says how the process ended.
+/// If the process crashed and opens a window, the window's library may have crashed: the crate minifb frees memory
+/// twice if it finds that a display's pixels do not have 32 bits.
 fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = advice_for(drivers, full_disk_advice());
     match crash(status).filter(|_| opens_window) {
@@ -138,13 +144,14 @@ fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers:
     }
 }
 
-/// Returns the remedies after a crash of a process that opens a window: those of the window, then `advice`.
+/// Returns the remedies after a crash of a process that opens a window: first [`WINDOW`], then `advice`.
 fn window_or(advice: &str) -> String {
     format!("{WINDOW}; if the window opened, {advice}")
 }
 
 /// Returns the advice for the user if every one of these drivers works when it is loaded alone. `full_disk` is the
-/// advice if the disk of PoCL's folder is full, which disturbs no other driver.
+/// advice for the case that the disk of PoCL's folder for compiled kernels is full. It is left out if PoCL is not among
+/// the drivers, since a full disk disturbs no other driver.
 fn advice_for(drivers: &[Driver], full_disk: Option<String>) -> String {
     let of_pocl = full_disk.filter(|_| drivers.iter().any(Driver::is_pocl));
     of_pocl.into_iter().chain([otherwise(address_space_limit())]).collect::<Vec<_>>().join("; or ")
@@ -163,8 +170,8 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
     }
 }
 
-/// Runs the same command line once, with these environment variables. If `terminal` is given (for
-/// `raycl view --terminal`), the terminal is restored after the child process has ended.
+/// Runs the command line of this process once, in a child process with these environment variables. If `terminal` is
+/// given (for `raycl view --terminal`), the terminal is restored after the child process has ended.
 fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
@@ -207,7 +214,7 @@ const OWN_KERNELS: &str = "a mistake in a kernel file of yours is more likely th
 const WINDOW: &str = "if no window opened, the display may be the cause: a window needs a display with 24-bit colours; --terminal shows the scene in this terminal instead";
 /// The remedy after SIGKILL.
 const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`dmesg` then says so): a smaller picture or scene needs less memory";
-/// The remedy after other signals from outside the process.
+/// The remedy after a signal from outside the process other than SIGKILL and SIGINT, for example SIGTERM.
 const FROM_OUTSIDE: &str =
     "another process sent this signal, or a limit was reached (`ulimit -a` shows the limits)";
 
@@ -239,15 +246,16 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
 }
 
 /// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If SIGINT (Ctrl-C) ended
-/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. If the process
-/// ends here, no destructor runs, so the caller must have removed its temporary folders.
+/// the other process, SIGINT ends this process too: a shell that runs a script then ends the script. If this function
+/// ends the process, no destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    // Neither the ended process nor a shell says anything: the shell sees only that this process exits.
+    // Only this process can tell the user about the signal. The child process has ended, and the shell sees only that
+    // this process exits.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }
     if signal(status).is_some_and(|(_, name)| name == "SIGINT") {
-        // If this fails, the exit code still names the signal.
+        // If this process cannot end itself with SIGINT, its exit code still contains the signal's number.
         let _ = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGINT);
     }
     match exit_code(status) {
@@ -256,8 +264,8 @@ fn end_as(status: ExitStatus) -> Result<()> {
     }
 }
 
-/// Returns the message for the user if a signal ended the process. SIGINT needs none, since it comes from the user's
-/// Ctrl-C.
+/// Returns the message for the user if a signal ended the process. After SIGINT, there is no message, since SIGINT
+/// comes from the user's Ctrl-C.
 fn ended_by_signal(status: ExitStatus) -> Option<Error> {
     let (signal, name) = signal(status).filter(|(_, name)| *name != "SIGINT")?;
     let error = Error::run(format!("raycl's child process was ended by {name} (signal {signal})"));
@@ -307,7 +315,7 @@ mod tests {
     use std::os::unix::process::ExitStatusExt as _;
 
     #[test]
-    fn a_small_address_space_is_told_where_every_driver_alone_works() {
+    fn a_small_address_space_is_reported_where_every_driver_alone_works() {
         let limited = otherwise(Some(1_500_000_000));
         assert!(limited.contains("only 1.5 GB") && limited.contains("ulimit -v unlimited"), "{limited}");
         assert!(otherwise(None).starts_with("try another device") && limited.ends_with(&otherwise(None)));
@@ -315,24 +323,24 @@ mod tests {
 
     #[test]
     fn a_crash_of_a_process_that_opens_a_window_is_not_blamed_on_a_driver_alone() {
-        let told = |status, opens_window| {
+        let message_and_remedy = |status, opens_window| {
             let error =
                 no_driver_alone(ExitStatus::from_raw(status), "a driver did not answer", opens_window, &[]);
             (error.to_string(), error.remedy().to_owned())
         };
-        let (message, remedy) = told(11, true);
+        let (message, remedy) = message_and_remedy(11, true);
         let expected = "raycl's child process crashed, in its window or in a driver: SIGSEGV (signal 11)";
         assert_eq!(message, expected);
         assert!(remedy.starts_with(WINDOW) && remedy.contains("if the window opened, "), "{remedy}");
         for (status, opens_window) in [(11, false), (HUNG << 8, true)] {
-            let (message, remedy) = told(status, opens_window);
+            let (message, remedy) = message_and_remedy(status, opens_window);
             assert!(message.starts_with("a driver did not answer, although each driver alone"), "{message}");
             assert!(!remedy.contains("window") && remedy.contains("--device"), "{remedy}");
         }
     }
 
     #[test]
-    fn a_full_disk_of_pocls_folder_is_told_only_if_pocl_is_among_the_drivers() {
+    fn a_full_disk_of_pocls_folder_is_reported_only_if_pocl_is_among_the_drivers() {
         let advice =
             |name: &str| advice_for(&[Driver::Library(name.into())], Some("the disk is full".into()));
         let other = otherwise(address_space_limit());
@@ -346,23 +354,23 @@ mod tests {
         std::fs::create_dir(folder.path().join("cast")).expect("a folder");
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
         write("cast/shade.cl", &Sources::Embedded.read("cast/shade.cl").expect("a kernel file"));
-        let told = |folder: Option<&Path>| kernels_doing(ExitStatus::from_raw(11), folder, false);
-        // A copy of a built-in file is not to blame.
-        assert!(told(None).is_none() && told(Some(folder.path())).is_none());
+        let error_with = |folder: Option<&Path>| kernels_doing(ExitStatus::from_raw(11), folder, false);
+        // A kernel file that equals the built-in file cannot be the cause of the crash.
+        assert!(error_with(None).is_none() && error_with(Some(folder.path())).is_none());
         write("cast/entry.cl", "// mine\n");
-        let error = told(Some(folder.path())).expect("a message");
+        let error = error_with(Some(folder.path())).expect("a message");
         let entry = folder.path().join("cast/entry.cl");
         let message = "raycl's child process crashed: SIGSEGV (signal 11); --cl-dir adds or changes";
         assert_eq!(error.to_string(), format!("{message} {}", entry.display()));
         for part in ["out of bounds", "barriers", "`bytes_per_ray`", "without --cl-dir", "oclgrind"] {
             assert!(error.remedy().contains(part), "{part}: {}", error.remedy());
         }
-        // The window's library may have crashed.
+        // If the process opens a window, the library that opens the window may have crashed.
         let in_window =
             kernels_doing(ExitStatus::from_raw(11), Some(folder.path()), true).expect("a message");
         assert_eq!(in_window.to_string(), error.to_string());
         assert_eq!(in_window.remedy(), format!("{WINDOW}; if the window opened, {OWN_KERNELS}"));
-        // A driver that does not answer is no crash.
+        // If a driver does not answer, the process has not crashed.
         for opens_window in [false, true] {
             let hung = ExitStatus::from_raw(HUNG << 8);
             assert!(kernels_doing(hung, Some(folder.path()), opens_window).is_none());
@@ -370,15 +378,15 @@ mod tests {
     }
 
     #[test]
-    fn every_signal_that_ends_the_child_process_is_told_except_that_of_ctrl_c() {
-        let told = |status| ended_by_signal(ExitStatus::from_raw(status));
-        let killed = told(9).expect("a message");
+    fn every_signal_that_ends_the_child_process_is_reported_except_that_of_ctrl_c() {
+        let error_of = |status| ended_by_signal(ExitStatus::from_raw(status));
+        let killed = error_of(9).expect("a message");
         assert_eq!(killed.to_string(), "raycl's child process was ended by SIGKILL (signal 9)");
         assert!(killed.remedy().contains("memory runs out"), "{}", killed.remedy());
-        let ended = told(15).expect("a message");
+        let ended = error_of(15).expect("a message");
         assert_eq!(ended.to_string(), "raycl's child process was ended by SIGTERM (signal 15)");
         assert!(ended.remedy().contains("ulimit -a"), "{}", ended.remedy());
-        assert!(told(2).is_none() && told(2 << 8).is_none() && told(0).is_none());
+        assert!(error_of(2).is_none() && error_of(2 << 8).is_none() && error_of(0).is_none());
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub struct Args {
     force: bool,
 }
 
-/// A page's name and its text in roff.
+/// A page's name, and its text in roff (the markup language of man pages).
 type Page = (String, Vec<u8>);
 
 /// Prints one page, or writes all pages to a folder.

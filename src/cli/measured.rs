@@ -1,4 +1,5 @@
-//! What a command that measures several things keeps and says if not all of them are measured.
+//! Functions for commands that measure several things, such as devices or points, and that may fail to measure some of
+//! them. The functions decide what such a command stores, and what it tells the user.
 
 use crate::error::{Error, Result};
 use crate::output::Target;
@@ -14,8 +15,8 @@ pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, 
     (values, end)
 }
 
-/// Writes what was measured, unless an error ended the measurement and there is a file of an earlier one, which may be
-/// complete.
+/// Writes what was measured. If an error ended the measurement and `target` exists already, the existing file is kept
+/// instead, since the earlier measurement in it may be complete.
 pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
     if end.is_ok() || target.is_standard_output() || !target.path().exists() {
         return target.write_json(measured);
@@ -36,7 +37,7 @@ pub fn failures(records: &[Record]) -> Option<String> {
 
 /// Returns an error with this remedy if points failed.
 pub fn refuse_failed(records: &[Record], remedy: impl Into<String>) -> Result<()> {
-    failures(records).map_or(Ok(()), |told| Err(Error::run(told).with_help(remedy)))
+    failures(records).map_or(Ok(()), |message| Err(Error::run(message).with_help(remedy)))
 }
 
 #[cfg(test)]

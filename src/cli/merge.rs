@@ -47,8 +47,9 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Parses the time between two readings. The processes count once per second, and a busy machine may delay a count, so
-/// a counter that increases may stay the same for a time of less than 2 s.
+/// Parses the number of seconds between two readings of the processes' counters. Each running process increases its
+/// counter once per second. On a busy machine an increase may be late, so the counter of a running process may stay the
+/// same for almost 2 s. Less than 2 s is therefore refused.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
     let wrong = || format!("'{text}' is not a number of seconds from 2 to 3600");
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
@@ -65,7 +66,7 @@ pub fn run(args: Args) -> Result<()> {
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
     // A point's 95% interval depends on all launches (worker processes), but the process that measured a shard had only
-    // the samples of its own launches.
+    // the samples of its own launches. So the intervals are computed again here.
     renew_intervals(&args.out.join(RECORDS), &folder.records)?;
     let (question, expectation) = folder.question();
     folder.summarise(&question, &expectation)?;
@@ -86,9 +87,10 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// Returns the numbers of attempts, points and samples. Only experiments with divided groups have samples of controls.
+/// Returns the numbers of attempts, points and samples. There are further samples of control points only if groups of
+/// points were divided among shards.
 fn counts(merged: &Merged) -> String {
-    let [kept, of_controls, others] = merged.samples;
+    let [used, of_controls, others] = merged.samples;
     let of_controls = match of_controls {
         0 => String::new(),
         count => format!(", {}", counted(count, "more sample of control points")),
@@ -97,7 +99,7 @@ fn counts(merged: &Merged) -> String {
         "{}, {}, {}{of_controls}; {} not used",
         counted(merged.attempts, "attempt"),
         counted(merged.records, "point"),
-        counted(kept, "sample"),
+        counted(used, "sample"),
         counted(others, "sample")
     )
 }
@@ -113,7 +115,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if !missing.is_empty() {
         said.push(format!("{} missing", counted_are(missing.count(), "point")));
         help.push("these commands measure the missing points".to_owned());
-        help.extend(missing.kinds.iter().map(told));
+        help.extend(missing.kinds.iter().map(command_text));
         help.extend(missing.took_part.iter().map(|names| format!("devices with results: {names}")));
     }
     if let Some(failed) = failures(records) {
@@ -123,7 +125,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
     if !missing.failed.is_empty() {
         help.push("these commands measure the failed points again".to_owned());
-        help.extend(missing.failed.iter().map(told));
+        help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
         let remedy = "a wrong image stays the result of its point; to discard it, move its attempt's folder out of parts/";
@@ -136,7 +138,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
 }
 
 /// Describes the missing or failed points of a kind of device, with the command that measures them.
-fn told(kind: &MissingKind) -> String {
+fn command_text(kind: &MissingKind) -> String {
     let first = kind.points.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
     let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let more = if kind.points.len() > 3 { ", ..." } else { "" };
@@ -254,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn failed_points_are_told_beside_missing_ones_with_the_command_that_measures_them_again() {
+    fn failed_points_are_reported_beside_missing_ones_with_the_command_that_measures_them_again() {
         let kind = |point: &str, shard: u32, command: &str| MissingKind {
             device: "gpu".into(),
             points: vec![point.to_owned()],
@@ -296,16 +298,16 @@ mod tests {
 
     #[test]
     fn three_missing_points_are_the_whole_list_and_the_first_three_of_four_are_not() {
-        let told = |points: &[&str]| {
+        let remedy_of = |points: &[&str]| {
             let mut missing = Missing::default();
             missing.kinds.resize_with(1, Default::default);
             missing.kinds[0].points = points.iter().map(|point| (*point).to_owned()).collect();
             let error = complete(&missing, &[], Path::new("out")).expect_err("points are missing");
             error.remedy().to_owned()
         };
-        let three = told(&["a", "b", "c"]);
+        let three = remedy_of(&["a", "b", "c"]);
         assert!(three.contains("(a, b, c):"), "{three}");
-        let four = told(&["a", "b", "c", "d"]);
+        let four = remedy_of(&["a", "b", "c", "d"]);
         assert!(four.contains("(a, b, c, ...):"), "{four}");
     }
 }

@@ -221,8 +221,8 @@ impl Cli {
 
     fn parse_words(words: &[OsString]) -> std::result::Result<Self, clap::Error> {
         let mut command = with_negative_numbers(Self::command()).color(colour::of_clap());
-        let mut found = command.try_get_matches_from_mut(words)?;
-        Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
+        let mut matches = command.try_get_matches_from_mut(words)?;
+        Self::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut command))
     }
 
     /// Runs the subcommand. The process must not have loaded a driver or started a thread before.
@@ -272,10 +272,11 @@ impl Cli {
     }
 }
 
-/// Prepares this process, and the processes that it starts, for drivers: remembers which libraries the user's variable
-/// names, and sets the variables of drivers. A driver reads its variables when it is loaded, in this process or in a
-/// worker process, which inherits them. If `measures` is true, PoCL (an OpenCL driver for CPUs) pins its threads. The
-/// process must not have loaded a driver or started a thread before.
+/// Prepares this process, and the processes that it starts, for drivers: remembers the value of the environment
+/// variable with which the user names drivers' libraries, and sets the environment variables that drivers read. A
+/// driver reads its variables when it is loaded, in this process or in a worker process, which inherits them. If
+/// `measures` is true, PoCL (an OpenCL driver for CPUs) pins its threads. The process must not have loaded a driver or
+/// started a thread before.
 pub(crate) fn prepare_for_drivers(measures: bool) {
     remember_libraries();
     let pinning = if measures { pinning_variables() } else { Vec::new() };
@@ -286,8 +287,9 @@ pub(crate) fn prepare_for_drivers(measures: bool) {
     }
 }
 
-/// Lets a negative number be a value of every option that has a value. If the number is out of range, clap's message
-/// then says which values are expected. By default, clap takes `-3` for an unknown option.
+/// Lets a negative number be a value of every option that has a value. If the number is out of range, the message of
+/// clap (the library that parses the arguments) then says which values are expected. By default, clap would report `-3`
+/// as an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),
@@ -332,7 +334,7 @@ mod tests {
     /// Splits a command line into words, as a shell does. Spaces between single quotes do not split a word.
     fn words(line: &str) -> Vec<OsString> {
         let space = '\u{1}';
-        let unsplit = line.split('\'').enumerate().map(|(place, part)| match place % 2 {
+        let unsplit = line.split('\'').enumerate().map(|(index, part)| match index % 2 {
             1 => part.replace(' ', &space.to_string()),
             _ => part.to_owned(),
         });

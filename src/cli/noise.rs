@@ -81,8 +81,8 @@ fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     Ok(experiment)
 }
 
-/// Says, if the measurement was interrupted, that it has to be repeated: the temporary folder with its results is
-/// removed.
+/// If the user interrupted the measurement, advises the user to repeat it, since the temporary folder with its results
+/// is removed. Returns all other errors unchanged.
 fn to_be_repeated(error: Error) -> Error {
     match error {
         Error::Interrupted { .. } => error.with_help("run `raycl noise` again; no results were stored"),
@@ -225,16 +225,16 @@ mod tests {
     #[test]
     fn causes_that_the_system_does_not_report_have_no_line() {
         let noise = with_causes(Causes::default());
-        let told = lines(&noise);
-        assert_eq!(told.len(), 4, "{told:?}");
-        assert!(told[1..].iter().all(|line| line.ends_with("not known")), "{told:?}");
+        let printed = lines(&noise);
+        assert_eq!(printed.len(), 4, "{printed:?}");
+        assert!(printed[1..].iter().all(|line| line.ends_with("not known")), "{printed:?}");
     }
 
     #[test]
     fn an_interrupted_measurement_is_repeated_and_a_failed_one_keeps_its_remedy() {
-        let told = |error: Error| to_be_repeated(error).remedy().to_owned();
-        assert_eq!(told(Error::interrupted("half")), "run `raycl noise` again; no results were stored");
-        assert_eq!(told(Error::run("full").with_help("make room")), "make room");
+        let remedy_of = |error: Error| to_be_repeated(error).remedy().to_owned();
+        assert_eq!(remedy_of(Error::interrupted("half")), "run `raycl noise` again; no results were stored");
+        assert_eq!(remedy_of(Error::run("full").with_help("make room")), "make room");
     }
 
     /// Returns the experiment with a changed value.
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_in_a_value_is_told_without_the_temporary_folder() {
+    fn a_mistake_in_a_value_is_reported_without_the_temporary_folder() {
         let Error::Input(limit) = with("timing.max_samples", "10").expect_err("a mistake") else { panic!() };
         assert_eq!(limit.message, "max_samples 10 is less than min_samples 1000");
         let label = "min_samples is 1000 in configs/noise.toml (built in):";

@@ -48,7 +48,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Returns the help of `--compute-capability`, which lists the supported ones.
+/// Returns the help of `--compute-capability`, which lists the supported compute capabilities.
 fn help_of_capability() -> String {
     format!(
         "The device's compute capability, one of {} [default: 8.6; with --results, that of each device]",
@@ -56,7 +56,7 @@ fn help_of_capability() -> String {
     )
 }
 
-/// The paper's local sizes.
+/// The default local sizes: those of the paper's Figure 5.
 const LOCAL_SIZES: [&str; 9] = ["2x2", "4x4", "6x6", "8x8", "10x10", "12x12", "14x14", "16x16", "32x32"];
 
 /// Returns the number of work-items in a work-group of this size.
@@ -167,7 +167,8 @@ fn row_json(question: &Question, size: [u32; 2]) -> Value {
 mod tests {
     use super::*;
 
-    /// Between the first and the last capability in the table, there are others that raycl does not support.
+    /// Some compute capabilities between the first and the last supported one are not supported, so the help must list
+    /// each supported one instead of a range.
     #[test]
     fn the_help_lists_the_supported_capabilities() {
         let command = <Args as clap::Args>::augment_args(clap::Command::new("occupancy"));

@@ -1,5 +1,5 @@
-//! Standard output for every subcommand. `println!` panics if the reader has closed the pipe (`raycl devices | head
-//! -1`), so no subcommand uses `println!`.
+//! Writes to standard output, for every subcommand. `println!` panics if the reader has closed the pipe (`raycl devices
+//! | head -1`), so no subcommand uses `println!`.
 
 use std::io::{ErrorKind, Write as _};
 
@@ -28,8 +28,8 @@ fn write(text: &str) -> Result<()> {
     }
 }
 
-/// Ends the process after everything is printed. The system frees memory and drivers faster than destructors
-/// would.
+/// Ends the process with exit code 0, without running destructors. Called after everything is printed: the system frees
+/// the memory and the drivers of an ended process faster than destructors would.
 pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }

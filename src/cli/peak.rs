@@ -99,12 +99,13 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver. It tells
-    /// `observer` that it waits: a shard that waits for its peak rates is not hung.
+    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver. While it
+    /// waits for a child process, it tells `observer` so: otherwise, a shard that waits for its peak rates would be
+    /// taken for a shard that hangs.
     pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
-            let found = self.measured_apart(pattern, &mut || {
+            let peaks = self.measured_apart(pattern, &mut || {
                 observer.waits();
                 interrupted.load(Ordering::Relaxed)
             });
@@ -113,7 +114,7 @@ impl Wanted<'_> {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices' peak rates were being measured"));
             }
-            Peak::add_new(&mut all, found?);
+            Peak::add_new(&mut all, peaks?);
         }
         Ok(all)
     }
@@ -130,7 +131,8 @@ impl Wanted<'_> {
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
         let output = ended.map_err(|error| failed(&error))?;
-        // A process that fails prints the rates of some devices, or none.
+        // A child process that fails may have printed the rates of some of its devices. Such incomplete output is not
+        // used.
         let output = output.filter(|output| output.status.success());
         let peaks = output.and_then(|output| listed(&String::from_utf8_lossy(&output.stdout)));
         peaks.ok_or_else(|| failed(&"the reason is above"))
@@ -145,7 +147,7 @@ impl Wanted<'_> {
     }
 }
 
-/// Reads what a child process printed. A driver may print lines before the JSON.
+/// Returns the peak rates that a child process printed. A driver may print lines before the JSON.
 fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }

@@ -13,8 +13,9 @@ pub struct Bar {
 }
 
 /// Returns the bar's layout. The text at the bar's end describes the current work; it is the text that was last passed
-/// to `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The layout contains the codes
-/// for cyan and for the usual colour itself, since indicatif's own colours do not obey `--color`.
+/// to `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The layout itself contains the
+/// codes for cyan and for the usual colour, because the colours of indicatif (the library that draws the bar) do not
+/// obey `--color`.
 fn layout(coloured: bool) -> String {
     let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
     format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")
@@ -30,8 +31,9 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
 }
 
 impl Bar {
-    /// Returns a bar; `None` if indicatif shows no bar there, as on a terminal that cannot move its cursor
-    /// (`TERM=dumb`). indicatif would also discard the lines that are printed above a hidden bar.
+    /// Returns `bar` with raycl's layout. Returns `None` if indicatif hides the bar, for example on a terminal that
+    /// cannot move its cursor (`TERM=dumb`). A hidden bar is useless, since indicatif would also discard the lines that
+    /// are printed above it.
     fn on(bar: ProgressBar, coloured: bool) -> Option<Self> {
         if bar.is_hidden() {
             return None;
@@ -239,14 +241,15 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// Returns the observer that shows the progress on standard error: nothing if `quiet` is set; a line per point if
-/// `verbose` is set or standard error shows no bar (it is not a terminal, or too simple a terminal); otherwise a bar.
+/// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows nothing. If
+/// `verbose` is true, or if standard error cannot show a bar (it is no terminal, or the terminal cannot move its
+/// cursor), the observer prints a line per point. Otherwise it shows a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());
     }
     // Unless the user chose otherwise, the bar is coloured, since it is only shown on a terminal.
-    let coloured = super::colour::told().unwrap_or(true);
+    let coloured = super::colour::chosen().unwrap_or(true);
     match Bar::on(ProgressBar::new(0), coloured) {
         Some(bar) if !verbose => Box::new(bar),
         _ => Box::new(Lines::default()),
@@ -279,9 +282,9 @@ mod tests {
 
     /// An observer that stores the name and the arguments of every call.
     #[derive(Clone, Default)]
-    struct Heard(Arc<Mutex<Vec<String>>>);
+    struct Events(Arc<Mutex<Vec<String>>>);
 
-    impl Observer for Heard {
+    impl Observer for Events {
         fn enters(&mut self, stage: &str) {
             self.0.lock().expect("no test panicked").push(format!("enters {stage}"));
         }
@@ -367,8 +370,8 @@ mod tests {
 
     #[test]
     fn several_runs_count_as_one() {
-        let heard = Heard::default();
-        let mut stages = Stages::of(5, 15, Box::new(heard.clone()));
+        let events = Events::default();
+        let mut stages = Stages::of(5, 15, Box::new(events.clone()));
         for (name, done) in [("a", 0), ("b", 1)] {
             stages.enter(name.to_owned());
             stages.begins(2, 6);
@@ -396,7 +399,7 @@ mod tests {
             "finished",
             "ends",
         ];
-        assert_eq!(*heard.0.lock().expect("no test panicked"), expected);
+        assert_eq!(*events.0.lock().expect("no test panicked"), expected);
     }
 
     #[test]
@@ -430,7 +433,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_is_told_from_what_is_done_since_the_begin() {
+    fn the_time_left_is_estimated_from_what_is_done_since_the_begin() {
         let mut lines = Lines::default();
         lines.begins(10, 30);
         assert_eq!(lines.left(), "");

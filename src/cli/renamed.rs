@@ -5,7 +5,8 @@ use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
-/// For each renamed word: the context in which clap reports the old word, then the old word and the new word.
+/// For each renamed word: the context in which clap (the library that parses the arguments) reports the old word, then
+/// the old word and the new word.
 const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
     (ContextKind::InvalidArg, "--limits", "--peak"),

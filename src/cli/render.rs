@@ -172,8 +172,8 @@ fn render(args: &Args) -> Result<()> {
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     // The device's lane operations, by which work-items exchange values, need not be tested now if `hurry` may choose
-    // the strategy: the picture is cast with the preset hurry::QUICK, or with a program that an earlier start of raycl
-    // has compiled.
+    // the strategy. In this case the picture is cast with the preset hurry::QUICK, which uses no lane operations, or
+    // with a program that an earlier start of raycl has compiled after such a test.
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
@@ -193,15 +193,15 @@ fn render(args: &Args) -> Result<()> {
     let (picture, cast) = cast(args, &device, &prepared, (&scene, shows), &mut timeline)?;
     let radiance = save_picture(picture, scene.display, &target)?;
     if let (Some(image), false) = (&radiance, layer_targets.is_empty()) {
-        let found = layers(&scene, &object_starts, args.subject.size(), strategy.culling)?;
-        save_layers(image, &found, &layer_targets)?;
+        let layer_images = layers(&scene, &object_starts, args.subject.size(), strategy.culling)?;
+        save_layers(image, &layer_images, &layer_targets)?;
     }
     timeline.ends("save");
     let (verified, wrong) = judged(args, &scene, radiance.as_ref(), (&strategy, &cast), &target);
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
-    let kept = wrong.is_none().then(keep).unwrap_or_default();
-    let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(kept).collect();
+    let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
+    let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping_notes).collect();
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
     let (parts, total_ms) = timeline.into_parts();
@@ -276,7 +276,7 @@ fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
 /// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
-    let told = || {
+    let message = || {
         let (lights, are) = if soft == 1 {
             ("1 light has", "it as a point")
         } else {
@@ -286,7 +286,7 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
             "{lights} a radius: with one sample per pixel, raycl treats {are}; --samples 16 shows soft shadows"
         )
     };
-    (samples == 1 && soft > 0).then(told)
+    (samples == 1 && soft > 0).then(message)
 }
 
 /// Returns the result of `work`, and its duration in milliseconds.
@@ -329,8 +329,9 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 }
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
-/// of the picture is a file of the scene. For moving pictures, the files that only later frames use count too. For a
-/// still picture, they would have to be read each time that the picture is rendered again, and may be large.
+/// of the picture is a file of the scene. For moving pictures, the files that only later frames use count as files of
+/// the scene too. For a still picture, raycl does not look for these files: it would have to read them each time that
+/// it renders the picture again, and they may be large.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -445,12 +446,13 @@ mod tests {
         assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
     }
 
-    /// The files of later frames are read early only if a file may be replaced, since this may take long.
+    /// The files of later frames are read early only if a file may be replaced, since reading these files may take
+    /// long.
     #[test]
     fn a_file_may_be_replaced_only_if_it_exists_and_a_numbered_picture_only_with_force() {
-        let place = tempfile::tempdir().expect("a folder");
+        let folder = tempfile::tempdir().expect("a folder");
         let replaces = |name: &str, more: &str| {
-            let output = place.path().join(name).display().to_string();
+            let output = folder.path().join(name).display().to_string();
             let words: Vec<&str> =
                 ["a.toml", "-o", &output].into_iter().chain(more.split_whitespace()).collect();
             may_replace(&args(&words), 3)
@@ -458,10 +460,10 @@ mod tests {
         let all = [("f.png", "--force"), ("f.png", "--animate --force"), ("f.apng", "--animate")];
         assert!(all.iter().all(|(name, more)| !replaces(name, more)));
         for name in ["f.png", "f.apng"] {
-            std::fs::write(place.path().join(name), "").expect("a file");
+            std::fs::write(folder.path().join(name), "").expect("a file");
         }
         assert_eq!(all.map(|(name, more)| replaces(name, more)), [false, false, true]);
-        std::fs::write(place.path().join("f-0002.png"), "").expect("a file");
+        std::fs::write(folder.path().join("f-0002.png"), "").expect("a file");
         for (more, expected) in [
             ("--animate --force", true),
             ("--animate", false),

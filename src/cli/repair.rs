@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The time between two readings of the attempts' counters, like the default of `raycl merge --status`.
+/// The time between two readings of the attempts' counters. A running attempt increases its counter once per second.
 const BETWEEN: Duration = Duration::from_secs(5);
 
 /// Arguments of `raycl repair`.
@@ -33,18 +33,18 @@ pub struct Args {
 /// control points. A copy of the original of each changed file stays in its folder. Files of other types, such as
 /// plan.json, cannot be repaired: if such a file cannot be read, the command says what to do. If the folder is that of
 /// an experiment in shards, the journals of all attempts are repaired too, except those of attempts that may be
-/// running. If an attempt has not reported its end, this takes five seconds, in which its counter shows whether it is
-/// running.
+/// running. If an attempt has not reported its end, the repair takes five seconds, in which the attempt's counter shows
+/// whether the attempt is running.
 pub fn run(args: Args) -> Result<()> {
-    let found = Found::of(&args.folder, BETWEEN)?;
-    if args.json { super::print_json(&found.json()) } else { super::print(found.text()) }
+    let findings = Findings::of(&args.folder, BETWEEN)?;
+    if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }
 }
 
 /// The remedy for a folder in which this process may not create files.
 const CLOSED: &str = "change the folder's permissions, or repair a copy";
 
 /// What a repair found.
-struct Found {
+struct Findings {
     /// The journals that were damaged, with the paths of their folders.
     repaired: Vec<Repaired>,
     /// Why files that are no journals cannot be read, with their remedies.
@@ -53,27 +53,28 @@ struct Found {
     running: Vec<PathBuf>,
 }
 
-impl Found {
-    /// Repairs the journals of a folder and, if it is that of an experiment in shards, the journals of all attempts.
-    /// The attempts' counters are read twice, with the time `between` in between.
+impl Findings {
+    /// Repairs the journals of a folder. If the folder is that of an experiment in shards, also repairs the journals of
+    /// all attempts that are not running. To find these attempts, reads the attempts' counters twice; `between` is the
+    /// time from the first reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
         let has_shards = ShardPlan::read(folder)?.is_some();
         if !has_shards && !folder.join(RECORDS).is_file() {
             return Err(no_results(folder));
         }
         let _lock = lock_of(folder)?;
-        let mut found =
+        let mut findings =
             Self { repaired: repair(folder)?, unreadable: unreadable(folder), running: Vec::new() };
         if has_shards {
             let stopped = stopped(folder, between);
             for attempt in Attempt::all(folder) {
-                found.repair(attempt.folder, stopped.contains(&attempt.name))?;
+                findings.repair(attempt.folder, stopped.contains(&attempt.name))?;
             }
         }
-        Ok(found)
+        Ok(findings)
     }
 
-    /// Repairs the journals of an attempt, unless it is running.
+    /// Repairs the journals of an attempt. If the attempt may be running, adds its folder to `running` instead.
     fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
         if is_stopped {
             refuse_closed(&attempt, CLOSED)?;
@@ -83,7 +84,8 @@ impl Found {
                 self.repaired.extend(repair(&attempt)?);
                 self.unreadable.extend(unreadable(&attempt));
             }
-            // The attempt is counting, or another process holds its lock.
+            // The attempt may be running: it has neither ended nor been lost, or another process holds the lock of its
+            // folder.
             None | Some(Err(Error::Input(_))) => self.running.push(attempt),
             Some(Err(error)) => return Err(error),
         }
@@ -125,10 +127,10 @@ impl Found {
 }
 
 /// Returns why files of a folder that are no journals cannot be read: the plan, the peak rates, and the kinds of device
-/// of an experiment in shards. Other commands refuse a folder with such a file. Of the kinds' files, only the first one
-/// that cannot be read is told.
+/// of an experiment in shards. Other commands refuse a folder with such a file. There is a file for each kind of
+/// device; if several of these files cannot be read, only the first of them is reported.
 fn unreadable(folder: &Path) -> Vec<Error> {
-    let errors = [CurrentPlan::read(folder).err(), Peak::kept_in(folder).err(), Kind::all(folder).err()];
+    let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
     errors.into_iter().flatten().collect()
 }
 
@@ -138,8 +140,8 @@ fn lock_of(folder: &Path) -> Result<Lock> {
     Lock::take(folder)
 }
 
-/// Returns the names of the attempts that have ended or were lost. A lock does not show this on a file system without
-/// locks, nor if the attempt runs on another machine whose locks this machine does not see.
+/// Returns the names of the attempts that have ended or were lost. Attempts' locks are not enough for this: a file
+/// system may have no locks, and a machine may not see the locks of an attempt on another machine.
 fn stopped(folder: &Path, between: Duration) -> HashSet<String> {
     let all = status(folder, between).into_iter();
     all.filter(|one| matches!(one.state, State::Ended(_) | State::Lost)).map(|one| one.name).collect()
@@ -154,29 +156,29 @@ mod tests {
     /// A folder of shards need not have been merged, so it may lack a journal of records.
     #[test]
     fn the_journals_of_attempts_are_repaired_unless_an_attempt_is_running() {
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let folder_of_results = tempfile::tempdir().unwrap();
+        let out = folder_of_results.path();
         let journals = [1, 2].map(|shard| {
             let attempt = Attempt::begin(out, &About { shard, of: 2, ..About::default() }).unwrap();
             std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
             attempt.ended(&End::Interrupted).unwrap();
             attempt.folder.join(RECORDS)
         });
-        let of = |out| Found::of(out, Duration::ZERO);
+        let of = |out| Findings::of(out, Duration::ZERO);
         let error = of(out).err().unwrap();
         assert!(error.exit_code() == 2 && error.to_string().contains("holds no results"), "{error}");
         let plan = serde_json::to_string(&ShardPlan::default()).unwrap();
         std::fs::write(out.join("shards.json"), plan).unwrap();
         let running = Lock::take(journals[1].parent().unwrap()).unwrap();
         let [first, second] = journals.each_ref().map(|journal| journal.display().to_string());
-        let found = of(out).unwrap();
-        let text = found.text();
+        let findings = of(out).unwrap();
+        let text = findings.text();
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].starts_with(&format!("{first}: removed damaged lines: 1, lines kept: 0")), "{text}");
         let folder = second.strip_suffix("/records.jsonl").unwrap();
         assert_eq!(lines[1..], [format!("{folder}: not repaired, since the attempt is still running")]);
         assert_eq!(
-            (&found.json()["repaired"][0]["file"], &found.json()["running"][0]),
+            (&findings.json()["repaired"][0]["file"], &findings.json()["running"][0]),
             (&first.into(), &folder.into())
         );
         drop(running);
@@ -185,11 +187,11 @@ mod tests {
     }
 
     #[test]
-    fn other_files_that_cannot_be_read_are_told_with_their_remedies() {
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+    fn other_files_that_cannot_be_read_are_reported_with_their_remedies() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
         std::fs::write(out.join(RECORDS), "").unwrap();
-        let of = || Found::of(out, Duration::ZERO).unwrap();
+        let of = || Findings::of(out, Duration::ZERO).unwrap();
         assert_eq!(of().text(), "no line is damaged");
         std::fs::create_dir(out.join("kinds")).unwrap();
         let files = ["plan.json", "peak.json", "kinds/gpu-1.jsonl"].map(|file| out.join(file));
@@ -197,13 +199,13 @@ mod tests {
         let (text, json) = (of().text(), of().json());
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), files.len(), "{text}");
-        for (place, file) in files.iter().enumerate() {
+        for (index, file) in files.iter().enumerate() {
             let file = file.display().to_string();
-            let [message, remedy] = ["message", "remedy"].map(|key| json["unreadable"][place][key].as_str());
+            let [message, remedy] = ["message", "remedy"].map(|key| json["unreadable"][index][key].as_str());
             assert!(message.unwrap().contains(&file), "{json}");
-            assert_eq!(lines[place], format!("{}; {}", message.unwrap(), remedy.unwrap()));
+            assert_eq!(lines[index], format!("{}; {}", message.unwrap(), remedy.unwrap()));
         }
-        // The file of an attempt is told too, since the merge would refuse it.
+        // An unreadable file in an attempt's folder is reported too, since `raycl merge` would refuse it.
         files.iter().for_each(|file| std::fs::remove_file(file).unwrap());
         std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
             .unwrap();
@@ -220,30 +222,34 @@ mod tests {
     fn a_folder_in_which_no_file_can_be_created_is_the_users_mistake() {
         // Not even the superuser can create files in /proc/sys.
         let closed = || PathBuf::from("/proc/sys");
-        let mut found = Found { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
-        for error in [lock_of(&closed()).err().unwrap(), found.repair(closed(), true).unwrap_err()] {
+        let mut findings = Findings { repaired: Vec::new(), unreadable: Vec::new(), running: Vec::new() };
+        for error in [lock_of(&closed()).err().unwrap(), findings.repair(closed(), true).unwrap_err()] {
             assert_eq!((error.exit_code(), error.remedy()), (2, CLOSED));
             let message = error.to_string();
             assert!(message.starts_with("the folder '/proc/sys' cannot be written to ("), "{message}");
         }
-        found.repair(closed(), false).unwrap();
-        assert_eq!(found.running, [closed()]);
+        findings.repair(closed(), false).unwrap();
+        assert_eq!(findings.running, [closed()]);
     }
 
-    /// On a file system without locks, only its counter shows that an attempt is running.
+    /// On a file system without locks, only an attempt's counter shows that the attempt is running.
     #[test]
     fn an_attempt_that_may_be_running_is_not_repaired_even_without_a_lock() {
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
         let plan = serde_json::to_string(&ShardPlan::default()).unwrap();
         let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
         std::fs::write(out.join("shards.json"), plan).unwrap();
         std::fs::write(attempt.folder.join(RECORDS), "rubbish\n").unwrap();
-        let found = Found::of(out, Duration::ZERO).unwrap();
-        assert!(found.repaired.is_empty() && found.running == [attempt.folder.clone()], "{}", found.text());
+        let findings = Findings::of(out, Duration::ZERO).unwrap();
+        assert!(
+            findings.repaired.is_empty() && findings.running == [attempt.folder.clone()],
+            "{}",
+            findings.text()
+        );
         // The counter of a lost attempt stands still.
         std::fs::write(attempt.folder.join("pulse"), "7 0 1\n").unwrap();
-        let found = Found::of(out, Duration::ZERO).unwrap();
-        assert!(found.repaired.len() == 1 && found.running.is_empty(), "{}", found.text());
+        let findings = Findings::of(out, Duration::ZERO).unwrap();
+        assert!(findings.repaired.len() == 1 && findings.running.is_empty(), "{}", findings.text());
     }
 }

@@ -70,7 +70,7 @@ fn tell_damage(folder: &Folder, quiet: bool) {
     for note in &folder.damage {
         crate::printer::tell(format!("note: {}: {}", folder.path.display(), plain(note)));
     }
-    if let Err(error) = Peak::kept_in(&folder.path) {
+    if let Err(error) = Peak::stored_in(&folder.path) {
         crate::printer::tell(format!("note: {error}; {}", error.remedy()));
     }
 }

@@ -89,16 +89,16 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     let devices = find_devices(None)?;
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
     let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
-    let [total, steps] = [0, 1].map(|place| counts.iter().map(|count| count[place]).sum::<usize>());
+    let [total, steps] = [0, 1].map(|index| counts.iter().map(|count| count[index]).sum::<usize>());
     let mut stages = Stages::of(total, steps, observer(args.quiet, args.verbose));
     let mut failed = Vec::new();
-    for (place, (name, run)) in runs.iter().enumerate() {
-        stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));
+    for (index, (name, run)) in runs.iter().enumerate() {
+        stages.enter(format!("{name} ({} of {})", index + 1, runs.len()));
         let end = run::measure(run, &mut stages).and_then(|(_, measured)| measured);
         let records = end.map_err(|error| stopped(error, args, out, &mut stages, total))?;
         let folder = args.out.join(name);
         report::write(&[Folder::read(&folder)?], &mut OutFolder::open(&folder, out.choice())?)?;
-        failed.extend(failures(&records).map(|told| format!("{name}: {told}")));
+        failed.extend(failures(&records).map(|message| format!("{name}: {message}")));
     }
     stages.end();
     Ok(failed)
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn each_config_is_run_into_its_own_folder_with_the_choices_of_the_command() {
         let command = |args: &Args| format!("{:?}", arguments(args, "quick"));
-        let told = command(&args());
+        let text = command(&args());
         let [config, out] = ["out/configs/quick.toml", "out/quick"];
         for part in [
             format!("config: {config:?}"),
@@ -240,7 +240,7 @@ mod tests {
             "resume: false".to_owned(),
             "retry_failed: false".to_owned(),
         ] {
-            assert!(told.contains(&part), "{part} is not in {told}");
+            assert!(text.contains(&part), "{part} is not in {text}");
         }
         for (args, part) in [
             (Args { no_wait: true, ..args() }, "no_wait: true"),
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
         let folder = tempfile::tempdir().expect("a folder");
-        let told = |error: Error| {
+        let message_and_remedy = |error: Error| {
             let choice = Choice::new(false, "--out DIR");
             let mut out = OutFolder::open(folder.path(), choice).expect("a folder");
             let mut stages = Stages::of(4, 4, observer(true, false));
@@ -268,9 +268,9 @@ mod tests {
         let command = format!("to continue from here: {}", resuming(&args()));
         let [failed, mistake] =
             [Error::run("full"), Error::input("no")].map(|error| error.with_help("remedy"));
-        assert_eq!(told(failed), ("full".to_owned(), format!("remedy\n{command}")));
-        assert_eq!(told(mistake), ("no".to_owned(), "remedy".to_owned()));
-        let interrupted = told(Error::interrupted("half"));
+        assert_eq!(message_and_remedy(failed), ("full".to_owned(), format!("remedy\n{command}")));
+        assert_eq!(message_and_remedy(mistake), ("no".to_owned(), "remedy".to_owned()));
+        let interrupted = message_and_remedy(Error::interrupted("half"));
         assert_eq!(interrupted, ("interrupted: 0 of 4 points are done".to_owned(), command));
     }
 

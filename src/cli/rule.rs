@@ -97,8 +97,8 @@ fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
     paths.iter().map(read).collect()
 }
 
-/// Measures the wanted cases until one of them fails. Returns the sweep of the cases that were measured, and the error
-/// of the case that failed.
+/// Measures the wanted cases (those for this kind of device, with the word of `--only` in their names) until one of
+/// them fails. Returns the sweep of the cases that were measured, and the error of the case that failed.
 fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     let device = one_device(args.device.as_deref(), &Sources::Embedded)?;
     let kind = if device.info.limits.is_cpu { "cpu" } else { "gpu" };
@@ -130,21 +130,22 @@ fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     Ok((sweep, end))
 }
 
-/// Returns whether a case is for this kind of device and has the word in its name.
+/// Returns whether a case is to be measured on this kind of device and its name contains `word`.
 fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
-/// Loads a case's scene, and checks the case's kinds.
+/// Loads a case's scene. Returns an error if the kinds that the case states (few triangles, an eye inside the scene,
+/// many triangles per pixel) are not those that follow from its scene and image size.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);
     if case.is_of_its_kinds(&task) {
         return Ok(scene);
     }
-    let place = if task.inside { "around the eye" } else { "not around the eye" };
+    let extent = if task.inside { "around the eye" } else { "not around the eye" };
     let message = format!(
-        "the `kinds` of the case '{}' do not match its scene and size: {} triangles, {place}, and {} pixels",
+        "the `kinds` of the case '{}' do not match its scene and size: {} triangles, {extent}, and {} pixels",
         case.name, task.triangles, task.pixels
     );
     Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))
@@ -217,12 +218,12 @@ mod tests {
     }
 
     #[test]
-    fn the_choices_within_5_and_10_per_cent_of_the_best_are_counted_and_the_worst_is_told() {
+    fn the_choices_within_5_and_10_per_cent_of_the_best_are_counted_and_the_worst_is_reported() {
         let class = Class::TilesInVectors;
         // With a million triangles, the rule never chooses exhaustive casting. In this test's made-up times, however,
         // exhaustive casting is the fastest.
         let task = Task::covering(1_000_000, 400_000);
-        let choice = class.constants(false).unwrap().way(&task, 2).name();
+        let choice = class.constants(false).unwrap().choice(&task, 2).name();
         let case = |name: &str, chosen_ms: Option<f64>| {
             let chosen = chosen_ms.map(|ms| (choice.to_owned(), ms));
             let least_ms = [("exhaustive".to_owned(), 4.0)].into_iter().chain(chosen).collect();
@@ -239,12 +240,15 @@ mod tests {
         };
         let of = |ms: f64| Some(4.0 * ms);
         let cases = [("one", of(1.05)), ("two", of(1.1)), ("three", of(1.25)), ("four", of(1.0))];
-        let told = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
-        let told = told.replace(['│', '┆'], " ");
-        assert!(told.starts_with("device    a device, 2026-01-02: shortest times of 7 rounds\n"), "{told}");
+        let printed = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
+        let printed = printed.replace(['│', '┆'], " ");
+        assert!(
+            printed.starts_with("device    a device, 2026-01-02: shortest times of 7 rounds\n"),
+            "{printed}"
+        );
         let last = "choices   2 of 4 take at most 5% longer than the best strategy, 3 at most 10%; the worst choice takes 1.250 times as long as the best strategy";
-        assert!(told.ends_with(last), "{told}");
-        let row = told.lines().find(|line| line.contains(" three ")).unwrap();
+        assert!(printed.ends_with(last), "{printed}");
+        let row = printed.lines().find(|line| line.contains(" three ")).unwrap();
         let words: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(words, ["three", "1000000", "400000", choice, "5.000", "exhaustive", "4.000", "1.250"]);
         let refused = text(&sweep(vec![case("refused", None)])).unwrap();

@@ -20,7 +20,7 @@ use super::choice::{parse_assignment, parse_seconds, whole};
 use super::measured::refuse_failed;
 use super::progress::observer;
 use crate::config::{self, Experiment};
-use crate::device::{DeviceInfo, check_alike, places};
+use crate::device::{DeviceInfo, check_alike, matching_indices};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{
@@ -262,14 +262,16 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let peak = peak_of_file(args)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let is_new = args.out.is_none() && !args.resume;
-    // If the default folder exists meanwhile, another run has just made it, and this run makes another folder below.
+    // A new run without --out needs no check: its default folder did not exist. If the folder exists by now, another
+    // run has just made it, and `new_folder` below makes a folder of another name.
     if !is_new {
         refuse_shards(&out)?;
         refuse_other_folders(&out, choice(args), false)?;
     }
-    // The handlers are installed before any driver starts, since PoCL's compiler installs handlers too. These pass a
-    // signal on to the handlers that were installed earlier, so raycl's handlers receive it. In the other order,
-    // raycl's handlers (crate signal-hook) would pass the signal on to those of PoCL's compiler.
+    // raycl's signal handlers are installed before any driver starts, since PoCL's compiler installs signal handlers
+    // too. The handlers of PoCL's compiler pass a signal on to the handlers that were installed earlier, so raycl's
+    // handlers receive it. In the other order, raycl's handlers (crate signal-hook) would pass the signal on to those
+    // of PoCL's compiler.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -278,14 +280,14 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
-    // A new run reads its scenes before it makes its folder: a mistake in a scene must not leave a folder that refuses
-    // the corrected command.
+    // A new run reads its scenes before it makes its folder. Otherwise, a mistake in a scene would leave a folder, and
+    // raycl would refuse to run the corrected command in this folder.
     let expected = if args.resume { None } else { Some(foreseen(&run, &out, &Past::default())?) };
     let out = if is_new { new_folder(&experiment.name) } else { out };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = match open(&out, &environment(&experiment, &infos, &sources)) {
         Ok(results) => results,
-        // A folder that exists can be continued.
+        // If the folder exists, the run can be continued in it, so the folder is returned with the error.
         Err(error) if out.is_dir() => return Ok((out, Err(error))),
         Err(error) => return Err(error),
     };
@@ -320,8 +322,8 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
     peak_file(args).map(Peak::read).transpose()
 }
 
-/// Stores the devices' peak rates in the folder, if requested: those of the file or, without a file, measured ones.
-/// Tells the user which devices the file lacks.
+/// Stores the devices' peak rates in the folder, if requested: the rates in the file of `--peak=FILE` or, without a
+/// file, measured rates. Tells the user for which devices the file has no rates.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,
@@ -379,9 +381,9 @@ pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
 fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
     let named = names_devices(args, experiment);
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    let found = places(&infos, &patterns(args, experiment));
-    let found = found.map_err(|error| if named { error } else { settings::blame_device(error) })?;
-    found.into_iter().map(|place| devices[place].chosen()).collect()
+    let indices = matching_indices(&infos, &patterns(args, experiment));
+    let indices = indices.map_err(|error| if named { error } else { settings::blame_device(error) })?;
+    indices.into_iter().map(|index| devices[index].chosen()).collect()
 }
 
 /// Returns whether an argument or the config names devices.
@@ -411,8 +413,8 @@ fn foresee(args: &Args) -> Result<()> {
     let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
     let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     if args.resume {
-        // The run itself would refuse a damaged file.
-        Peak::kept_in(&out)?;
+        // The run itself would refuse a damaged file of peak rates, so its forecast refuses this file too.
+        Peak::stored_in(&out)?;
     }
     let past = if args.resume { Past::in_folder(&out)? } else { Past::default() };
     let expected = foreseen(&run, &out, &past)?;
@@ -467,9 +469,9 @@ mod tests {
     fn json_has_no_tables_in_between() {
         let quiet = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[]);
         assert!(leaves_out_tables(&quiet));
-        let told = Args { quiet: false, ..quiet };
-        assert!(!leaves_out_tables(&told));
-        assert!(leaves_out_tables(&Args { json: true, ..told }));
+        let loud = Args { quiet: false, ..quiet };
+        assert!(!leaves_out_tables(&loud));
+        assert!(leaves_out_tables(&Args { json: true, ..loud }));
     }
 
     #[test]
@@ -522,13 +524,13 @@ mod tests {
         let one = asleep::device(1.0);
         let other = DeviceInfo { label: "other".to_owned(), ..asleep::device(1.0) };
         let peaks = [Peak { device: one.label.clone(), ..Peak::default() }];
-        let told = |peak: &str, devices: &[&DeviceInfo]| {
+        let note_for = |peak: &str, devices: &[&DeviceInfo]| {
             without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks)
         };
-        let note = told("--peak=h200.json", &[&one, &other, &other]).unwrap();
+        let note = note_for("--peak=h200.json", &[&one, &other, &other]).unwrap();
         assert!(note.starts_with("note: h200.json has no peak rates of other, so"), "{note}");
-        assert_eq!(told("--peak=h200.json", &[&one]), None);
-        assert_eq!(told("--peak", &[&one, &other]), None);
+        assert_eq!(note_for("--peak=h200.json", &[&one]), None);
+        assert_eq!(note_for("--peak", &[&one, &other]), None);
     }
 
     #[test]
@@ -552,9 +554,9 @@ mod tests {
 
     #[test]
     fn a_step_is_a_launch_of_a_point_on_a_device() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
-        let config = place.path().join("a.toml");
+        let config = folder.path().join("a.toml");
         let text = format!(
             "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nstrategies = ['naive']\n\
              baselines = ['serial']\nimage_sizes = [[8, 5], [16, 10]]\nlocal_sizes = [2, 4]\n\

@@ -170,8 +170,8 @@ mod tests {
 
     #[test]
     fn a_mesh_is_seen_from_farther_away_in_a_narrow_picture() {
-        let place = tempfile::tempdir().unwrap();
-        let mesh = place.path().join("triangle.obj");
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = folder.path().join("triangle.obj");
         std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
         let away = |size| {
             let loaded = subject(mesh.clone(), size).load(false, false).unwrap();

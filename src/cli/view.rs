@@ -73,13 +73,13 @@ fn after_help() -> String {
     )
 }
 
-/// The fields of `--json`.
+/// The report at the end of the command. With `--json`, raycl prints an object with these fields.
 #[derive(Serialize)]
 struct Report {
     scene: String,
     triangles: usize,
     device: String,
-    /// Every axis of the strategy with which the view ended; the user can change the strategy by keys.
+    /// The value of every axis of the strategy at the end of the view; the user can change the strategy by keys.
     strategy: String,
     /// Work-items per work-group, across and down.
     local_size: [u32; 2],
@@ -93,9 +93,10 @@ struct Report {
     /// The number of frames that were cast since the strategy, the local size, the device, the picture's size or a file
     /// changed last.
     timed_frames: usize,
-    /// The median device time of these frames; null if there are none.
+    /// The median device time of the frames that `timed_frames` counts; null if there are none.
     frame_ms: Option<f64>,
-    /// Primary and shadow rays of these frames, divided by the device time of these frames; null if there are none.
+    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
+    /// these frames; null if there are none.
     rays_per_s: Option<f64>,
     /// Notes about the scene as it was last read, such as a file that could not be read.
     notes: Vec<String>,
@@ -173,8 +174,8 @@ fn kernel_remark(report: &Report) -> String {
     (report.timed_frames > 1).then(frames).unwrap_or_default()
 }
 
-/// Returns the frames per second, which a single frame does not have, and the rays per second; `None` if there are
-/// neither.
+/// Returns a text with the frames per second, if more than one frame was shown, and with the rays per second, if they
+/// are known. Returns `None` if neither is the case.
 fn speed(report: &Report) -> Option<String> {
     let frames = (report.frames > 1).then(|| format!("{:.1} frames/s", report.frames_per_s));
     let rays = report.rays_per_s.map(|rate| crate::words::rate(rate, "rays"));
@@ -186,7 +187,7 @@ fn speed(report: &Report) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn told(frames: u32, timed_frames: usize, notes: &[&str]) -> String {
+    fn text_of(frames: u32, timed_frames: usize, notes: &[&str]) -> String {
         let is_timed = timed_frames > 0;
         text(&Report {
             scene: "little".to_owned(),
@@ -207,15 +208,15 @@ mod tests {
 
     #[test]
     fn one_frame_has_neither_a_median_nor_frames_per_second() {
-        let (one, three) = (told(1, 1, &[]), told(3, 3, &[]));
+        let (one, three) = (text_of(1, 1, &[]), text_of(3, 3, &[]));
         assert!(one.contains(" 1.50 ms\n") && one.ends_with("speed     4.00 Mrays/s"), "{one}");
         assert!(three.contains(" 1.50 ms, the median of 3 frames\n"), "{three}");
         assert!(three.ends_with("speed     2.0 frames/s, 4.00 Mrays/s"), "{three}");
     }
 
     #[test]
-    fn the_median_is_told_with_the_frames_since_the_last_switch() {
-        let (two_of_nine, none_of_nine) = (told(9, 2, &[]), told(9, 0, &[]));
+    fn the_median_is_printed_with_the_frames_since_the_last_switch() {
+        let (two_of_nine, none_of_nine) = (text_of(9, 2, &[]), text_of(9, 0, &[]));
         assert!(two_of_nine.contains(" 1.50 ms, the median of 2 frames\n"), "{two_of_nine}");
         assert!(!none_of_nine.contains("kernel"), "{none_of_nine}");
         assert!(none_of_nine.ends_with("speed     2.0 frames/s"), "{none_of_nine}");
@@ -223,7 +224,7 @@ mod tests {
 
     #[test]
     fn notes_about_the_scene_are_at_the_end() {
-        let told = told(3, 3, &["a remark", "another"]);
-        assert!(told.ends_with("rays/s\nnote      a remark\nnote      another"), "{told}");
+        let printed = text_of(3, 3, &["a remark", "another"]);
+        assert!(printed.ends_with("rays/s\nnote      a remark\nnote      another"), "{printed}");
     }
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant, SystemTime};
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps. A file counts as complete if this much time has passed since the last step.
 const QUIET: Duration = Duration::from_millis(80);
-/// The interval at which a waiting command checks whether the watched folders are still the same.
+/// The interval at which a waiting command checks whether watched folders have been replaced.
 const LOOK_UP: Duration = Duration::from_millis(500);
 
 /// Files that are watched.
@@ -31,9 +31,11 @@ pub struct Watched {
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<Folder>,
-    /// The number of folders that were given. In `folders`, the folders of files that have been read follow them.
+    /// The number of folders that were given to [`Watched::new`]. They come first in `folders`; the folders of files
+    /// that raycl has read follow.
     given: usize,
-    /// The folders of files that have been read, which are watched by themselves or with a given folder.
+    /// The folders of files that raycl has read. Each of them is watched by itself, or is covered by the watch on a
+    /// given folder.
     of_inputs: BTreeSet<PathBuf>,
     inputs: &'static Inputs,
 }
@@ -86,18 +88,20 @@ impl Watched {
         is_complete(&self.changes, &mut self.changed_at, Instant::now())
     }
 
-    /// Watches the folders that have been replaced since the last call, which counts as a change, and the folders of
-    /// files that have been read since then.
+    /// Watches those folders again that have been replaced since the last call; each replacement counts as a change.
+    /// Also begins to watch the folders of files that have been read since the last call.
     fn follow(&mut self) {
         for folder in &mut self.folders {
             if folder.identity != identity(&folder.path) {
-                // The old watch may have ended with its folder. A folder that is missing is watched once it exists.
+                // The old watch may have ended with its folder. If the folder is missing now, watching fails, and a
+                // later call watches the folder once it exists.
                 let _ = self.watcher.unwatch(&folder.path);
                 let _ = folder.watch(&mut self.watcher);
                 self.changed_at = Some(Instant::now());
             }
         }
-        // No two of these folders are equal, so each new one is compared with the given folders only.
+        // The folders of `inputs` are a set without duplicates, so each new folder is compared with the given folders
+        // only.
         let of_inputs = self.inputs.folders();
         for path in of_inputs.difference(&self.of_inputs) {
             if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {
@@ -150,15 +154,15 @@ type Identity = ([u64; 2], Option<SystemTime>);
 
 /// Returns the identity of the folder that has this path now; `None` if there is none.
 fn identity(folder: &Path) -> Option<Identity> {
-    let found = folder.metadata().ok()?;
-    Some((numbers(&found), found.created().ok()))
+    let metadata = folder.metadata().ok()?;
+    Some((numbers(&metadata), metadata.created().ok()))
 }
 
 /// Returns the numbers of a folder's disk and of the folder.
 #[cfg(unix)]
-fn numbers(found: &Metadata) -> [u64; 2] {
+fn numbers(metadata: &Metadata) -> [u64; 2] {
     use std::os::unix::fs::MetadataExt as _;
-    [found.dev(), found.ino()]
+    [metadata.dev(), metadata.ino()]
 }
 
 /// On systems other than Unix, only the time of creation distinguishes folders.
@@ -214,8 +218,9 @@ fn is_source(path: &Path) -> bool {
     path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
-/// Returns whether a file has changed, and no file has changed for the time `QUIET` before `now`. `changed_at` is the
-/// time of the last change before the call; it becomes that after the call, or `None` if the function returns true.
+/// Returns whether a file has changed, and no file has changed for the time `QUIET` before `now`. `changed_at` has the
+/// time of the latest change that earlier calls have found. The function updates this time, and sets it to `None` if it
+/// returns true.
 fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, now: Instant) -> bool {
     *changed_at = changes.try_iter().last().or(*changed_at);
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
@@ -239,13 +244,13 @@ mod tests {
     /// The longest wait for a change. A test reaches this limit only if it hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Watches a folder in a thread. Each action after the first one sends a message.
-    fn watching(place: PathBuf) -> Receiver<()> {
+    /// Watches a folder in a thread. The returned receiver gets a message from each action after the first one.
+    fn watching(folder: PathBuf) -> Receiver<()> {
         static INPUTS: Inputs = Inputs::new();
-        let (told, seen) = channel();
+        let (sender, seen) = channel();
         std::thread::spawn(move || {
-            let watched = Watched::new(&[(place, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
-            watch(watched, true, move || told.send(()).map_err(|_| Error::run("over")))
+            let watched = Watched::new(&[(folder, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
+            watch(watched, true, move || sender.send(()).map_err(|_| Error::run("over")))
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
         seen
@@ -275,16 +280,17 @@ mod tests {
     fn a_folder_that_was_removed_or_renamed_is_watched_again_when_it_exists_again() {
         let folder = tempfile::tempdir().expect("a folder");
         for renames in [false, true] {
-            let place = folder.path().join(format!("renamed-{renames}"));
-            std::fs::create_dir(&place).expect("a folder");
-            let seen = watching(place.clone());
+            let path = folder.path().join(format!("renamed-{renames}"));
+            std::fs::create_dir(&path).expect("a folder");
+            let seen = watching(path.clone());
             let other = folder.path().join("other");
-            let gone = if renames { std::fs::rename(&place, other) } else { std::fs::remove_dir(&place) };
+            let gone = if renames { std::fs::rename(&path, other) } else { std::fs::remove_dir(&path) };
             gone.expect("the folder goes away");
-            std::fs::create_dir(&place).expect("another folder");
-            // That a folder went away and came back are at most two changes, so the third is a change of the file.
+            std::fs::create_dir(&path).expect("another folder");
+            // The removal of the folder and its return cause at most two actions, so the third action is caused by a
+            // change of the file.
             for _ in 0..3 {
-                change_until(&place.join("scene.toml"), || seen.try_recv().is_ok());
+                change_until(&path.join("scene.toml"), || seen.try_recv().is_ok());
             }
         }
     }
@@ -293,15 +299,15 @@ mod tests {
     fn files_of_other_folders_are_watched_once_they_are_read() {
         static INPUTS: Inputs = Inputs::new();
         let [scene, other] = [0; 2].map(|_| tempfile::tempdir().expect("a folder"));
-        let place = scene.path().to_owned();
+        let folder = scene.path().to_owned();
         let texture = other.path().join("wood.png");
         let read = texture.clone();
-        let (told, seen) = channel();
+        let (sender, seen) = channel();
         std::thread::spawn(move || {
-            let watched = Watched::new(&[(place, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
+            let watched = Watched::new(&[(folder, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
             watch(watched, true, move || {
                 INPUTS.add(&read);
-                told.send(()).map_err(|_| Error::run("over"))
+                sender.send(()).map_err(|_| Error::run("over"))
             })
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
@@ -314,8 +320,8 @@ mod tests {
         let [scene, other] = [0; 2].map(|_| tempfile::tempdir().expect("a folder"));
         let given = [(scene.path().to_owned(), RecursiveMode::NonRecursive)];
         let mut watched = Watched::new(&given, &[], &INPUTS).expect("it watches");
-        for place in [scene.path().join("a.png"), other.path().join("b.png"), other.path().join("c.png")] {
-            INPUTS.add(&place);
+        for path in [scene.path().join("a.png"), other.path().join("b.png"), other.path().join("c.png")] {
+            INPUTS.add(&path);
             watched.follow();
         }
         let other = other.path().canonicalize().expect("a folder");
@@ -342,10 +348,10 @@ mod tests {
     #[test]
     fn a_missing_folder_is_a_mistake_that_names_it() {
         static INPUTS: Inputs = Inputs::new();
-        let place = tempfile::tempdir().expect("a folder");
-        let missing = place.path().join("missing");
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = folder.path().join("missing");
         let scene = folders(&missing.join("scene.toml"), None);
-        let kernels = folders(&place.path().join("scene.toml"), Some(&missing));
+        let kernels = folders(&folder.path().join("scene.toml"), Some(&missing));
         for folders in [scene, kernels] {
             let error = Watched::new(&folders, &[], &INPUTS).err().expect("a folder is missing");
             let message = error.to_string();
@@ -356,9 +362,10 @@ mod tests {
             );
             assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
-        // A file is no folder, however similar its name is.
-        std::fs::write(place.path().join("missin"), "").expect("a file");
-        let meant = place.path().join("misssing");
+        // The remedy suggests the folder `misssing`. It does not suggest `missin`, since this is a file, although its
+        // name is as similar.
+        std::fs::write(folder.path().join("missin"), "").expect("a file");
+        let meant = folder.path().join("misssing");
         std::fs::create_dir(&meant).expect("a folder");
         let error = resolved(&missing).expect_err("the folder is missing");
         assert_eq!(error.remedy(), format!("did you mean `{}`?", meant.display()));

@@ -18,8 +18,8 @@ const KEYS: &str =
 /// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
-/// A file, and overrides from the command line. A span is a range of bytes. Spans up to the file's length lie in the
-/// file. Each override has its own range of bytes after the file's end.
+/// The text of a config file, and the overrides (`--set` options of the command line). A span is a range of bytes.
+/// Spans up to the file's length lie in the file. Each override has its own range of bytes after the file's end.
 pub struct Document {
     name: String,
     text: String,
@@ -77,7 +77,7 @@ impl Document {
     }
 
     /// Returns `FILE:LINE` of `span`; for a span in an override, `--set:1`.
-    pub fn place_of(&self, span: Range<usize>) -> String {
+    pub fn location_of(&self, span: Range<usize>) -> String {
         let (name, text, start) = self.part(&span);
         format!("{name}:{}", line_of(text, span.start - start))
     }
@@ -96,7 +96,7 @@ impl Document {
     }
 
     /// Adds the location `span` to an input error that has no location.
-    pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
+    pub fn located(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
 
@@ -107,7 +107,7 @@ impl Document {
         self.error(start + from..start + to, message, "here").with_help(Wanted::Experiment.read())
     }
 
-    /// Rewrites serde's error in plain words.
+    /// Rewrites, in plain words, an error of serde (the library that converts TOML to Rust's types).
     fn misfit(&self, error: &toml::de::Error) -> Error {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
@@ -121,7 +121,7 @@ impl Document {
             return self.error(span, format!("the key '{key}' is missing"), format!("'{key}' belongs here"));
         }
         let message = in_plain_words(message.trim()).replace('`', "");
-        let label = message.find("expected ").map_or("here", |place| &message[place..]).to_owned();
+        let label = message.find("expected ").map_or("here", |start| &message[start..]).to_owned();
         self.error(span, message, label)
     }
 
@@ -151,7 +151,8 @@ fn toml_line(key: &str, value: &str) -> Result<String> {
     }
 }
 
-/// Returns the overrides with absolute paths of scenes. Other paths of scenes are relative to the current folder.
+/// Returns the overrides with all paths of scenes made absolute. A relative path in an override is taken as relative to
+/// the current folder.
 pub fn with_absolute_paths(overrides: &[(String, String)]) -> Vec<(String, String)> {
     overrides.iter().map(|given| absolute(&given.0, &given.1).unwrap_or_else(|| given.clone())).collect()
 }
@@ -187,7 +188,7 @@ fn resolve(value: &mut Value, key: &str) {
     }
 }
 
-/// Adds `distance` to all spans in the table of an override, which was parsed by itself.
+/// Adds `distance` to all spans in the table of an override, which was parsed separately from the file.
 fn moved_table(table: DeTable<'_>, distance: usize) -> DeTable<'_> {
     table.into_iter().map(|(key, value)| (moved(key, distance), moved_value(value, distance))).collect()
 }
@@ -226,7 +227,8 @@ fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     Ok(())
 }
 
-/// The result of merging an override; an index that a list does not have, with the message for it, is an error.
+/// The result of merging an override. The error is the span of an index that a list does not have, and the message
+/// about this index.
 type Merged = std::result::Result<(), (Range<usize>, String)>;
 
 /// Merges `above` into `below`, the value of the key `name`.

@@ -15,11 +15,11 @@ pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expe
 
 /// Returns the list without repetitions, in the original order.
 pub fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
-    let mut kept = Vec::new();
+    let mut unique = Vec::new();
     for item in list {
-        if !kept.contains(&item) {
-            kept.push(item);
+        if !unique.contains(&item) {
+            unique.push(item);
         }
     }
-    kept
+    unique
 }

@@ -26,13 +26,13 @@ pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<V
         let error = document.error(0..0, "there is no scene", "expected scenes = [...] or [[scene]]");
         return Err(error.with_help("add scenes = [\"FILE\"]; paths are relative to the config file"));
     }
-    let mut kept: Vec<SceneChoice> = Vec::new();
+    let mut unique: Vec<SceneChoice> = Vec::new();
     for scene in all {
-        if !kept.contains(&scene) {
-            kept.push(scene);
+        if !unique.contains(&scene) {
+            unique.push(scene);
         }
     }
-    Ok(kept)
+    Ok(unique)
 }
 
 fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<SceneChoice> {
@@ -54,7 +54,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
 /// otherwise `None`.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let filetype = Opened::at(path).ok()?.filetype;
-    filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)
+    filetype.refusal(&format!("{}: {}", document.location_of(name.span()), path.display()), Wanted::Scene)
 }
 
 /// Returns a scene for every combination of the values in a `[[scene]]` entry.
@@ -66,9 +66,9 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
             let message = format!("'{path}' is empty");
             return Err(document.error(span.clone(), message, "expected at least one value"));
         }
-        let place = document.place_of(span.clone());
+        let location = document.location_of(span.clone());
         let vary =
-            |choice: &SceneChoice| values.iter().map(|value| with(choice, &place, path, value)).collect();
+            |choice: &SceneChoice| values.iter().map(|value| with(choice, &location, path, value)).collect();
         choices = choices.iter().flat_map(|choice| -> Vec<_> { vary(choice) }).collect();
     }
     Ok(choices)
@@ -77,14 +77,14 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
 /// A path in a scene, and the values to set there.
 struct Change<'a> {
     path: String,
-    /// The place of the key in the config.
+    /// The location of the key in the config.
     span: Range<usize>,
     values: Vec<&'a Value>,
 }
 
 /// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as `display.exposure = 3` means
-/// the table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table in a list is a
-/// value.
+/// the table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table that is an
+/// element of a list replaces the whole old value instead.
 fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
     let path = key.get_ref().clone();
     let changed = match values {
@@ -104,13 +104,13 @@ fn below(path: String, value: &Value) -> Vec<(String, Vec<&Value>)> {
     }
 }
 
-/// Returns a copy of the choice with one more changed value. `place` is the place of the key in the config. The copy's
-/// suffix names the value by the last part of the value's key.
-fn with(choice: &SceneChoice, place: &str, key: &str, value: &Value) -> SceneChoice {
+/// Returns a copy of the choice with one more changed value. `location` is the location of the key in the config. The
+/// suffix of the scene's name gets `+key=value`, with only the last part of the dotted key.
+fn with(choice: &SceneChoice, location: &str, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);
     choice.suffix.push_str(&format!("+{short}={value}"));
-    let origin = format!("{place}: {key} = {value}");
+    let origin = format!("{location}: {key} = {value}");
     choice.overrides.push(Setting { path: key.to_owned(), value: value.clone(), origin });
     choice
 }

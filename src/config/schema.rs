@@ -1,5 +1,5 @@
-//! JSON schemas of the values that `wire` deserialises by hand (sizes and strategies), and of the names of presets and
-//! baselines.
+//! JSON schemas of the values that `wire` deserialises with code of its own instead of derived code (sizes and
+//! strategies), and of the names of presets and baselines.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -38,7 +38,7 @@ fn size(side: &RangeInclusive<i64>) -> Schema {
     json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
 }
 
-/// Returns the schema of a `[[strategy]]`: a preset, and any axis.
+/// Returns the schema of a `[[strategy]]` entry: its own keys, such as `preset`, and a key for every axis.
 fn strategy() -> Schema {
     let mut keys = Map::new();
     let mut add = |key: &str, about: &str, schema: Schema| {

@@ -12,7 +12,7 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// Where the key `local_sizes` applies to every strategy without local sizes of its own.
+/// The position in a config at which the key `local_sizes` applies to every strategy without local sizes of its own.
 const TOP: &str = "at the top of the experiment's file";
 
 /// A strategy that is being made. It begins as a copy of the preset of a `[[strategy]]` entry, and then gets the values
@@ -22,7 +22,7 @@ struct Draft {
     strategy: Strategy,
     /// The axes that are part of the name, as `axis=value`: those that differ from the preset, or that have several
     /// values in the `[[strategy]]` entry.
-    told: Vec<String>,
+    named_axes: Vec<String>,
 }
 
 /// Returns every strategy of the config, presets first; no two names are equal.
@@ -32,8 +32,8 @@ pub fn expand(
     sizes: &[[u32; 2]],
 ) -> Result<Vec<NamedStrategy>> {
     let mut all: Vec<NamedStrategy> = Vec::new();
-    let mut add = |found: Vec<NamedStrategy>, span: Range<usize>, place: &str| {
-        for strategy in found {
+    let mut add = |strategies: Vec<NamedStrategy>, span: Range<usize>, position: &str| {
+        for strategy in strategies {
             if all.iter().any(|other| other.name == strategy.name) {
                 let message = format!("two strategies have the name '{}'", strategy.name);
                 let error = document.error(span, message, "the second is here");
@@ -43,7 +43,7 @@ pub fn expand(
                 let message = format!("strategy '{}' has no local sizes", strategy.name);
                 let error = document.error(span, message, "it would never run");
                 let setting = "set local_sizes = [8, 16] (8 x 8 and 16 x 16 work-items)";
-                return Err(error.with_help(format!("{setting} {place}")));
+                return Err(error.with_help(format!("{setting} {position}")));
             }
             all.push(strategy);
         }
@@ -69,7 +69,7 @@ fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<Stri
 }
 
 fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> {
-    preset(name.get_ref()).map_err(|error| document.place(name.span(), error, "no such preset"))
+    preset(name.get_ref()).map_err(|error| document.located(name.span(), error, "no such preset"))
 }
 
 fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKind>) -> NamedStrategy {
@@ -103,7 +103,7 @@ fn product(
         Some(own) => local_sizes(document, own.get_ref())?,
         None => sizes.to_vec(),
     };
-    let mut drafts = vec![Draft { strategy: preset.strategy, told: Vec::new() }];
+    let mut drafts = vec![Draft { strategy: preset.strategy, named_axes: Vec::new() }];
     for axis in AXES {
         if let Some((_, choices)) = entry.axes.iter().find(|(key, _)| key.get_ref() == axis.name) {
             drafts = vary(document, axis.name, choices, drafts, preset)?;
@@ -143,9 +143,9 @@ fn vary(
         for (value, span) in &values {
             let mut draft = draft.clone();
             let set = draft.strategy.set(axis, value);
-            set.map_err(|error| document.place(span.clone(), error, "no such value"))?;
+            set.map_err(|error| document.located(span.clone(), error, "no such value"))?;
             if listed || !preset.strategy.axes().contains(&(axis, value)) {
-                draft.told.push(format!("{axis}={value}"));
+                draft.named_axes.push(format!("{axis}={value}"));
             }
             varied.push(draft);
         }
@@ -163,7 +163,7 @@ fn named(
     span: Range<usize>,
 ) -> Result<NamedStrategy> {
     if let Some(reason) = draft.strategy.contradiction() {
-        let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
+        let what = [&[format!("preset={}", preset.name)], draft.named_axes.as_slice()].concat().join(" ");
         let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
             "change one of the axes that the message names; if lists give combinations that are not allowed, write a [[strategy]] entry for each allowed combination instead",
@@ -183,14 +183,14 @@ fn named(
 /// preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
-        return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");
+        return [&[preset.name.to_string()], draft.named_axes.as_slice()].concat().join("+");
     };
-    let listed = |told: &&String| {
+    let listed = |named_axis: &&String| {
         entry.axes.iter().any(|(axis, choices)| {
             let several = matches!(choices.get_ref(), Choices::List(list) if list.len() > 1);
-            several && told.starts_with(&format!("{}=", axis.get_ref()))
+            several && named_axis.starts_with(&format!("{}=", axis.get_ref()))
         })
     };
-    let told = draft.told.iter().filter(listed).cloned();
-    std::iter::once(name.get_ref().clone()).chain(told).collect::<Vec<_>>().join("+")
+    let named_axes = draft.named_axes.iter().filter(listed).cloned();
+    std::iter::once(name.get_ref().clone()).chain(named_axes).collect::<Vec<_>>().join("+")
 }

@@ -191,7 +191,7 @@ fn a_wrong_type_says_what_was_expected() {
     let text = GOOD.replace("[\"naive\", \"local-vectors\"]", "3");
     refuses(&text, &["wrong type: integer 3, expected a list", "test.toml:6:14"]);
     refuses(&GOOD.replace("[64, 1]", "\"64x1\""), &["expected a size", "test.toml:5:19"]);
-    for (more, found, place) in [
+    for (more, actual, position) in [
         ("emulate = 3", "integer 3", "7:11"),
         ("emulate = []", "list", "7:11"),
         ("emulate = [9, 7]", "list", "7:11"),
@@ -201,8 +201,8 @@ fn a_wrong_type_says_what_was_expected() {
         ("scene = [[\"../scenes/gourd.toml\", {}]]", "list", "7:10"),
         ("scene = [{ file = \"../scenes/gourd.toml\", set = 3 }]", "integer 3", "7:49"),
     ] {
-        let message = format!("wrong type: {found}, expected a table");
-        refuses(&format!("{GOOD}{more}\n"), &[&message, &format!("test.toml:{place}")]);
+        let message = format!("wrong type: {actual}, expected a table");
+        refuses(&format!("{GOOD}{more}\n"), &[&message, &format!("test.toml:{position}")]);
     }
     refuses(&format!("{GOOD}[timing]\nseed = 1.5"), &["expected a whole number", "test.toml:8:8"]);
     refuses(&format!("{GOOD}[timing]\ntime_limit_ms = \"5 s\""), &["expected a number", "test.toml:8:17"]);
@@ -345,8 +345,8 @@ fn a_path_without_quotes_changes_only_its_own_value_and_a_table_in_a_list_is_a_v
     let set = |text: &str, overrides: &[(&str, &str)]| -> Vec<Vec<String>> {
         let entry = format!("[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = {{ {text} }}\n");
         let experiment = load_with(&format!("{GOOD}{entry}"), overrides).unwrap();
-        let told = |set: &Setting| format!("{} {}", set.path, set.value);
-        experiment.scenes[1..].iter().map(|scene| scene.overrides.iter().map(told).collect()).collect()
+        let text = |set: &Setting| format!("{} {}", set.path, set.value);
+        experiment.scenes[1..].iter().map(|scene| scene.overrides.iter().map(text).collect()).collect()
     };
     assert_eq!(set("display.exposure = [3, 4]", &[]), [["display.exposure 3"], ["display.exposure 4"]]);
     let both = ["display.exposure 3", "light.0.power 5"];
@@ -359,7 +359,7 @@ fn a_path_without_quotes_changes_only_its_own_value_and_a_table_in_a_list_is_a_v
 }
 
 #[test]
-fn a_scene_entry_is_checked_at_its_place() {
+fn a_scene_entry_is_checked_at_its_position() {
     let refused = |entry: &str, words: &[&str]| refuses(&format!("{GOOD}[[scene]]\n{entry}\n"), words);
     refused("file = \"../scenes/gord.toml\"", &["no scene file '../scenes/gord.toml'", "8:8", "gourd.toml?"]);
     refused("set = { \"object.0.triangles\" = 4 }", &["the key 'file' is missing", "7:1"]);
@@ -425,7 +425,7 @@ fn a_bad_override_is_shown_in_its_own_words() {
 }
 
 #[test]
-fn a_limit_that_is_set_below_the_configs_own_is_told_with_both_places() {
+fn a_limit_that_is_set_below_the_configs_own_is_reported_with_both_positions() {
     let text = format!("{GOOD}[timing]\nmin_samples = 100\nmax_samples = 100\n");
     let report = refusal(&text, &[("timing.max_samples", "10")]);
     for words in [
@@ -539,7 +539,7 @@ fn the_bounds_of_a_setting_are_allowed_and_what_is_beyond_is_not() {
     }
 }
 
-/// An error's message says what is wrong. The label, which is printed under the marked place of the file, says what
+/// An error's message says what is wrong. The label, which is printed under the marked part of the file, says what
 /// was expected there.
 #[test]
 fn a_message_and_its_label_are_not_mixed_up() {
@@ -576,15 +576,15 @@ fn a_file_of_another_type_is_named() {
     let scene = path.parent().unwrap().join("../scenes/teapot.toml");
     std::fs::write(&scene, "GIF89a").unwrap();
     let error = load(&path, &[]).expect_err("a picture");
-    let place = format!("{}:3: {}", path.display(), scene.display());
-    assert_eq!(error.to_string(), format!("{place} is a GIF picture, which raycl does not read"));
+    let start = format!("{}:3: {}", path.display(), scene.display());
+    assert_eq!(error.to_string(), format!("{start} is a GIF picture, which raycl does not read"));
     let named = [
         ("timing.seed".to_owned(), "3".to_owned()),
         ("scenes".to_owned(), "[\"../scenes/teapot.toml\"]".to_owned()),
     ];
     let error = load(&path, &named).expect_err("a picture");
-    let place = format!("--set:1: {}", scene.display());
-    assert_eq!(error.to_string(), format!("{place} is a GIF picture, which raycl does not read"));
+    let start = format!("--set:1: {}", scene.display());
+    assert_eq!(error.to_string(), format!("{start} is a GIF picture, which raycl does not read"));
 }
 
 #[test]

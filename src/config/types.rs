@@ -21,7 +21,7 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// The places, in the config's list of scenes, of the scenes that were removed from `scenes`, since the content of
+    /// The indices, in the config's list of scenes, of the scenes that were removed from `scenes`, since the content of
     /// each equals that of an earlier scene.
     pub left_out: Vec<usize>,
     /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
@@ -45,21 +45,21 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns all names under which the config lists a strategy at a local size. `place` is the strategy's index in
-    /// the list of strategies.
-    pub fn names_of(&self, place: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
-        let wanted = self.strategies.get(place).map(|named| named.strategy);
+    /// Returns all names under which the config lists a strategy at a local size. `strategy` is the strategy's index
+    /// in the list of strategies.
+    pub fn names_of(&self, strategy: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
+        let wanted = self.strategies.get(strategy).map(|named| named.strategy);
         let is_wanted = move |named: &&NamedStrategy| {
             Some(named.strategy) == wanted && named.local_sizes.contains(&local_size)
         };
         self.strategies.iter().filter(is_wanted)
     }
 
-    /// Removes the scenes at these places in the config's list of scenes. No scene may have been removed before.
-    pub fn leave_out(&mut self, places: Vec<usize>) {
-        let mut place = 0..;
-        self.scenes.retain(|_| place.next().is_none_or(|place| !places.contains(&place)));
-        self.left_out = places;
+    /// Removes the scenes at these indices in the config's list of scenes. No scene may have been removed before.
+    pub fn leave_out(&mut self, indices: Vec<usize>) {
+        let mut index = 0..;
+        self.scenes.retain(|_| index.next().is_none_or(|index| !indices.contains(&index)));
+        self.left_out = indices;
     }
 }
 
@@ -70,7 +70,7 @@ pub struct SceneChoice {
     pub path: PathBuf,
     /// The folder of the config that names the file; empty if no config names the file.
     pub named_in: PathBuf,
-    /// The values to set in the scene file, with their places in the config.
+    /// The values to set in the scene file, with their locations in the config.
     pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,

@@ -108,15 +108,15 @@ fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
 }
 
 /// Returns the error for a `max_samples` in `--set` that is less than the config's own `min_samples`; `None` if there
-/// is no such contradiction. The user wrote only the first value. A `max_samples` that is out of range by itself is no
-/// contradiction, since no `min_samples` suits it.
+/// is no such contradiction. Since the user wrote only `max_samples`, the error also says where the config sets
+/// `min_samples`. A `max_samples` that is out of range by itself is no contradiction, since no `min_samples` suits it.
 fn contradiction(document: &Document, wire: &wire::Timing) -> Option<Error> {
     let (min, max) = (wire.min_samples.as_ref()?, wire.max_samples.as_ref()?);
     let (least, most) = (min.get_ref(), max.get_ref());
     let is_of_set = document.is_override(&max.span()) && !document.is_override(&min.span());
     (is_of_set && *most >= 1 && least > most).then(|| {
         let message = format!("max_samples {most} is less than min_samples {least}");
-        let label = format!("min_samples is {least} in {}", document.place_of(min.span()));
+        let label = format!("min_samples is {least} in {}", document.location_of(min.span()));
         document
             .error(max.span(), message, label)
             .with_help(format!("set the other value, too: --set timing.min_samples={most}"))

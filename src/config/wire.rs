@@ -132,7 +132,7 @@ pub struct Timing {
     pub relative_sigma: Option<Spanned<f64>>,
 }
 
-/// `8` for 8 x 8, or `[64, 1]`.
+/// A size in a config: `8` (which means 8 x 8), or `[64, 1]`.
 pub enum Size {
     Square(i64),
     List(Vec<Spanned<i64>>),
@@ -147,7 +147,7 @@ pub enum Choices {
     List(Vec<Spanned<Choice>>),
 }
 
-/// A `[[strategy]]`: the keys below, and any axis.
+/// A `[[strategy]]` entry. Its keys are `name`, `preset`, `local_sizes`, `any_kind` and the names of the axes.
 #[derive(Default)]
 pub struct StrategyEntry {
     pub name: Option<Spanned<String>>,

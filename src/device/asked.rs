@@ -5,12 +5,13 @@ use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// Why a device is unusable if its driver lacks something. Only another driver changes this.
+/// The reasons why a device is unusable if its driver lacks a feature. Only another driver can make such a device
+/// usable.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
 
-/// Returns whether a device that is unusable for this reason may be usable soon, with the same driver: it is not
-/// available now, or a query failed.
+/// Returns whether a device that is unusable for `reason` may soon be usable with the same driver. This is the case if
+/// the device is not available now, or if a query failed.
 pub(super) fn may_be_usable_soon(reason: &str) -> bool {
     ![NO_COMPILER, NO_TIMES].contains(&reason)
 }

@@ -27,9 +27,10 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Tests the lane operations of every device. Ignores mistakes in kernel files of the user, since such a mistake
-    /// must not stop a command that uses another device. A device on which a file is wrong stays untested; if it is
-    /// chosen, [`Device::test_lanes`] is called again and returns the error.
+    /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in kernel files
+    /// of the user, since such a mistake must not stop a command that uses another device. A device on which a file
+    /// causes an error stays untested; if this device is chosen, [`Device::test_lanes`] is called again and returns the
+    /// error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {
             let _ = device.test_lanes(sources);
@@ -76,12 +77,13 @@ pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
     cache_advice().or_else(|| chosen_advice(std::env::var_os(CHOSEN).as_deref()))
 }
 
-/// The value of this variable with which every version of PoCL lists the CPU. PoCL 3.1 does not know the newer name
+/// The value of `POCL_DEVICES` with which every version of PoCL lists the CPU. PoCL 3.1 does not know the newer name
 /// `cpu`.
 const EVERY_CPU: &str = "pthread";
 
-/// Returns advice if the environment variable has a value. Then PoCL lists no other devices, even if the value is empty.
-/// Returns `None` for the value that the advice would name: something else is then the cause.
+/// Returns advice if the environment variable `POCL_DEVICES` has a value, even an empty one: PoCL then lists only the
+/// devices that the variable names. Returns `None` if the value is [`EVERY_CPU`], which the advice recommends: another
+/// cause then leaves PoCL without devices.
 fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     let value = value.filter(|value| *value != EVERY_CPU)?.display();
     Some(format!(
@@ -135,8 +137,8 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
     ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
 }
 
-/// Opens a device that was listed in an earlier run; `None` if it is missing or if any of its properties has changed.
-/// Only the driver of the device's platform is started.
+/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if any of its
+/// properties has changed. Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded();
@@ -145,14 +147,14 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let devices =
         namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // Devices with the same name are numbered in this order.
-    let mut found =
+    // `twins_before` numbers the devices with the same name in the order in which they are listed here.
+    let mut device =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
-    found.info.limits.lane_operations = known.limits.lane_operations;
-    found.lanes_are_tested = true;
-    found.info.twins_before = known.twins_before;
-    found.info.label.clone_from(&known.label);
-    (found.info == *known).then_some(found)
+    device.info.limits.lane_operations = known.limits.lane_operations;
+    device.lanes_are_tested = true;
+    device.info.twins_before = known.twins_before;
+    device.info.label.clone_from(&known.label);
+    (device.info == *known).then_some(device)
 }
 
 const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
@@ -205,8 +207,8 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Assigns a unique label to each device: its name if that is unique, else its name for files (`slug`). Devices must
-/// already be numbered.
+/// Assigns a unique label to each device: its name if that is unique, else its name for files (`slug`). Devices with
+/// the same name must already be numbered (by [`number_twins`]).
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();
     let mut namesakes: HashMap<String, usize> = HashMap::new();
@@ -265,20 +267,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_limit_of_the_address_space_is_told_if_there_is_no_platform() {
-        let told = |limit| format!("{:?}", no_platform(limit));
-        assert!(told(Some(409_600_000)).contains("may use only 409.6 MB of address space"));
-        assert!(told(Some(1)).contains("ulimit -v unlimited") && !told(None).contains("ulimit"));
+    fn a_limit_of_the_address_space_is_reported_if_there_is_no_platform() {
+        let message = |limit| format!("{:?}", no_platform(limit));
+        assert!(message(Some(409_600_000)).contains("may use only 409.6 MB of address space"));
+        assert!(message(Some(1)).contains("ulimit -v unlimited") && !message(None).contains("ulimit"));
     }
 
     #[test]
-    fn a_variable_that_leaves_pocl_without_devices_is_told() {
+    fn a_variable_that_leaves_pocl_without_devices_is_reported() {
         for value in [None, Some("pthread".as_ref())] {
             assert_eq!(chosen_advice(value), None);
         }
         for value in ["nonsense", ""] {
-            let told = chosen_advice(Some(value.as_ref())).expect("advice");
-            assert!(told.contains(&format!("POCL_DEVICES names; its value is '{value}': unset")), "{told}");
+            let advice = chosen_advice(Some(value.as_ref())).expect("advice");
+            let expected = format!("POCL_DEVICES names; its value is '{value}': unset");
+            assert!(advice.contains(&expected), "{advice}");
         }
         assert_eq!(no_device_advice(&["NVIDIA CUDA".to_owned()]), None);
     }
@@ -324,9 +327,9 @@ mod tests {
             discover(&Sources::Embedded).expect("the tests need PoCL: make setup")
         {
             let answer =
-                |query| device.info(query).map_or_else(|error| error.to_string(), |found| found.to_string());
+                |query| device.info(query).map_or_else(|error| error.to_string(), |value| value.to_string());
             let limits = &info.limits;
-            for (query, found) in [
+            for (query, property) in [
                 (Query::LocalMemSize, limits.local_bytes.to_string()),
                 (Query::MaxConstantBufferSize, limits.constant_bytes.to_string()),
                 (Query::GlobalMemSize, limits.global_bytes.to_string()),
@@ -337,7 +340,7 @@ mod tests {
                 (Query::Vendor, info.vendor),
                 (Query::DriverVersion, info.driver),
             ] {
-                assert_eq!(found, answer(query).trim(), "{query:?}");
+                assert_eq!(property, answer(query).trim(), "{query:?}");
             }
             assert!(info.version.starts_with("OpenCL "), "{}", info.version);
         }

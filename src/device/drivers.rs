@@ -4,13 +4,13 @@ use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The folder that loaders read by default.
+/// The folder whose .icd files OpenCL loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The variable that names another folder, one .icd file, or one library.
+/// The environment variable that names another folder of .icd files, a single .icd file, or the library of a driver.
 const FOLDER: &str = "OCL_ICD_VENDORS";
 /// The variable that names another folder if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
-/// The variable that names further libraries.
+/// The environment variable that names the libraries of further drivers.
 pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
 /// A driver, as a loader finds it.
@@ -48,15 +48,15 @@ pub fn installed() -> Vec<Driver> {
     let usual = set(USUAL_FOLDER).unwrap_or_else(|| VENDORS.into());
     let libraries = std::env::var(LIBRARIES).unwrap_or_default();
     let named = libraries.split(':').filter(|name| !name.is_empty()).map(|name| Driver::Library(name.into()));
-    found(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
+    drivers_at(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
 /// Returns the drivers that a loader finds in the usual folder. If the environment names another folder, an .icd file
 /// or a library, returns only the drivers that are named there. An .icd file whose name has no slash is first searched
 /// for in the usual folder.
-fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
-    let folder = told.unwrap_or(usual);
-    if told.is_none() || folder.is_dir() {
+fn drivers_at(named_path: Option<&Path>, usual: &Path) -> Vec<Driver> {
+    let folder = named_path.unwrap_or(usual);
+    if named_path.is_none() || folder.is_dir() {
         return icd_files(folder).into_iter().map(Driver::Icd).collect();
     }
     if !is_icd(folder) {
@@ -80,16 +80,16 @@ fn is_icd(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "icd")
 }
 
-/// Returns environment variables that make a loader find these drivers and no others. Copies the .icd files of the
-/// drivers into `folder`, which must be empty and must outlive the loader. Also writes an .icd file for a driver that
-/// is named as a library, since not every loader reads a variable that names libraries.
+/// Returns environment variables that make a loader find only the given drivers. Copies the .icd files of the drivers
+/// into `folder`, which must be empty, and must exist as long as the loader is used. Also writes an .icd file for a
+/// driver that is named as a library, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
 ///
 /// Fails if a file cannot be copied or written.
 pub fn only(drivers: &[Driver], folder: &Path) -> io::Result<[(&'static str, OsString); 2]> {
-    for (place, driver) in drivers.iter().enumerate() {
-        let copy = folder.join(format!("{place:03}.icd"));
+    for (index, driver) in drivers.iter().enumerate() {
+        let copy = folder.join(format!("{index:03}.icd"));
         match driver {
             Driver::Icd(file) => drop(std::fs::copy(file, copy)?),
             Driver::Library(name) => std::fs::write(copy, format!("{name}\n"))?,
@@ -112,14 +112,14 @@ mod tests {
         assert_eq!(icd_files(folder.path()), [a.clone(), b]);
         assert!(icd_files(&folder.path().join("none")).is_empty());
         let icd = |file: &Path| vec![Driver::Icd(file.to_owned())];
-        assert_eq!(found(None, folder.path()).len(), 2);
-        assert_eq!(found(Some(folder.path()), Path::new("/none")).len(), 2);
-        assert_eq!(found(Some(&a), Path::new("/none")), icd(&a));
-        // ocl-icd does the same: it first searches its folder for a name that has no slash.
-        assert_eq!(found(Some(Path::new("a.icd")), folder.path()), icd(&a));
-        assert_eq!(found(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
+        assert_eq!(drivers_at(None, folder.path()).len(), 2);
+        assert_eq!(drivers_at(Some(folder.path()), Path::new("/none")).len(), 2);
+        assert_eq!(drivers_at(Some(&a), Path::new("/none")), icd(&a));
+        // The loader ocl-icd, too, first searches its own folder for a name that has no slash.
+        assert_eq!(drivers_at(Some(Path::new("a.icd")), folder.path()), icd(&a));
+        assert_eq!(drivers_at(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         let library = Driver::Library("libone.so.1".into());
-        assert_eq!(found(Some(Path::new("libone.so.1")), folder.path()), [library]);
+        assert_eq!(drivers_at(Some(Path::new("libone.so.1")), folder.path()), [library]);
     }
 
     #[test]

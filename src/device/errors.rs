@@ -14,8 +14,8 @@ pub fn lacks_resources(status: Status) -> bool {
     )
 }
 
-/// Returns whether the same step may succeed later with this status: memory may be free again, or the device is not
-/// available now, for example because it is being reset or because another process has it for itself.
+/// Returns whether a step that failed with this status may succeed later: memory may be free again, or the device is
+/// not available now, for example because it is being reset or because another process uses it exclusively.
 pub fn may_pass(status: Status) -> bool {
     lacks_resources(status) || matches!(status, Status::CL_DEVICE_NOT_AVAILABLE)
 }

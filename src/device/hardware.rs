@@ -112,17 +112,17 @@ mod tests {
             UUID_KHR => Some((0..16).collect()),
             _ => None,
         };
-        let found =
+        let hardware =
             Hardware::ask(&extensions(&["cl_nv_device_attribute_query", "cl_khr_device_uuid"]), answers);
-        assert_eq!(found.compute_capability.as_deref(), Some("9.0"));
-        assert_eq!(found.pci_bus.as_deref(), Some("0000:1b:01.0"));
-        assert_eq!((found.max_clock_mhz, found.timer_resolution_ns), (Some(1980), Some(1000)));
-        assert_eq!(found.uuid.as_deref(), Some("000102030405060708090a0b0c0d0e0f"));
-        assert_eq!(found.id(), found.uuid.as_deref());
-        assert_eq!(Hardware { uuid: None, ..found.clone() }.id(), Some("0000:1b:01.0"));
+        assert_eq!(hardware.compute_capability.as_deref(), Some("9.0"));
+        assert_eq!(hardware.pci_bus.as_deref(), Some("0000:1b:01.0"));
+        assert_eq!((hardware.max_clock_mhz, hardware.timer_resolution_ns), (Some(1980), Some(1000)));
+        assert_eq!(hardware.uuid.as_deref(), Some("000102030405060708090a0b0c0d0e0f"));
+        assert_eq!(hardware.id(), hardware.uuid.as_deref());
+        assert_eq!(Hardware { uuid: None, ..hardware.clone() }.id(), Some("0000:1b:01.0"));
         let khr: Vec<u8> = [1_u32, 0xc2, 3, 0].iter().flat_map(|n| n.to_ne_bytes()).collect();
-        let found = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(khr.clone()));
-        assert_eq!(found.pci_bus.as_deref(), Some("0001:c2:03.0"));
+        let hardware = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(khr.clone()));
+        assert_eq!(hardware.pci_bus.as_deref(), Some("0001:c2:03.0"));
     }
 
     #[test]

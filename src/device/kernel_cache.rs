@@ -1,4 +1,4 @@
-//! The folder in which PoCL stores compiled kernels. Without a folder that it can write, PoCL lists no device.
+//! The folder in which PoCL stores compiled kernels. PoCL lists no device if it has no folder to which it can write.
 
 use crate::cache::{can_be_written, temporary};
 use std::path::{Path, PathBuf};
@@ -61,7 +61,7 @@ fn free_bytes(_: &Path) -> Option<u64> {
     None
 }
 
-/// Returns PoCL's folder, if the environment names one.
+/// Returns the folder that `POCL_CACHE_DIR` names or, if this variable is not set, PoCL's default folder.
 fn folder() -> Option<PathBuf> {
     std::env::var_os(FOLDER).map(PathBuf::from).or_else(default_folder)
 }
@@ -69,8 +69,8 @@ fn folder() -> Option<PathBuf> {
 /// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `XDG_CACHE_HOME` and `HOME` are
 /// not set either: PoCL then uses a folder among the temporary files.
 fn default_folder() -> Option<PathBuf> {
-    let place = |name: &str| std::env::var_os(name).map(PathBuf::from);
-    let caches = place("XDG_CACHE_HOME").or_else(|| Some(place("HOME")?.join(".cache")))?;
+    let path_in = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    let caches = path_in("XDG_CACHE_HOME").or_else(|| Some(path_in("HOME")?.join(".cache")))?;
     Some(caches.join("pocl/kcache"))
 }
 
@@ -79,11 +79,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_with_its_folder() {
-        let told = advice_for(40_000, Path::new("/caches/pocl")).expect("advice");
+    fn a_full_disk_is_reported_with_its_folder() {
+        let advice = advice_for(40_000, Path::new("/caches/pocl")).expect("advice");
         let start = "the disk of PoCL's folder for compiled kernels, '/caches/pocl', is full: free up space";
-        assert!(told.starts_with(start), "{told}");
-        assert!(told.contains("POCL_CACHE_DIR") && told.ends_with("--resume --retry-failed"), "{told}");
+        assert!(advice.starts_with(start), "{advice}");
+        assert!(advice.contains("POCL_CACHE_DIR") && advice.ends_with("--resume --retry-failed"), "{advice}");
         assert_eq!(advice_for(ROOM_BYTES, Path::new("/caches/pocl")), None);
     }
 

@@ -25,11 +25,11 @@ const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// A note on an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
 /// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
-/// these accelerators. The drivers of other platforms, such as rusticl, list only devices that the user names, or their
-/// platforms are not there without a device.
+/// these accelerators. The drivers of other platforms list only devices that the user names (as rusticl does), or have
+/// no platform without a device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// A list that may soon be another one is used for this long. Without this time, every process would start all drivers
-/// and query all devices, even while another process measures.
+/// A stored list of devices that may soon change is used for this long. If such a list were not used at all, every
+/// process would start all drivers and query all devices, even while another process measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
@@ -38,17 +38,18 @@ const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 #[derive(Serialize, Deserialize)]
 struct Entry {
     devices: Vec<DeviceInfo>,
-    /// The time of the list, in seconds since the epoch, if the list may soon be another one; else `None`.
+    /// The time at which the devices were listed, in seconds since the epoch, if the list may soon change; else `None`.
     listed_at: Option<u64>,
 }
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
 /// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
-/// all devices are listed, and `lane_test` says when their lane operations are tested.
+/// all devices are listed, and `lane_test` says when their lane operations (how work-items exchange values) are tested.
 ///
 /// # Errors
 ///
-/// Fails if `choose` fails, if no device can be listed, or if a kernel file of the user is wrong on the chosen device.
+/// Fails if `choose` fails, if no device can be listed, or if a kernel file of the user causes an error on the chosen
+/// device.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -59,10 +60,10 @@ pub fn pick_one(
     let known = stored(cache, &key);
     // A device that is not in the stored list may be new. If the stored list lacks the device, all devices are listed
     // anew, and messages refer to the new list.
-    let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
-    let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
-    if found.is_some() {
-        return Ok(found);
+    let index = known.as_deref().and_then(|known| choose(known).ok().flatten());
+    let device = known.as_deref().zip(index).and_then(|(known, index)| again(known.get(index)?));
+    if device.is_some() {
+        return Ok(device);
     }
     let devices = listed(cache, &key, sources, lane_test)?;
     chosen(devices, sources, lane_test, choose)
@@ -77,15 +78,16 @@ fn chosen(
     choose: impl Fn(&[DeviceInfo]) -> Result<Option<usize>>,
 ) -> Result<Option<Device>> {
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    let mut chosen = choose(&infos)?.and_then(|place| devices.into_iter().nth(place));
+    let mut chosen = choose(&infos)?.and_then(|index| devices.into_iter().nth(index));
     if lane_test == LaneTest::Now {
         chosen.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
     }
     Ok(chosen)
 }
 
-/// Lists all devices, and stores the list for [`pick_one`] in this and other processes. A device stays untested if a
-/// kernel file of the user is wrong on it; [`Device::test_lanes`] then returns the error.
+/// Lists all devices, and stores the list for [`pick_one`] in this and other processes. The lane operations of a device
+/// stay untested if a kernel file of the user causes an error on this device; [`Device::test_lanes`] then returns the
+/// error.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources, LaneTest::Now)
 }
@@ -101,8 +103,8 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 }
 
 /// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
-/// with untested lane operations, since later runs would take the assumptions for facts. A list that may soon be another
-/// one is stored with the time, since its key may not change then.
+/// with untested lane operations, since later runs would treat the assumed operations as tested ones. A list that may
+/// soon change is stored with the current time, since its key may stay the same when the list changes.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -122,7 +124,7 @@ fn put(cache: &Cache, key: &str, entry: &Entry) {
 /// Returns the stored list of devices; `None` if there is none, or if it was stored only for a while and is too old.
 fn stored(cache: &Cache, key: &str) -> Option<Vec<DeviceInfo>> {
     let entry: Entry = serde_json::from_slice(&cache.get(KIND, key)?).ok()?;
-    // A clock that was ahead has stored a time that still lies in the future.
+    // The stored time lies in the future if the clock was ahead when the list was stored.
     let is_new = |listed_at: u64| now().abs_diff(listed_at) <= BRIEFLY.as_secs();
     entry.listed_at.is_none_or(is_new).then_some(entry.devices)
 }
@@ -132,9 +134,9 @@ fn now() -> u64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
-/// Returns whether a list probably stays the same until the system starts again. It does not if a device may be usable
-/// soon, or if a driver lists no device although the system shows some: perhaps a GPU is being reset, or the driver's
-/// module is being loaded again.
+/// Returns whether a list probably stays the same until the system starts again. The list may change earlier if a
+/// device may be usable soon, or if a driver lists no device although the system shows some: perhaps a GPU is being
+/// reset, or the driver's module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
@@ -148,12 +150,13 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
 
 /// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
 /// files, the hardware that the system shows and that this process may use, the drivers' variables, the number of cores
-/// that the process may use, and the kernel that tests lane operations. The key also contains the system's start, since
-/// a driver that fails may list its devices after the next start: NVIDIA's driver fails after an update until then.
+/// that the process may use, and the kernel that tests lane operations. The key also contains an identifier of the
+/// system's latest start, since a driver that fails may list its devices after the next start: after an update,
+/// NVIDIA's driver fails until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));
-    // Other systems than Linux have no such file, and their lists stay valid longer.
+    // Systems other than Linux do not have this file, so their lists stay valid after the next start of the system.
     let boot = std::fs::read_to_string(BOOT).unwrap_or_default();
     let (probe, _) = probe(sources)?;
     Ok(key_of(&probe, (cores, boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
@@ -178,8 +181,8 @@ fn key_of(
 
 /// Returns the paths at which loaders look for drivers; `variable` returns the value of an environment variable.
 fn vendor_paths(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
-    let told = ELSEWHERE.into_iter().filter_map(variable).map(PathBuf::from);
-    std::iter::once(PathBuf::from(VENDORS)).chain(told).collect()
+    let named = ELSEWHERE.into_iter().filter_map(variable).map(PathBuf::from);
+    std::iter::once(PathBuf::from(VENDORS)).chain(named).collect()
 }
 
 /// Returns the path and the text of a file, or of every file in a folder. The text of an .icd file names the driver's
@@ -197,7 +200,8 @@ fn drivers(path: &Path) -> Vec<String> {
 }
 
 /// Returns the names of possible accelerators in a folder of devices. A note is added to a name if this process may not
-/// use the accelerator, for example because the user is not in the group `render`: its driver then does not list it.
+/// use the accelerator, for example because the user is not in the group `render`: the driver then does not list the
+/// accelerator.
 fn accelerators(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder)
         .into_iter()
@@ -235,8 +239,8 @@ mod tests {
 
     #[test]
     fn what_is_known_is_what_is_listed_and_a_change_is_noticed() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let listed = picked(&Cache::none());
         let all = list(&cache, &Sources::Embedded).unwrap();
         assert!(all.iter().any(|device| device.info == listed));
@@ -248,30 +252,30 @@ mod tests {
         devices.iter_mut().for_each(|info| info.driver = "0.1".into());
         put(&cache, &key, &Entry { devices, listed_at: None });
         assert_eq!(picked(&cache), listed);
-        let kept = stored(&cache, &key).unwrap();
-        assert!(kept.contains(&listed), "the cache holds the device as it is now");
+        let cached = stored(&cache, &key).unwrap();
+        assert!(cached.contains(&listed), "the cache holds the device as it is now");
     }
 
     /// The device may have been added after the list was stored.
     #[test]
     fn a_device_that_the_stored_list_lacks_is_looked_for_anew() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let key = key(&Sources::Embedded).unwrap();
         put(&cache, &key, &Entry { devices: Vec::new(), listed_at: None });
         let named = |infos: &[DeviceInfo]| match first_usable(infos) {
             Ok(None) => Err(crate::error::Error::input("no device has this name")),
             other => other,
         };
-        let found = pick_one(&cache, &Sources::Embedded, LaneTest::Now, named).unwrap().unwrap();
-        assert!(found.lanes_are_tested);
-        assert!(stored(&cache, &key).unwrap().contains(&found.info));
+        let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, named).unwrap().unwrap();
+        assert!(device.lanes_are_tested);
+        assert!(stored(&cache, &key).unwrap().contains(&device.info));
     }
 
     #[test]
     fn everything_that_may_change_the_list_changes_its_key() {
-        let place = tempfile::tempdir().unwrap();
-        let [vendors, hardware] = ["vendors", "dev"].map(|name| place.path().join(name));
+        let folder = tempfile::tempdir().unwrap();
+        let [vendors, hardware] = ["vendors", "dev"].map(|name| folder.path().join(name));
         [&vendors, &hardware].into_iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
         let of = |probe: &str, machine, variables: &[&str]| {
             let variables = variables.iter().map(|&variable| variable.to_owned()).collect();
@@ -295,7 +299,8 @@ mod tests {
     #[test]
     fn an_accelerator_that_may_be_used_now_changes_the_key() {
         let hardware = tempfile::tempdir().unwrap();
-        // Nobody may use a link to nothing. A file without permissions would not do: the superuser may use it.
+        // Nobody may use a link whose target does not exist. The test cannot use a file without permissions instead,
+        // since the superuser may use such a file.
         std::os::unix::fs::symlink("node", hardware.path().join("renderD128")).unwrap();
         let key = || key_of("probe", (2, "boot"), &[], &[hardware.path()], Vec::new());
         let before = key();
@@ -315,10 +320,11 @@ mod tests {
 
     #[test]
     fn a_list_with_assumptions_is_not_stored() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let mut survey = discover_untested().unwrap();
-        // Another device of this machine may be unusable, or its lane operations may be assumed.
+        // Other devices are removed: this machine may have unusable devices, or devices whose lane operations are only
+        // assumed.
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
         store(&cache, "a", &survey, &[]);
         survey.devices[0].lanes_are_tested = false;
@@ -347,8 +353,8 @@ mod tests {
 
     #[test]
     fn a_list_for_a_while_is_stored_with_its_time_and_a_lasting_one_without() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let mut survey = discover_untested().unwrap();
         survey.devices.retain(|device| device.lanes_are_tested && device.info.unusable.is_none());
         let time = |key: &str| {
@@ -365,8 +371,8 @@ mod tests {
 
     #[test]
     fn a_list_with_a_time_is_used_for_ten_minutes() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let is_used = |listed_at: Option<u64>| {
             put(&cache, "key", &Entry { devices: Vec::new(), listed_at });
             stored(&cache, "key").is_some()
@@ -394,9 +400,9 @@ mod tests {
         gpu.lanes_are_tested = false;
         survey.devices.push(gpu);
         survey.test_lanes(&sources);
-        assert_eq!([0, 1].map(|place| survey.devices[place].lanes_are_tested), [true, false]);
-        let of = |place, lane_test| {
-            chosen(survey.devices.clone(), &sources, lane_test, |_: &[DeviceInfo]| Ok(Some(place)))
+        assert_eq!([0, 1].map(|index| survey.devices[index].lanes_are_tested), [true, false]);
+        let of = |index, lane_test| {
+            chosen(survey.devices.clone(), &sources, lane_test, |_: &[DeviceInfo]| Ok(Some(index)))
         };
         assert!(of(0, LaneTest::Now).unwrap().is_some() && of(1, LaneTest::Later).unwrap().is_some());
         let error = of(1, LaneTest::Now).unwrap_err();
@@ -408,23 +414,23 @@ mod tests {
 
     #[test]
     fn drivers_are_known_by_what_their_files_name() {
-        let place = tempfile::tempdir().unwrap();
-        let file = place.path().join("a.icd");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.icd");
         std::fs::write(&file, "libone.so\n").unwrap();
-        let before = drivers(place.path());
+        let before = drivers(folder.path());
         assert_eq!(before.len(), 1);
         assert_eq!(before, drivers(&file));
         std::fs::write(&file, "libother.so\n").unwrap();
-        assert_ne!(before, drivers(place.path()));
-        assert!(drivers(&place.path().join("nothing")).is_empty());
+        assert_ne!(before, drivers(folder.path()));
+        assert!(drivers(&folder.path().join("nothing")).is_empty());
     }
 
     #[test]
     fn accelerators_are_in_the_order_of_their_names_whatever_else_is_there() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let names = ["renderD128", "accel0", "tty", "nvidiactl", "card1", "kfd", "null", "card0", "nvidia0"];
-        names.iter().for_each(|name| std::fs::write(place.path().join(name), "").unwrap());
+        names.iter().for_each(|name| std::fs::write(folder.path().join(name), "").unwrap());
         let expected = ["accel0", "card0", "card1", "kfd", "nvidia0", "nvidiactl", "renderD128"];
-        assert_eq!(accelerators(place.path()), expected);
+        assert_eq!(accelerators(folder.path()), expected);
     }
 }

@@ -43,8 +43,8 @@ const GROUPS: usize = 4;
 const ANSWERS: usize = 8;
 /// A mask with one bit per lane. The test computes each lane's rank among the lanes whose bits are set.
 const AMONG: u32 = 0x0f0f_00ff;
-/// The value of every answer before the kernel runs. No right answer has this value, so memory that the kernel does not
-/// write is never right.
+/// The value of every answer before the kernel runs. No right answer has this value, so an answer that the kernel does
+/// not write counts as wrong.
 const NO_ANSWER: u32 = u32::MAX;
 
 /// The file of the kernel that tests the operations.
@@ -59,7 +59,8 @@ enum Trial {
     Wrong,
     /// The driver refuses the kernel, with this message.
     Refused(String),
-    /// The device cannot be used now, for example because its memory is full, so the implementation may work.
+    /// The device cannot be used now, for example because its memory is full, so it is unknown whether the
+    /// implementation works.
     Unknown,
 }
 
@@ -119,8 +120,8 @@ pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
     Ok((list + &text, files))
 }
 
-/// Returns the first of these implementations that works, and barriers if none does; `None` if an implementation could
-/// not be tried out. `try_out` takes the source of the test's kernel.
+/// Returns the first implementation in `hinted` that works, or barriers if none works. Returns `None` if an
+/// implementation could not be tried out. `try_out` takes an implementation and the source of the test's kernel.
 ///
 /// A mistake in a kernel file of the user must not make another implementation the fastest one: the kernels would then
 /// be compiled without the user's change. If an implementation works only with raycl's own files, this is an error.
@@ -157,7 +158,7 @@ fn fastest(
     Ok(Some(LaneOperations::default()))
 }
 
-/// Returns the error for the user's kernel files, with these paths, if an implementation gives wrong answers with them.
+/// Returns the error if an implementation gives wrong answers with the user's kernel files, which have these paths.
 fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
     let message = format!(
         "work-items that exchange values by {} get wrong values with {}; with raycl's own files, they get the right \
@@ -234,9 +235,9 @@ fn ask(
     // SAFETY: the kernel has the one argument that its source declares, and the buffer is as long as its
     // output.
     unsafe { kernel.enq()? };
-    let mut found = vec![0; answers.len()];
-    answers.read(&mut found).enq()?;
-    Ok(found)
+    let mut values = vec![0; answers.len()];
+    answers.read(&mut values).enq()?;
+    Ok(values)
 }
 
 /// Returns the right answers of every lane of every group.
@@ -285,8 +286,8 @@ mod tests {
         assert!(!expected.contains(&NO_ANSWER));
     }
 
-    /// The device need not have sub-groups: macros take the place of its functions. Only the size of sub-groups and the
-    /// numbers of lanes and groups matter here.
+    /// The device need not have sub-groups: macros replace the functions for sub-groups. Only the size of sub-groups
+    /// and the numbers of lanes and groups matter here.
     #[test]
     fn sub_groups_of_another_size_write_no_answers() {
         let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);
@@ -311,17 +312,17 @@ mod tests {
     #[test]
     fn only_a_wrong_or_refused_kernel_means_that_an_implementation_does_not_work() {
         const HINTED: [LaneOperations; 2] = [LaneOperations::Ptx, LaneOperations::PtxShuffles];
-        let found = |trials: [Trial; 2]| {
+        let outcome = |trials: [Trial; 2]| {
             let trial =
                 |operations: LaneOperations, _: &str| trials[usize::from(operations == HINTED[1])].clone();
             fastest(&HINTED, &Sources::Embedded, trial).unwrap()
         };
         let refused = || Trial::Refused("no".to_owned());
-        assert_eq!(found([Trial::Right, Trial::Right]), Some(LaneOperations::Ptx));
-        assert_eq!(found([refused(), Trial::Right]), Some(LaneOperations::PtxShuffles));
-        assert_eq!(found([Trial::Wrong, refused()]), Some(LaneOperations::Barriers));
-        assert_eq!(found([Trial::Unknown, Trial::Right]), None);
-        assert_eq!(found([refused(), Trial::Unknown]), None);
+        assert_eq!(outcome([Trial::Right, Trial::Right]), Some(LaneOperations::Ptx));
+        assert_eq!(outcome([refused(), Trial::Right]), Some(LaneOperations::PtxShuffles));
+        assert_eq!(outcome([Trial::Wrong, refused()]), Some(LaneOperations::Barriers));
+        assert_eq!(outcome([Trial::Unknown, Trial::Right]), None);
+        assert_eq!(outcome([refused(), Trial::Unknown]), None);
         assert_eq!(
             fastest(&[], &Sources::Embedded, |_, _| Trial::Wrong).unwrap(),
             Some(LaneOperations::Barriers)
@@ -329,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_in_the_users_file_is_told_if_raycls_own_file_works() {
+    fn a_mistake_in_the_users_file_is_reported_if_raycls_own_file_works() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("common/lanes.cl");
         std::fs::create_dir(folder.path().join("common")).unwrap();
@@ -340,11 +341,11 @@ mod tests {
             fastest(&[LaneOperations::Ptx], &sources, trial)
         };
         let refused = || Trial::Refused("common/lanes.cl:1:1: error: no".to_owned());
-        for (own, told) in [(refused(), "does not compile: "), (Trial::Wrong, "get wrong values with ")] {
+        for (own, expected) in [(refused(), "does not compile: "), (Trial::Wrong, "get wrong values with ")] {
             let error = find(own.clone(), Trial::Right).unwrap_err();
             let message = error.to_string();
             assert_eq!(error.exit_code(), 2, "{message}");
-            assert!(message.contains(told) && message.contains(&file.display().to_string()), "{message}");
+            assert!(message.contains(expected) && message.contains(&file.display().to_string()), "{message}");
             assert_eq!(find(own.clone(), Trial::Wrong).unwrap(), Some(LaneOperations::Barriers));
             assert_eq!(find(own, Trial::Unknown).unwrap(), None);
         }
@@ -378,13 +379,13 @@ mod tests {
         device.info.extensions.push("cl_nv_compiler_options".into());
         device.info.limits = DeviceLimits { is_cpu: false, work_group_size: 1024, ..device.info.limits };
         let hints = hinted(&device.info);
-        for (found, lanes, is_tested) in [
+        for (tested, lanes, is_tested) in [
             (None, LaneOperations::Barriers, false),
             (Some(LaneOperations::Ptx), LaneOperations::Ptx, true),
             (Some(LaneOperations::Barriers), LaneOperations::Barriers, true),
         ] {
             device.info.limits.lane_operations = LaneOperations::Ptx;
-            device.take_lanes(found);
+            device.take_lanes(tested);
             assert_eq!((device.info.limits.lane_operations, device.lanes_are_tested), (lanes, is_tested));
             assert_eq!(hinted(&device.info), hints, "the next test tries the same operations");
         }

@@ -37,12 +37,12 @@ pub struct DeviceLimits {
     pub lane_operations: LaneOperations,
 }
 
-/// Number of work-items in a work-group of a kernel that works with any number.
+/// Number of work-items in a work-group of a kernel that supports work-groups of any size.
 const USUAL_GROUP: usize = 64;
 
 impl DeviceLimits {
-    /// Returns the number of work-items in work-groups of one row, for kernels that work with any number: 64, or the
-    /// largest power of two that the device allows.
+    /// Returns the number of work-items in a work-group of one row, for kernels that support work-groups of any size:
+    /// 64 or, if the device allows fewer, the largest power of two that it allows.
     pub fn usual_group(&self) -> usize {
         self.group(USUAL_GROUP)
     }
@@ -53,8 +53,8 @@ impl DeviceLimits {
         power_of_two(most.min(self.work_group_size).min(self.work_item_sizes[0]))
     }
 
-    /// Returns a local size that the device allows: `local_size`, or as much of it as fits. While a work-group has too
-    /// many work-items, its longer side is halved.
+    /// Returns the given local size if the device allows it, else a smaller one. First, each side is reduced to the
+    /// device's limit for this side. Then, while a work-group has too many work-items, its longer side is halved.
     pub fn fitting(&self, [across, down]: [u32; 2]) -> [u32; 2] {
         let within = |side: u32, axis: usize| {
             u32::try_from(self.work_item_sizes[axis]).map_or(side, |most| side.min(most)).max(1)
@@ -121,7 +121,7 @@ pub(crate) mod tests {
             [[16, 8], [8, 8], [8, 8], [4, 4], [1, 1]]
         );
         assert_eq!([fitting(8, [8, 8]), fitting(8, [1, 1]), fitting(0, [2, 3])], [[4, 2], [1, 1], [1, 1]]);
-        // Some devices allow only one row.
+        // Some devices allow only work-groups of one row.
         let one_row = DeviceLimits { work_item_sizes: [32, 1, 1], ..EXAMPLE };
         assert_eq!([one_row.fitting([64, 8]), one_row.fitting([8, 8])], [[32, 1], [8, 1]]);
     }

@@ -31,7 +31,7 @@ pub(crate) use limits::power_of_two;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub(crate) use quieting::{Hush, quieting};
-pub use select::{default_place, places, select};
+pub use select::{default_index, matching_indices, select};
 pub use threads::{pinning_variables, thread_variables};
 
 use crate::error::Result;
@@ -287,16 +287,16 @@ impl Device {
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
             let _patience = patience::Patience::of_guarded();
-            let found = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
-            self.take_lanes(found);
+            let operations = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
+            self.take_lanes(operations);
         }
         Ok(())
     }
 
     /// Sets the lane operations to those that the test found; `None` if the device could not be tested.
-    fn take_lanes(&mut self, found: Option<LaneOperations>) {
-        self.info.limits.lane_operations = found.unwrap_or(LaneOperations::Barriers);
-        self.lanes_are_tested = found.is_some();
+    fn take_lanes(&mut self, operations: Option<LaneOperations>) {
+        self.info.limits.lane_operations = operations.unwrap_or(LaneOperations::Barriers);
+        self.lanes_are_tested = operations.is_some();
     }
 }
 

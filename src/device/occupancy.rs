@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn small_groups_meet_the_cap_on_groups() {
+    fn small_groups_reach_the_cap_on_groups() {
         let two = of("2.0", 63, 0, 4);
         assert_eq!((two.groups, two.warps, two.threads, two.limiter), (8, 8, 32, Limiter::GroupCap));
         assert_eq!(of("2.0", 20, 0, 256).threads, 1536);

@@ -46,9 +46,9 @@ impl Patience {
             }
             end(&message)
         });
-        // A driver that hangs while it is loaded holds the loader's lock. Starting a thread takes the same lock, and
-        // so does the thread's first use of thread-local values. The thread must therefore have started, and have used
-        // such values, before the driver is loaded.
+        // A driver that hangs while it is loaded holds the lock of the system's dynamic linker. Starting a thread takes
+        // the same lock, and so does the thread's first use of thread-local values. The thread must therefore have
+        // started, and have used such values, before the driver is loaded.
         let _ = is_ready.recv();
         Self { answered }
     }

@@ -12,12 +12,13 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), any part of a platform's name or version or of a device's
 /// name or vendor, or a device's whole name for files (`slug`), which is the label of each of several devices with the
-/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error. So is
-/// a mistake in a kernel file of the user because of which a selected device fails the test of its lane operations.
+/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error. A mistake
+/// in a kernel file of the user is a user error, too, if a selected device fails the test of its lane operations
+/// because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
-    let places = selected(&infos, patterns)?;
-    let mut chosen: Vec<Device> = places.into_iter().map(|place| devices[place].clone()).collect();
+    let indices = selected(&infos, patterns)?;
+    let mut chosen: Vec<Device> = indices.into_iter().map(|index| devices[index].clone()).collect();
     chosen.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
     Ok(chosen)
 }
@@ -25,12 +26,12 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
 /// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators, and
 /// accelerators before CPUs. Of several devices of the same kind, returns the index of the device with the most compute
 /// units, or of the first such device.
-pub fn default_place(infos: &[DeviceInfo]) -> Option<usize> {
+pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
 
 /// Returns the indices of the devices that match the patterns, as [`select`] does.
-pub fn places(infos: &[DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
+pub fn matching_indices(infos: &[DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
     selected(&infos.iter().collect::<Vec<_>>(), patterns)
 }
 
@@ -42,8 +43,8 @@ fn preferred(infos: &[&DeviceInfo]) -> Option<usize> {
         DeviceKind::Other => 3,
     };
     (0..infos.len())
-        .filter(|&place| infos[place].unusable.is_none())
-        .min_by_key(|&place| (rank(infos[place].kind), std::cmp::Reverse(infos[place].limits.compute_units)))
+        .filter(|&index| infos[index].unusable.is_none())
+        .min_by_key(|&index| (rank(infos[index].kind), std::cmp::Reverse(infos[index].limits.compute_units)))
 }
 
 fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
@@ -55,19 +56,19 @@ fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
         chosen.extend(meant);
     }
     let mut seen = vec![false; infos.len()];
-    chosen.retain(|&place| !std::mem::replace(&mut seen[place], true));
+    chosen.retain(|&index| !std::mem::replace(&mut seen[index], true));
     Ok(chosen)
 }
 
 /// Returns the usable devices that match one pattern. If there is no such device, returns an error.
 fn usable(infos: &[&DeviceInfo], pattern: &str) -> Result<Vec<usize>> {
-    let matching: Vec<_> = (0..infos.len()).filter(|&place| matches(infos[place], pattern)).collect();
+    let matching: Vec<_> = (0..infos.len()).filter(|&index| matches(infos[index], pattern)).collect();
     let (fine, broken): (Vec<_>, Vec<_>) =
-        matching.into_iter().partition(|&place| infos[place].unusable.is_none());
+        matching.into_iter().partition(|&index| infos[index].unusable.is_none());
     match (fine.is_empty(), broken.is_empty()) {
         (false, _) => Ok(fine),
         (true, true) => Err(no_match(infos, pattern)),
-        (true, false) => Err(all_unusable(broken.iter().map(|&place| infos[place]), pattern)),
+        (true, false) => Err(all_unusable(broken.iter().map(|&index| infos[index]), pattern)),
     }
 }
 
@@ -83,7 +84,7 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts of which patterns may be parts.
+/// Returns the texts of a device with which patterns are compared: a pattern may be any part of one of them.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }
@@ -118,8 +119,8 @@ fn listing(infos: &[&DeviceInfo]) -> String {
 
 /// Returns how to select only this device, if other devices have the same name; else an empty text.
 fn only(info: &DeviceInfo) -> String {
-    let told = |label: &str| format!("; '{label}' selects only this device");
-    info.own_label().map(told).unwrap_or_default()
+    let help = |label: &str| format!("; '{label}' selects only this device");
+    info.own_label().map(help).unwrap_or_default()
 }
 
 fn all_unusable<'a>(broken: impl Iterator<Item = &'a DeviceInfo>, pattern: &str) -> Error {
@@ -147,25 +148,25 @@ mod tests {
         [example(pocl, "pthread-skylake", DeviceKind::Cpu, 200), small, large, broken]
     }
 
-    fn places(patterns: &[&str]) -> Result<Vec<usize>> {
+    fn indices(patterns: &[&str]) -> Result<Vec<usize>> {
         let machine = machine();
         let patterns: Vec<_> = patterns.iter().map(|&pattern| pattern.to_owned()).collect();
         selected(&machine.each_ref(), &patterns)
     }
 
     fn message(patterns: &[&str]) -> String {
-        let error = places(patterns).expect_err("a mistake");
+        let error = indices(patterns).expect_err("a mistake");
         assert_eq!(error.exit_code(), 2);
         format!("{:?}", miette::Report::new(error))
     }
 
     #[test]
     fn patterns_match_names_versions_and_kinds_in_any_case() {
-        assert_eq!(places(&["PORTABLE"]).unwrap(), [0]);
-        assert_eq!(places(&["pocl 3.1"]).unwrap(), [0]);
-        assert_eq!(places(&["h200"]).unwrap(), [1, 2]);
-        assert_eq!(places(&["GPU"]).unwrap(), [1, 2]);
-        assert_eq!(places(&["cpu"]).unwrap(), [0]);
+        assert_eq!(indices(&["PORTABLE"]).unwrap(), [0]);
+        assert_eq!(indices(&["pocl 3.1"]).unwrap(), [0]);
+        assert_eq!(indices(&["h200"]).unwrap(), [1, 2]);
+        assert_eq!(indices(&["GPU"]).unwrap(), [1, 2]);
+        assert_eq!(indices(&["cpu"]).unwrap(), [0]);
     }
 
     #[test]
@@ -173,10 +174,10 @@ mod tests {
         let mut machine = [0, 1]
             .map(|twins_before| DeviceInfo { twins_before, ..example("CUDA", "H200", DeviceKind::Gpu, 132) });
         machine.iter_mut().for_each(|info| info.label = info.slug());
-        let places = |pattern: &str| super::places(&machine, &[pattern.to_owned()]);
-        let found = ["cuda-h200", "CUDA-H200-2 ", "h200"].map(|pattern| places(pattern).unwrap());
-        assert_eq!(found, [vec![0], vec![1], vec![0, 1]]);
-        let error = places("h100").expect_err("a mistake");
+        let indices = |pattern: &str| super::matching_indices(&machine, &[pattern.to_owned()]);
+        let selected = ["cuda-h200", "CUDA-H200-2 ", "h200"].map(|pattern| indices(pattern).unwrap());
+        assert_eq!(selected, [vec![0], vec![1], vec![0, 1]]);
+        let error = indices("h100").expect_err("a mistake");
         for label in ["cuda-h200", "cuda-h200-2"] {
             assert!(error.remedy().contains(&format!("; '{label}' selects only this device")), "{error:?}");
         }
@@ -185,8 +186,8 @@ mod tests {
 
     #[test]
     fn each_device_is_chosen_once_in_the_patterns_order() {
-        assert_eq!(places(&["nvidia", "gpu", "all"]).unwrap(), [1, 2, 0]);
-        assert_eq!(places(&[]).unwrap(), [0, 1, 2]);
+        assert_eq!(indices(&["nvidia", "gpu", "all"]).unwrap(), [1, 2, 0]);
+        assert_eq!(indices(&[]).unwrap(), [0, 1, 2]);
     }
 
     #[test]
@@ -195,7 +196,7 @@ mod tests {
         for part in ["no device matches 'nvidai'", "did you mean 'nvidia'", "pthread-skylake"] {
             assert!(message.contains(part), "{message}");
         }
-        assert!(places(&[""]).is_err());
+        assert!(indices(&[""]).is_err());
     }
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
         assert_eq!(preferred(&infos), Some(2));
         assert_eq!(preferred(&[infos[0], infos[3]]), Some(0));
         assert_eq!(preferred(&[infos[3]]), None);
-        assert_eq!(default_place(&machine), Some(2));
+        assert_eq!(default_index(&machine), Some(2));
     }
 
     #[test]
@@ -241,15 +242,15 @@ mod tests {
 
     #[test]
     fn patterns_match_vendors_and_an_unusable_device_only_if_no_other_matches() {
-        assert_eq!(places(&["a vendor"]).unwrap(), [0, 1, 2]);
-        assert_eq!(places(&["  H200 "]).unwrap(), [1, 2]);
+        assert_eq!(indices(&["a vendor"]).unwrap(), [0, 1, 2]);
+        assert_eq!(indices(&["  H200 "]).unwrap(), [1, 2]);
         assert!(message(&["accelerator"]).contains("no device that matches 'accelerator' can be used"));
         assert!(message(&["opencl 1.0"]).contains("relic (Old Platform"));
         let machine = machine();
         let labels = |patterns: &[&str]| -> Vec<String> {
             let patterns: Vec<_> = patterns.iter().map(|&pattern| pattern.to_owned()).collect();
-            let places = super::places(&machine, &patterns).unwrap();
-            places.into_iter().map(|place| machine[place].label.clone()).collect()
+            let indices = super::matching_indices(&machine, &patterns).unwrap();
+            indices.into_iter().map(|index| machine[index].label.clone()).collect()
         };
         assert_eq!(labels(&["nvidia", "cpu"]), ["NVIDIA H200", "NVIDIA H200", "pthread-skylake"]);
     }

@@ -32,8 +32,8 @@ pub fn pinning_variables() -> Vec<(&'static str, String)> {
     vec![(PINNED, "1".to_owned())]
 }
 
-/// Returns whether these are the first processors of the machine, and as many as the process may use at once. PoCL pins
-/// its threads to exactly these processors.
+/// Returns whether `processors` are the first processors of the machine, and as many as the process may use at once.
+/// PoCL pins its threads to the first processors.
 fn are_the_first(processors: &[usize], threads: usize) -> bool {
     processors.iter().copied().eq(0..threads)
 }

@@ -9,12 +9,12 @@ struct Driver {
     deciding: &'static [&'static str],
 }
 
-/// The variables that affect times or pictures, for each driver. The key under which a measured point is stored is a
-/// hash. It also depends on the variables of the driver of the point's device, if they are set. Sources: the
-/// documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide, Intel's guides
-/// to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), Mesa's list of environment variables, and
-/// Oclgrind's manual.
-/// Intel's compiler for GPUs takes each of its flags from a variable that begins with IGC_.
+/// The variables that affect times or pictures, for each driver. The key (a hash) under which a measured point is
+/// stored also depends on the values of these variables, if they belong to the driver of the point's device and are
+/// set. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide,
+/// Intel's guides to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), Mesa's list of environment
+/// variables, and Oclgrind's manual. Intel's compiler for GPUs takes each of its flags from a variable that begins with
+/// IGC_.
 const DRIVERS: [Driver; 6] = [
     Driver {
         platform: "portable computing language",

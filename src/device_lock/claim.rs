@@ -1,5 +1,5 @@
-//! The locks that threads of this process hold or wait for. A lock on a file does not tell a process that another one
-//! of its own threads holds the lock.
+//! Keeps a list of the locks that threads of this process hold or wait for. The list is needed because the lock on a
+//! file does not show whether another process or another thread of this process holds it.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

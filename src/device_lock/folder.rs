@@ -148,8 +148,8 @@ mod tests {
 
     #[test]
     fn every_user_can_lock_what_one_made() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = Folder { path: place.path().join("locks"), shared: true };
+        let parent = tempfile::tempdir().unwrap();
+        let folder = Folder { path: parent.path().join("locks"), shared: true };
         let file = folder.open("cpu").unwrap();
         assert!(folder.still_has("cpu", &file));
         assert_eq!((mode(&folder.path), mode(&folder.path("cpu"))), (0o1777, 0o666));
@@ -158,16 +158,16 @@ mod tests {
 
     #[test]
     fn links_are_refused_and_nothing_behind_them_is_written() {
-        let place = tempfile::tempdir().unwrap();
-        let precious = place.path().join("precious");
+        let parent = tempfile::tempdir().unwrap();
+        let precious = parent.path().join("precious");
         std::fs::write(&precious, "kept").unwrap();
-        let folder = Folder::named(place.path());
+        let folder = Folder::named(parent.path());
         symlink(&precious, folder.path("a")).unwrap();
         assert!(folder.open("a").is_err());
         std::fs::hard_link(&precious, folder.path("b")).unwrap();
         assert!(folder.open("b").is_err());
         let shared = Folder { path: folder.path("c"), shared: true };
-        symlink(place.path(), &shared.path).unwrap();
+        symlink(parent.path(), &shared.path).unwrap();
         let refused = shared.open("cpu").unwrap_err();
         assert!(shared.unusable(&refused).to_string().contains("this path is not a folder"));
         assert_eq!(std::fs::read_to_string(&precious).unwrap(), "kept");

@@ -38,14 +38,14 @@ pub struct Held {
     _claim: Option<Claim>,
 }
 
-/// What a process tells while it waits for a lock. Of a wait for another thread of its own, it tells only that the wait
-/// goes on.
+/// What a process reports while it waits for a lock. If it waits for another of its own threads, it reports only
+/// `Still`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting<'a> {
-    /// The wait begins, or another process has taken the lock meanwhile. The line describes the process that holds the
-    /// lock.
+    /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
+    /// holds the lock.
     For(&'a str),
-    /// The wait goes on. This is told several times per second.
+    /// The wait goes on. A waiting process reports this value several times per second.
     Still,
 }
 
@@ -62,8 +62,8 @@ pub fn lacks_locks(error: &IoError) -> bool {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // If emptying the file fails, the next holder overwrites its contents. Closing the file might not release the
-        // lock, since a child process that is being started shares the open file.
+        // If emptying the file fails, the next holder overwrites its contents. The lock is released explicitly, since
+        // closing the file might not release it: a child process that is being started shares the open file.
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
@@ -91,7 +91,7 @@ impl Locks {
         interrupted: &AtomicBool,
     ) -> Result<Held> {
         let claim = self.claim(device, tells, interrupted)?;
-        let mut told = None;
+        let mut reported = None;
         loop {
             let failed = |error| self.folder.unusable(&error);
             let file = self.folder.open(device.file()).map_err(failed)?;
@@ -104,9 +104,9 @@ impl Locks {
             if !self.wait {
                 return Err(refused(&holder, device));
             }
-            if told.as_ref() != Some(&holder) {
+            if reported.as_ref() != Some(&holder) {
                 tells(Waiting::For(&format!("waiting for {holder}, which is measuring on {device}")));
-                told = Some(holder);
+                reported = Some(holder);
             }
             pause(device, tells, interrupted).map_err(|error| error.with_help(
                 "run the command again when the other process has ended; with --no-wait, raycl ends immediately instead of waiting",
@@ -176,12 +176,12 @@ impl Locks {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Ok(Attempt::Busy),
-            // Without locks, raycl measures all the same.
+            // If the file system does not support locks, raycl measures without a lock.
             Err(TryLockError::Error(error)) if lacks_locks(&error) => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
-        // If the file was removed meanwhile, its lock does not stop other processes, since they lock a new file. The
-        // next attempt opens the new file.
+        // If the lock's file was removed after this process opened it, its lock does not stop other processes, since
+        // they lock a new file. The next attempt opens the new file.
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }
@@ -273,7 +273,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let locks = Locks::in_folder(folder.path(), false);
         drop(locks.folder.open(cpu().file()).unwrap());
-        // Like a file on a full disk, this file can be locked and not written.
+        // This file is open only for reading, so it can be locked but, like a file on a full disk, not written.
         let file = File::open(locks.folder.path(cpu().file())).unwrap();
         let Attempt::Held(_file) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
         let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();

@@ -25,7 +25,7 @@ use std::path::Path;
 /// The documents whose numbers are checked.
 pub const DOCUMENTS: [&str; 4] = ["README.md", "docs/kernels.md", "docs/paper.md", "docs/performance.md"];
 
-/// The documents of a repository, and its records.
+/// The documents of a repository, and the contents of docs/figures.toml, which names the records.
 pub struct Documents {
     sheet: Sheet,
     texts: Vec<(&'static str, String)>,
@@ -44,7 +44,7 @@ impl Documents {
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Returns the places at which the text of a document differs from the records.
+    /// Returns the positions at which the text of a document differs from the records.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()
@@ -112,13 +112,13 @@ mod tests {
     }
 
     #[test]
-    fn documents_are_rewritten_and_what_no_record_mends_is_told() {
+    fn documents_are_rewritten_and_what_no_record_mends_is_reported() {
         let stale = format!("It took 1{QUERY} and\n2{QUERY} ms.\n");
         let wrong = "There are 5 of 7 apples.\n";
         let root = repository(["7 apples\n", &stale, wrong, ""]);
         let documents = Documents::read(root.path()).unwrap();
         assert_eq!((documents.text("docs/paper.md"), documents.text("other")), (Some(wrong), None));
-        let told: Vec<_> = documents
+        let actual: Vec<_> = documents
             .differences()
             .into_iter()
             .map(|(name, difference)| (name, difference.line, difference.stands))
@@ -129,7 +129,7 @@ mod tests {
             ("docs/paper.md", 1, "5"),
             ("docs/figures.toml", 0, "9 pears"),
         ];
-        assert_eq!(told, expected.map(|(name, line, stands)| (name, line, stands.to_owned())));
+        assert_eq!(actual, expected.map(|(name, line, stands)| (name, line, stands.to_owned())));
         let (changed, left) = documents.rewrite(root.path()).unwrap();
         assert_eq!((changed, left.len(), left[0].0, left[0].1.line), (2, 1, "docs/paper.md", 1));
         let text = std::fs::read_to_string(root.path().join("docs/kernels.md")).unwrap();

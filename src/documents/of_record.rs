@@ -17,7 +17,7 @@ pub enum Form {
 
 /// The value of a figure.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Told {
+pub enum Figure {
     /// A number.
     Number(f64, Form),
     /// Words.
@@ -86,15 +86,15 @@ pub fn is_figure(word: &str) -> bool {
 }
 
 /// Returns the figure with this name from a record.
-pub fn figure(record: &Record, name: &str) -> Told {
+pub fn figure(record: &Record, name: &str) -> Figure {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
-        return text(record).map_or_else(|| nothing(record), Told::Words);
+        return text(record).map_or_else(|| nothing(record), Figure::Words);
     }
     let number = match NUMBERS.iter().find(|(known, ..)| *known == name) {
         Some((_, form, of)) => of(record).map(|value| (value, *form)),
         None => instructions(record, name).map(|count| (f64::from(count), Form::Count)),
     };
-    number.map_or_else(|| nothing(record), |(value, form)| Told::Number(value, form))
+    number.map_or_else(|| nothing(record), |(value, form)| Figure::Number(value, form))
 }
 
 /// Returns how many instructions of a kind the record's main kernel has.
@@ -103,9 +103,9 @@ fn instructions(record: &Record, name: &str) -> Option<u32> {
     Some(counts.instructions.get(name).copied().unwrap_or(0))
 }
 
-fn nothing(record: &Record) -> Told {
+fn nothing(record: &Record) -> Figure {
     let why = if median(record).is_some() { "not reported" } else { record.outcome.name() };
-    Told::Nothing(why.to_owned())
+    Figure::Nothing(why.to_owned())
 }
 
 #[cfg(test)]
@@ -169,12 +169,12 @@ mod tests {
             ("lanes", 0.625, Percent),
             ("pixels", 400_000.0, Count),
         ] {
-            assert_eq!(figure(&record, name), Told::Number(value, form), "{name}");
+            assert_eq!(figure(&record, name), Figure::Number(value, form), "{name}");
             assert!(is_figure(name), "{name}");
         }
         for (name, words) in [("local-size", "10 x 2"), ("bounded-by", "registers"), ("outcome", "measured")]
         {
-            assert_eq!(figure(&record, name), Told::Words(words.into()), "{name}");
+            assert_eq!(figure(&record, name), Figure::Words(words.into()), "{name}");
         }
         assert!(is_figure("ld.global") && !is_figure("naive"));
     }
@@ -193,14 +193,14 @@ mod tests {
         let strategy = "traversal=raster".to_owned();
         let record = Record { strategy, kernels: vec![kernel], ..measured("gpu", "raster", 8, 20.0) };
         for name in ["groups", "items", "occupancy", "bounded-by"] {
-            assert_eq!(figure(&record, name), Told::Nothing("not reported".into()), "{name}");
+            assert_eq!(figure(&record, name), Figure::Nothing("not reported".into()), "{name}");
         }
-        assert_eq!(figure(&record, "registers"), Told::Number(40.0, Form::Count));
+        assert_eq!(figure(&record, "registers"), Figure::Number(40.0, Form::Count));
     }
 
     #[test]
     fn without_a_figure_there_is_a_reason() {
-        let nothing = |why: &str| Told::Nothing(why.into());
+        let nothing = |why: &str| Figure::Nothing(why.into());
         let record = measured("gpu", "naive", 8, 20.0);
         assert_eq!(
             [figure(&record, "registers"), figure(&record, "interval")],

@@ -1,7 +1,7 @@
-//! A document. Documents contain blocks between markers, numbers that are each followed by a query in a comment, and
-//! numbers without a query.
+//! Compares a document with the stored records, and rewrites it. A document contains blocks between markers (lines that
+//! are HTML comments), numbers that are each followed by a query in an HTML comment, and numbers without a query.
 
-use super::of_record::Told;
+use super::of_record::Figure;
 use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
@@ -37,7 +37,7 @@ impl Page {
     /// Compares a document's text with the records.
     pub fn of(text: &str, sheet: &Sheet) -> Self {
         let mut page = Self::default();
-        let mut lines = text.lines().enumerate().map(|(place, line)| (place + 1, line));
+        let mut lines = text.lines().enumerate().map(|(index, line)| (index + 1, line));
         let mut fences = Fences::default();
         while let Some((number, line)) = lines.next() {
             let Some(name) = block_name(line) else {
@@ -70,11 +70,11 @@ impl Page {
             });
             old.iter().map(|line| (*line).to_owned()).collect()
         });
-        for place in 0..old.len().max(new.len()) {
+        for index in 0..old.len().max(new.len()) {
             let said = |lines: Option<&str>| lines.unwrap_or("(no line)").to_owned();
-            let (stands, says) = (old.get(place).copied(), new.get(place).map(String::as_str));
+            let (stands, says) = (old.get(index).copied(), new.get(index).map(String::as_str));
             if stands != says {
-                let line = number + 1 + place;
+                let line = number + 1 + index;
                 self.stale.push(Difference { line, stands: said(stands), records_say: said(says) });
             }
         }
@@ -116,13 +116,13 @@ impl Page {
     /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number before
     /// the comment.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
-        let told = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
+        let answer = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();
-        let problem = match told {
-            Ok(Told::Words(says)) if stands.is_empty() => {
+        let problem = match answer {
+            Ok(Figure::Words(says)) if stands.is_empty() => {
                 format!("{says}, but no number precedes the query: {query}")
             }
-            Ok(Told::Words(says)) => {
+            Ok(Figure::Words(says)) => {
                 if says != stands {
                     let records_say = format!("{says} ({query})");
                     self.stale.push(Difference { line, stands, records_say });
@@ -156,7 +156,7 @@ fn next_comment(line: &str) -> Option<(&str, &str, &str)> {
     Some((before, comment, after))
 }
 
-/// Returns the number at the end of a text: digits, a point, a sign, an exponent.
+/// Returns the number at the end of a text. The number may have a decimal point, a minus sign and an exponent.
 fn number_at_end(text: &str) -> &str {
     let start = text.trim_end_matches(|c: char| c.is_ascii_digit() || ".-e".contains(c)).len();
     let number = &text[start..];
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_query_answers_stays_and_is_told() {
+    fn what_no_query_answers_stays_and_is_reported() {
         for (text, stands, says) in [
             ("It took 7 ms.", "7", "nothing: no query follows it"),
             (
@@ -267,8 +267,8 @@ mod tests {
         ] {
             let page = line(text);
             assert_eq!((page.stale.len(), page.wrong.len()), (0, 1), "{text}: {page:?}");
-            let Difference { line, stands: found, records_say } = &page.wrong[0];
-            assert_eq!((*line, found.as_str()), (1, stands), "{text}");
+            let Difference { line, stands: old, records_say } = &page.wrong[0];
+            assert_eq!((*line, old.as_str()), (1, stands), "{text}");
             assert!(records_say.starts_with(says), "{text}: {records_say}");
             assert_eq!(page.text, format!("{text}\n"));
         }

@@ -1,11 +1,11 @@
 //! Answers queries for the times that the paper published.
 
-use super::of_record::{Form, Told};
+use super::of_record::{Figure, Form};
 use crate::report::paper::curve;
 
 /// Returns the published time for "SCENE PRESET WxH", where WxH is the local size; `Nothing` if the paper's plot has no
 /// point for this combination.
-pub fn published(words: &[&str]) -> Result<Told, String> {
+pub fn published(words: &[&str]) -> Result<Figure, String> {
     let [scene, preset, size] = words[..] else {
         return Err(format!(
             "'{}' is not a published point; expected \"SCENE PRESET WxH\", such as \"teapot naive 8x8\"",
@@ -15,6 +15,6 @@ pub fn published(words: &[&str]) -> Result<Told, String> {
     let (_, points) =
         curve(scene, preset).ok_or_else(|| format!("no figure of the paper has {preset} on {scene}"))?;
     let block = |(block, _): &&(u32, f64)| format!("{block}x{block}") == size;
-    let found = points.iter().find(block).map(|(_, ms)| Told::Number(*ms, Form::Count));
-    Ok(found.unwrap_or_else(|| Told::Nothing("no point".into())))
+    let figure = points.iter().find(block).map(|(_, ms)| Figure::Number(*ms, Form::Count));
+    Ok(figure.unwrap_or_else(|| Figure::Nothing("no point".into())))
 }

@@ -5,7 +5,7 @@
 //! / local-vectors 8x8 still-life, 2 digits`. CONTRIBUTING.md documents this syntax.
 
 use super::occupancy::threads;
-use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
+use super::of_record::{Figure, Form, MEDIAN, figure, is_figure};
 use super::published::published;
 use super::sources::{Source, Sources};
 use crate::error;
@@ -72,20 +72,20 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// Returns the query's answer as it is written into a document; [`Told::Nothing`] if there is no figure. `Err`
+    /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if there is no figure. `Err`
     /// describes a mistake in the query, or says why a source cannot be read.
-    pub fn answer(&self, sources: &Sources) -> Result<Told, String> {
-        let told = match &self.operands[..] {
+    pub fn answer(&self, sources: &Sources) -> Result<Figure, String> {
+        let answered = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
             [one] => {
                 let side = operand(sources, one)?;
                 let few = side.few();
-                (side.told, few)
+                (side.value, few)
             }
-            [] => (Told::Nothing(String::new()), String::new()),
+            [] => (Figure::Nothing(String::new()), String::new()),
         };
-        Ok(match told {
-            (Told::Number(value, form), few) => Told::Words(self.written(value, form) + &few),
+        Ok(match answered {
+            (Figure::Number(value, form), few) => Figure::Words(self.written(value, form) + &few),
             (other, _) => other,
         })
     }
@@ -102,14 +102,15 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The value of one operand of a query. The record is stored only if the value is a frame's median.
+/// The value of one operand of a query. The record is stored only if the value is the median of a frame's time.
 struct Side {
-    told: Told,
+    value: Figure,
     median_of: Option<Record>,
 }
 
 impl Side {
-    /// Returns the reason in brackets, such as " (n = 3)", if the record has a median but no 95% interval.
+    /// If the record has a median but no 95% interval, returns in brackets why it has none, such as " (n = 3)".
+    /// Otherwise, returns an empty text.
     fn few(&self) -> String {
         let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
         few.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
@@ -117,8 +118,8 @@ impl Side {
 
     /// Returns why the value is not known well enough for a ratio.
     fn obstacle(&self) -> Option<String> {
-        match &self.told {
-            Told::Nothing(why) => Some(why.clone()),
+        match &self.value {
+            Figure::Nothing(why) => Some(why.clone()),
             _ => self.median_of.as_ref().and_then(not_enough),
         }
     }
@@ -126,44 +127,44 @@ impl Side {
 
 fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side, String> {
     match *name {
-        PUBLISHED => return Ok(Side { told: published(words)?, median_of: None }),
-        OCCUPANCY => return Ok(Side { told: threads(words)?, median_of: None }),
+        PUBLISHED => return Ok(Side { value: published(words)?, median_of: None }),
+        OCCUPANCY => return Ok(Side { value: threads(words)?, median_of: None }),
         _ => {}
     }
     match &*sources.get(name)? {
-        Source::Json(value) => Ok(Side { told: at(value, words)?, median_of: None }),
+        Source::Json(value) => Ok(Side { value: at(value, words)?, median_of: None }),
         Source::Folder(folder) => of_folder(&folder.records, words, name),
     }
 }
 
 /// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all reports:
 /// from pairs of samples that were measured close in time.
-fn quotient(one: &Side, other: &Side) -> Told {
+fn quotient(one: &Side, other: &Side) -> Figure {
     let both = one.median_of.as_ref().zip(other.median_of.as_ref());
-    let quotient = match (both, &one.told, &other.told) {
+    let quotient = match (both, &one.value, &other.value) {
         (Some((one, other)), ..) => ratio(one, other).map(|ratio| ratio.middle),
-        (None, Told::Number(one, _), Told::Number(other, _)) => Some(one / other),
+        (None, Figure::Number(one, _), Figure::Number(other, _)) => Some(one / other),
         (None, ..) => None,
     };
     match quotient {
-        Some(quotient) => Told::Number(quotient, Form::Measure),
+        Some(quotient) => Figure::Number(quotient, Form::Measure),
         None => {
             let why = [one, other].into_iter().find_map(Side::obstacle);
-            Told::Nothing(why.unwrap_or_else(|| "not numbers".into()))
+            Figure::Nothing(why.unwrap_or_else(|| "not numbers".into()))
         }
     }
 }
 
 /// Returns the value at a JSON pointer (RFC 6901).
-fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
+fn at(value: &Value, words: &[&str]) -> Result<Figure, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
         Some(Value::Number(number)) if number.is_f64() => {
-            Ok(Told::Number(number.as_f64().unwrap_or_default(), Form::Measure))
+            Ok(Figure::Number(number.as_f64().unwrap_or_default(), Form::Measure))
         }
-        Some(Value::Number(number)) => Ok(Told::Number(number.as_f64().unwrap_or_default(), Form::Count)),
-        Some(Value::String(text)) => Ok(Told::Words(text.clone())),
-        Some(Value::Null) => Ok(Told::Nothing("not measured".into())),
+        Some(Value::Number(number)) => Ok(Figure::Number(number.as_f64().unwrap_or_default(), Form::Count)),
+        Some(Value::String(text)) => Ok(Figure::Words(text.clone())),
+        Some(Value::Null) => Ok(Figure::Nothing("not measured".into())),
         _ => Err(format!("the file has no value at '{pointer}'")),
     }
 }
@@ -183,14 +184,14 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
         }
     }
     if let Some(across) = growth {
-        return Ok(Side { told: grown(&picked, across), median_of: None });
+        return Ok(Side { value: grown(&picked, across), median_of: None });
     }
     if best {
         picked = ranking(picked.iter().copied()).all().into_iter().take(1).collect();
     }
     match picked[..] {
-        [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
-        [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
+        [] => Ok(Side { value: Figure::Nothing(String::new()), median_of: None }),
+        [one] => Ok(Side { value: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
         _ => Err(format!(
             "{} records of {name} match '{}'; expected exactly one: add words, such as a local size",
             picked.len(),
@@ -201,17 +202,18 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
 
 /// Fits a power law to the medians of some records as a function of the records' figure `across`, and returns the
 /// exponent.
-fn grown(records: &[&Record], across: &str) -> Told {
+fn grown(records: &[&Record], across: &str) -> Figure {
     let number = |record: &Record, name: &str| match figure(record, name) {
-        Told::Number(value, _) => Some(value),
+        Figure::Number(value, _) => Some(value),
         _ => None,
     };
     let points: Vec<[f64; 2]> = records
         .iter()
         .filter_map(|record| Some([number(record, across)?, number(record, MEDIAN)?]))
         .collect();
-    exponent(&points)
-        .map_or(Told::Nothing("too few points".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
+    exponent(&points).map_or(Figure::Nothing("too few points".into()), |[exponent, _]| {
+        Figure::Number(exponent, Form::Measure)
+    })
 }
 
 /// Returns whether a word names a value of a record: its name, its scene, a baseline's strategy, its local size
@@ -242,7 +244,7 @@ mod tests {
     use std::path::Path;
 
     /// Answers a query from the records that are stored for tests.
-    fn answer(query: &str) -> Result<Told, String> {
+    fn answer(query: &str) -> Result<Figure, String> {
         let folders = BTreeMap::from([("old".to_owned(), "tests/data/old-results".to_owned())]);
         let sources = Sources::new(Path::new(env!("CARGO_MANIFEST_DIR")), folders);
         Query::parse(query)?.answer(&sources)
@@ -250,7 +252,7 @@ mod tests {
 
     fn words(query: &str) -> String {
         match answer(query) {
-            Ok(Told::Words(text)) => text,
+            Ok(Figure::Words(text)) => text,
             other => panic!("{query}: {other:?}"),
         }
     }
@@ -258,7 +260,7 @@ mod tests {
     #[test]
     fn published_and_computed_figures() {
         assert_eq!(words("published: teapot naive 8x8"), "10400");
-        assert_eq!(answer("published: teapot naive 14x14"), Ok(Told::Nothing("no point".into())));
+        assert_eq!(answer("published: teapot naive 14x14"), Ok(Figure::Nothing("no point".into())));
         assert_eq!(words("occupancy: groups=8 threads=1536 10x10"), "800");
         assert_eq!(words("occupancy: capability=2.0 registers=63 16x16"), "512 (registers)");
         // Seven work-groups of 196 work-items fit into 1536 threads.
@@ -294,7 +296,7 @@ mod tests {
         let side = |samples: usize| {
             let record = crate::record::fixtures::few("gpu", "naive", 8, 2.0, samples);
             let record = crate::record::fixtures::judged([record]).remove(0);
-            Side { told: Told::Nothing(String::new()), median_of: Some(record) }
+            Side { value: Figure::Nothing(String::new()), median_of: Some(record) }
         };
         assert_eq!(side(3).few(), " (n = 3)");
         assert_eq!(side(5).few(), "");
@@ -318,8 +320,8 @@ mod tests {
             (&zero, "times below the timer's resolution"),
             (&few, "not enough samples (n = 3)"),
         ] {
-            let told = Told::Nothing(why.into());
-            assert_eq!([quotient(&timed, operand), quotient(operand, &timed)], [told.clone(), told]);
+            let unknown = Figure::Nothing(why.into());
+            assert_eq!([quotient(&timed, operand), quotient(operand, &timed)], [unknown.clone(), unknown]);
         }
         assert_eq!([refused.few(), zero.few()], ["", " (times below the timer's resolution)"]);
     }
@@ -361,15 +363,21 @@ mod tests {
             of("b", 2.0, 100, [800, 500], "traversal=exhaustive width=16"),
             of("c", 3.0, 100, [500, 800], "traversal=bvh width=8"),
         ]);
-        let told = |words: &[&str]| of_folder(&records, words, "x").map(|side| side.told);
-        let ms = |ms| Ok(Told::Number(ms, Form::Measure));
-        assert_eq!(told(&["best"]), ms(2.0));
-        assert_eq!(told(&["best", "width=8"]), ms(3.0));
-        assert_eq!(told(&["triangles=10"]), ms(4.0));
-        assert_eq!(told(&["@500x800"]), ms(3.0));
-        assert_eq!(told(&["traversal=exhaustive", "width=16"]), ms(2.0));
-        assert_eq!(told(&["wide"]), Ok(Told::Nothing(String::new())), "a preset that was not measured");
-        assert!(told(&["8x8"]).is_err_and(|error| error.starts_with("3 records of x match '8x8'")));
-        assert!(told(&["width=4"]).is_err_and(|error| error.starts_with("no record in x matches 'width=4'")));
+        let figure_of = |words: &[&str]| of_folder(&records, words, "x").map(|side| side.value);
+        let ms = |ms| Ok(Figure::Number(ms, Form::Measure));
+        assert_eq!(figure_of(&["best"]), ms(2.0));
+        assert_eq!(figure_of(&["best", "width=8"]), ms(3.0));
+        assert_eq!(figure_of(&["triangles=10"]), ms(4.0));
+        assert_eq!(figure_of(&["@500x800"]), ms(3.0));
+        assert_eq!(figure_of(&["traversal=exhaustive", "width=16"]), ms(2.0));
+        assert_eq!(
+            figure_of(&["wide"]),
+            Ok(Figure::Nothing(String::new())),
+            "a preset that was not measured"
+        );
+        assert!(figure_of(&["8x8"]).is_err_and(|error| error.starts_with("3 records of x match '8x8'")));
+        assert!(
+            figure_of(&["width=4"]).is_err_and(|error| error.starts_with("no record in x matches 'width=4'"))
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! The paper's claims, and the answer to the paper's question in four lines (best memory strategy, best local size,
-//! why, how sure), as `raycl reproduce` finds them.
+//! Formats, for documents, the paper's claims with the verdicts of `raycl reproduce`, and the answer to the paper's
+//! question in four lines (best memory strategy, best local size, why, how sure).
 
 use super::sheet::{Device, line};
 use super::sources::Sources;
@@ -9,8 +9,8 @@ use serde_json::Value;
 /// All verdicts on a claim. A document states how many claims have each verdict, in this order.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
-/// Returns the results of a reproduction as JSON, for the only device in its records.
-fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
+/// Returns the results of a reproduction as JSON, for the first device in the records of `device.folders`.
+fn reproduction(sources: &Sources, device: &Device) -> Result<Value, String> {
     let folders: Result<Vec<_>, _> = device.folders.iter().map(|name| sources.folder(name)).collect();
     let json = Reproduction::of(&folders?).and_then(|page| page.json()).map_err(|error| error.to_string())?;
     let mut value: Value = serde_json::from_str(&json).map_err(|error| error.to_string())?;
@@ -21,7 +21,7 @@ fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
 pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let mut lines = Vec::new();
     for device in devices {
-        let answer = found(sources, device)?["answer"].take();
+        let answer = reproduction(sources, device)?["answer"].take();
         let said = |key: &str| code(answer[key].as_str().unwrap_or_default());
         lines.push(format!("| {} | |", device.head));
         lines.push("|---|---|".to_owned());
@@ -42,9 +42,10 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
 /// Returns the number of claims for each verdict, then a table with one row per claim: its sentence, its place in the
 /// paper and, for each device, the verdict with one comparison that decided it.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
-    let found: Vec<Value> = devices.iter().map(|device| found(sources, device)).collect::<Result<_, _>>()?;
+    let reproductions: Vec<Value> =
+        devices.iter().map(|device| reproduction(sources, device)).collect::<Result<_, _>>()?;
     let of = |device: &Value| device["claims"].as_array().cloned().unwrap_or_default();
-    let all: Vec<Vec<Value>> = found.iter().map(of).collect();
+    let all: Vec<Vec<Value>> = reproductions.iter().map(of).collect();
     let counts = devices.iter().zip(&all).map(|(device, claims)| counted(&device.head, claims));
     let mut lines: Vec<String> = counts.collect();
     lines.push(String::new());
@@ -52,8 +53,8 @@ pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
         ["the paper says", "where"].into_iter().chain(devices.iter().map(|device| device.head.as_str()));
     lines.push(line(heads));
     lines.push(format!("|{}", "---|".repeat(2 + devices.len())));
-    for (place, claim) in all.first().into_iter().flatten().enumerate() {
-        let ours: Vec<String> = all.iter().map(|claims| decided(&claims[place])).collect();
+    for (index, claim) in all.first().into_iter().flatten().enumerate() {
+        let ours: Vec<String> = all.iter().map(|claims| decided(&claims[index])).collect();
         let own = ["sentence", "place"].map(|key| claim[key].as_str().unwrap_or_default());
         lines.push(line(own.into_iter().chain(ours.iter().map(String::as_str))));
     }
@@ -93,17 +94,17 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_claim_is_told_with_the_comparison_that_decides_it() {
-        let told = |verdict: &str, lines: &[(&str, &str)]| {
+    fn a_claim_is_written_with_the_comparison_that_decides_it() {
+        let decided_text = |verdict: &str, lines: &[(&str, &str)]| {
             let lines: Vec<Value> =
                 lines.iter().map(|(text, verdict)| json!({ "text": text, "verdict": verdict })).collect();
             decided(&json!({ "verdict": verdict, "lines": lines }))
         };
         let [held, failed, unclear, open] =
             [("a", "held"), ("b", "did not hold"), ("c", "unclear"), ("d", "cannot be tested here")];
-        assert_eq!(told("held", &[held, held]), "**held**: a (and 1 more with this verdict)");
-        assert_eq!(told("did not hold", &[held, failed]), "**did not hold**: b");
-        assert_eq!(told("unclear", &[held, open, unclear]), "**unclear**: c");
-        assert_eq!(told("unclear", &[held, open]), "**unclear**: d");
+        assert_eq!(decided_text("held", &[held, held]), "**held**: a (and 1 more with this verdict)");
+        assert_eq!(decided_text("did not hold", &[held, failed]), "**did not hold**: b");
+        assert_eq!(decided_text("unclear", &[held, open, unclear]), "**unclear**: c");
+        assert_eq!(decided_text("unclear", &[held, open]), "**unclear**: d");
     }
 }

@@ -22,11 +22,11 @@ pub fn runs(sources: &Sources, names: &[String]) -> Result<Vec<String>, String> 
 
 fn devices(environment: &Value) -> String {
     let devices = environment["devices"].as_array().map_or(&[][..], Vec::as_slice);
-    let told = |device: &Value| {
+    let described = |device: &Value| {
         let [name, driver] = ["device", "driver"].map(|key| device[key].as_str().unwrap_or("?").to_owned());
         format!("{name}, {driver}")
     };
-    devices.iter().map(told).collect::<Vec<_>>().join("; ")
+    devices.iter().map(described).collect::<Vec<_>>().join("; ")
 }
 
 /// Returns the command line without the program's own path, which depends on the machine.

@@ -1,7 +1,7 @@
 //! Reads `docs/figures.toml`: the folders of records, the definitions of tables, and the numbers
 //! that have no record.
 
-use super::of_record::Told;
+use super::of_record::Figure;
 use super::query::Query;
 use super::reproduced::{answer, claims};
 use super::runs::runs;
@@ -59,7 +59,8 @@ struct Table {
 }
 
 /// A row of a table. The row's words are part of the query of each cell in the row. The words are also the row's
-/// heading, unless a separate heading is given. `with` contains further modifiers of these queries.
+/// heading, unless a separate heading is given. `with` contains modifiers of these queries: a number of digits or a
+/// unit.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -80,8 +81,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers that define how the row's numbers are rounded. In a query, they follow the column's
-    /// modifiers.
+    /// Returns the modifiers that define the digits or the unit of the row's numbers. In a query, they follow the
+    /// column's modifiers.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),
@@ -179,8 +180,8 @@ impl Sheet {
         }
         let heads = std::iter::once(table.head.as_str())
             .chain(table.columns.iter().map(|column| column.head.as_str()));
-        let row = |(place, row): (usize, &Row)| {
-            line(std::iter::once(row.head()).chain(columns.iter().map(|cells| cells[place].as_str())))
+        let row = |(index, row): (usize, &Row)| {
+            line(std::iter::once(row.head()).chain(columns.iter().map(|cells| cells[index].as_str())))
         };
         let rule = format!("|{}", "---|".repeat(table.columns.len() + 1));
         Ok([line(heads), rule].into_iter().chain(table.rows.iter().enumerate().map(row)).collect())
@@ -188,10 +189,10 @@ impl Sheet {
 
     fn cell(&self, column: &Column, row: &Row) -> std::result::Result<String, String> {
         let query = column.of.replace("{}", row.words()) + &row.modifiers();
-        let told = Query::parse(&query).and_then(|query| query.answer(&self.sources));
-        match told.map_err(|error| format!("nothing: {query}: {error}"))? {
-            Told::Words(text) => Ok(text),
-            Told::Nothing(why) if !why.is_empty() => Ok(why),
+        let figure = Query::parse(&query).and_then(|query| query.answer(&self.sources));
+        match figure.map_err(|error| format!("nothing: {query}: {error}"))? {
+            Figure::Words(text) => Ok(text),
+            Figure::Nothing(why) if !why.is_empty() => Ok(why),
             _ => column
                 .missing
                 .clone()
@@ -209,14 +210,14 @@ pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
 fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
     let Some(bold) = bold else { return cells };
     let numbers =
-        cells.iter().enumerate().filter_map(|(place, cell)| Some((place, cell.parse::<f64>().ok()?)));
+        cells.iter().enumerate().filter_map(|(index, cell)| Some((index, cell.parse::<f64>().ok()?)));
     let by_size = |(_, a): &(usize, f64), (_, b): &(usize, f64)| a.total_cmp(b);
     let chosen = match bold {
         Bold::Least => numbers.min_by(by_size),
         Bold::Most => numbers.max_by(by_size),
     };
-    if let Some((place, _)) = chosen {
-        cells[place] = format!("**{}**", cells[place]);
+    if let Some((index, _)) = chosen {
+        cells[index] = format!("**{}**", cells[index]);
     }
     cells
 }

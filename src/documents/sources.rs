@@ -31,7 +31,7 @@ impl Sources {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }
 
-    /// Returns the source of a name, such as "h200/figure-8"; a JSON file is named without its
+    /// Returns the source with this name, such as "h200/figure-8". The name of a JSON file does not contain the file's
     /// extension. The error says why the source cannot be read.
     pub fn get(&self, name: &str) -> Result<Rc<Source>, String> {
         if let Some(known) = self.read.borrow().get(name) {
@@ -78,7 +78,7 @@ mod tests {
         std::fs::create_dir_all(root.path().join("docs/gpu/sweeps")).unwrap();
         std::fs::write(root.path().join("docs/gpu/sweeps/one.json"), "{\"a\": 1}").unwrap();
         let sources = Sources::new(root.path(), BTreeMap::from([("gpu".to_owned(), "docs/gpu".to_owned())]));
-        let Source::Json(found) = &*sources.get("gpu/sweeps/one").unwrap() else { panic!("no file") };
-        assert_eq!(found["a"], 1);
+        let Source::Json(value) = &*sources.get("gpu/sweeps/one").unwrap() else { panic!("no file") };
+        assert_eq!(value["a"], 1);
     }
 }

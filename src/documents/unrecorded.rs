@@ -12,11 +12,11 @@ pub struct Fences {
 
 impl Fences {
     /// Returns a line without its number in a numbered list ("1. "). Lists start at 1 and count up by one.
-    fn without_place<'a>(&mut self, line: &'a str) -> &'a str {
-        let item = line.split_once(". ").and_then(|(place, rest)| Some((place.parse().ok()?, rest)));
+    fn without_number<'a>(&mut self, line: &'a str) -> &'a str {
+        let item = line.split_once(". ").and_then(|(number, rest)| Some((number.parse().ok()?, rest)));
         match item {
-            Some((place, rest)) if place == 1 || place == self.item + 1 => {
-                self.item = place;
+            Some((number, rest)) if number == 1 || number == self.item + 1 => {
+                self.item = number;
                 rest
             }
             _ => line,
@@ -24,8 +24,8 @@ impl Fences {
     }
 }
 
-/// Units. A code span that contains a number with one of these units is checked. Other code spans contain options and
-/// names, and are not checked.
+/// Units of measured numbers. A code span (text between backticks) that contains a number with one of these units is
+/// checked. Other code spans contain options and names, and are not checked.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
@@ -39,7 +39,7 @@ pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<Stri
     if fences.within {
         return Vec::new();
     }
-    let mut text = without_links(&without_code(fences.without_place(line)));
+    let mut text = without_links(&without_code(fences.without_number(line)));
     for fact in facts {
         text = without(&text, fact);
     }
@@ -59,8 +59,8 @@ fn is_name(word: &str) -> bool {
 
 /// Returns a line without its code spans. Spans that contain a number with a unit remain.
 fn without_code(line: &str) -> String {
-    let part = |(place, part): (usize, &str)| {
-        let is_code = place % 2 == 1 && !has_unit(part);
+    let part = |(index, part): (usize, &str)| {
+        let is_code = index % 2 == 1 && !has_unit(part);
         if is_code { "code".to_owned() } else { part.to_owned() }
     };
     line.split('`').enumerate().map(part).collect()
@@ -84,17 +84,17 @@ fn without_links(line: &str) -> String {
 /// a number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
-    let mut kept = String::new();
+    let mut result = String::new();
     while let Some(at) = rest.find(phrase) {
         let (before, after) = (&rest[..at], &rest[at + phrase.len()..]);
-        let whole = kept.clone() + before;
+        let whole = result.clone() + before;
         let touches_before = whole.ends_with(|c: char| c.is_alphanumeric() || ".,-±~<>".contains(c))
             && number_begins(phrase, &whole);
         let alone = !touches_before && !number_goes_on(after);
-        kept = whole + if alone { " fact " } else { phrase };
+        result = whole + if alone { " fact " } else { phrase };
         rest = after;
     }
-    kept + rest
+    result + rest
 }
 
 /// Returns whether the phrase continues the last word of the text before it.
@@ -120,26 +120,26 @@ fn number_goes_on(after: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn found(line: &str, facts: &[&str]) -> Vec<String> {
+    fn numbers_in(line: &str, facts: &[&str]) -> Vec<String> {
         let facts: Vec<String> = facts.iter().map(|fact| (*fact).to_owned()).collect();
         unrecorded(line, &facts, &mut Fences::default())
     }
 
     #[test]
     fn numbers_without_a_record_are_found() {
-        assert_eq!(found("The H200 takes 3.2 ms, 17% of `width=4`.", &[]), ["3.2", "17%"]);
-        assert_eq!(found("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
-        assert!(found("`--repeat 3` or `width = 4`", &[]).is_empty());
-        assert!(found("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
-        assert_eq!(found("[a 1](b-2) and 3, [c](d-4)", &[]), ["1", "3"]);
+        assert_eq!(numbers_in("The H200 takes 3.2 ms, 17% of `width=4`.", &[]), ["3.2", "17%"]);
+        assert_eq!(numbers_in("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
+        assert!(numbers_in("`--repeat 3` or `width = 4`", &[]).is_empty());
+        assert!(numbers_in("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
+        assert_eq!(numbers_in("[a 1](b-2) and 3, [c](d-4)", &[]), ["1", "3"]);
     }
 
     #[test]
-    fn the_places_of_a_list_are_no_figures_but_other_numbers_there_are() {
+    fn the_numbers_of_a_list_are_no_figures_but_other_numbers_there_are() {
         let mut fences = Fences::default();
-        let found = ["1. one", "   more", "2. two", "73. three", "3. of 5"]
+        let numbers = ["1. one", "   more", "2. two", "73. three", "3. of 5"]
             .map(|line| unrecorded(line, &[], &mut fences));
-        assert_eq!(found, [vec![], vec![], vec![], vec!["73".to_owned()], vec!["5".to_owned()]]);
+        assert_eq!(numbers, [vec![], vec![], vec![], vec!["73".to_owned()], vec!["5".to_owned()]]);
         let second = ["1. one", "2. two"].map(|line| unrecorded(line, &[], &mut fences));
         assert!(second.iter().all(Vec::is_empty), "a second list begins at 1: {second:?}");
     }
@@ -147,9 +147,12 @@ mod tests {
     #[test]
     fn a_fact_answers_for_its_own_words_only() {
         let facts = ["1026 triangles", "800 x 500", "8 blocks"];
-        assert!(found("1026 triangles at 800 x 500, 8 blocks.", &facts).is_empty());
-        assert_eq!(found("1027 triangles, 11026 triangles, 1.8 blocks", &facts), ["1027", "11026", "1.8"]);
-        assert_eq!(found("800 x 5000", &facts), ["800", "5000"]);
-        assert_eq!(found("12% of 12 groups", &["12"]), ["12%"]);
+        assert!(numbers_in("1026 triangles at 800 x 500, 8 blocks.", &facts).is_empty());
+        assert_eq!(
+            numbers_in("1027 triangles, 11026 triangles, 1.8 blocks", &facts),
+            ["1027", "11026", "1.8"]
+        );
+        assert_eq!(numbers_in("800 x 5000", &facts), ["800", "5000"]);
+        assert_eq!(numbers_in("12% of 12 groups", &["12"]), ["12%"]);
     }
 }

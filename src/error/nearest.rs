@@ -3,8 +3,8 @@
 use crate::reader::folder_of;
 use std::path::{Path, PathBuf};
 
-/// Returns the candidate most similar to `word`, if one is similar enough. Upper and lower case count only if two
-/// candidates are equally similar without them.
+/// Returns the candidate most similar to `word`, if one is similar enough. Upper and lower case are distinguished only
+/// between candidates that are otherwise equally similar.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A word that is much longer than every name is not a misspelt name, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
@@ -62,7 +62,8 @@ mod tests {
         let names = ["private", "global", "local"];
         assert_eq!(nearest("globl", names), Some("global"));
         assert_eq!(nearest("zzzzzzzz", names), None);
-        // Of a name with five letters, two may be wrong, but not three.
+        // For a candidate with five letters, a word with two wrong letters is similar enough, and a word with three is
+        // not.
         assert_eq!((nearest("lcl", names), nearest("loxyz", names)), (Some("local"), None));
         let [most, longer] = [100, 101].map(|length| "k".repeat(length));
         assert_eq!((nearest(&most, [&*most]), nearest(&longer, [&*longer])), (Some(&*most), None));

@@ -20,10 +20,10 @@ pub fn shortened(text: impl Into<String>) -> String {
     format!("{head} ... {tail}")
 }
 
-/// Returns the index of the first byte of the character that contains the byte at `place`. Returns the text's length if
-/// `place` is not in the text.
-pub(super) fn boundary(text: &str, place: usize) -> usize {
-    (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+/// Returns the index of the first byte of the character that contains the byte at `offset`. Returns the text's length
+/// if `offset` is not in the text.
+pub(super) fn boundary(text: &str, offset: usize) -> usize {
+    (0..=offset.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
 /// Returns the number, from 1, of the line that contains the byte at `offset`.
@@ -31,22 +31,22 @@ pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
 }
 
-/// Returns the text with long lines cut, and the number of bytes that were removed before `place`.
-pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
+/// Returns the text with long lines cut, and the number of bytes that were removed before `offset`.
+pub(super) fn cut_long_lines(text: String, offset: usize) -> (String, usize) {
     if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
         return (text, 0);
     }
-    let (mut kept, mut read, mut cut) = (String::new(), 0, 0);
+    let (mut shortened, mut read, mut cut) = (String::new(), 0, 0);
     for line in text.split_inclusive('\n') {
         read += line.len();
         let shown = match line.len() {
             0..=SHOWN_LINE_BYTES => line.to_owned(),
             _ => line[..boundary(line, SHOWN_LINE_BYTES / 2)].to_owned() + " ...\n",
         };
-        cut += if read <= place { line.len() - shown.len() } else { 0 };
-        kept.push_str(&shown);
+        cut += if read <= offset { line.len() - shown.len() } else { 0 };
+        shortened.push_str(&shown);
     }
-    (kept, cut)
+    (shortened, cut)
 }
 
 /// Returns the text with control characters and invisible characters, except tabs and line ends, replaced by question
@@ -83,11 +83,11 @@ mod tests {
 
     #[test]
     fn a_boundary_is_the_start_of_a_character_or_the_end_of_the_text() {
-        assert_eq!([0, 1, 2, 3, 9].map(|place| boundary("\u{fc}b", place)), [0, 0, 2, 3, 3]);
+        assert_eq!([0, 1, 2, 3, 9].map(|offset| boundary("\u{fc}b", offset)), [0, 0, 2, 3, 3]);
     }
 
     #[test]
-    fn a_long_line_is_cut_and_the_places_behind_it_move() {
+    fn a_long_line_is_cut_and_the_positions_behind_it_move() {
         let text = format!("short\n{}\nbad\n", "x".repeat(500));
         let cut = format!("short\n{} ...\nbad\n", "x".repeat(200));
         assert_eq!(cut_long_lines(text.clone(), 2), (cut.clone(), 0));

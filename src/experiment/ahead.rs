@@ -14,7 +14,7 @@ use super::protocol::Built;
 use crate::accel::FINGERPRINT;
 use crate::device_lock::LockName;
 use crate::error::{Error, Result};
-use crate::program::Kept;
+use crate::program::ProgramCache;
 use crate::words::counted;
 use builder::{Patience, Pool};
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
@@ -24,13 +24,15 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Idle builders keep their processes if the scenes of this many times as many builders would fit into the builders'
-/// share of memory, since new processes would have to start their drivers. The processes' programs and drivers do not
-/// count here: they need the same memory for every scene, so they do not make a small scene large.
+/// Idle builders (builders without a program to build) keep their processes if the scene is small: if the builders'
+/// share of memory could hold the scenes of at least this many times the number of builders. New processes would have
+/// to start their drivers again. The memory that programs and drivers need does not count here, since it is the same
+/// for every scene.
 const PLENTY: usize = 4;
-/// A program, identified by its job and the hash of its source and options. A program that traverses a tree also
-/// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
-/// scene, so such a program is also identified by its scene.
+/// A program, identified by the hash of its source and options, and by its job: the task of the workers of one device,
+/// with one folder of kernels. A program that traverses a tree also depends on the depth of the traversal's stack. The
+/// hash does not contain this depth; the depth follows from the scene, so such a program is also identified by its
+/// scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the job whose worker measures with the program.
@@ -76,7 +78,7 @@ struct State {
     /// the program was already stored or could not be built, if its builder died or hung, or if a point has taken the
     /// result. A point that waits for its program takes the result from here.
     done: HashMap<Program, Option<Built>>,
-    /// The locks of the devices on which builders may begin programs.
+    /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
     closed: bool,
 }
@@ -87,7 +89,7 @@ pub struct Tally {
     /// Number of programs that were compiled.
     pub compiled: usize,
     /// Number of programs that came from the cache.
-    pub kept: usize,
+    pub from_cache: usize,
     /// Sum of the build times of all programs.
     pub work_ms: f64,
     /// Time for which the run waited for programs.
@@ -97,11 +99,11 @@ pub struct Tally {
 impl Tally {
     /// Formats the counts for a person; `None` if no program was compiled or taken from the cache.
     pub fn text(&self) -> Option<String> {
-        let Self { compiled, kept, work_ms, waited_ms } = *self;
+        let Self { compiled, from_cache, work_ms, waited_ms } = *self;
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
-        (compiled + kept > 0).then(|| {
+        (compiled + from_cache > 0).then(|| {
             format!(
-                "Built: {} compiled, {kept} taken from the cache; this took {} of work in all, and the run waited {} for programs",
+                "Built: {} compiled, {from_cache} taken from the cache; this took {} of work in all, and the run waited {} for programs",
                 counted(compiled, "program"),
                 seconds(work_ms),
                 seconds(waited_ms)
@@ -114,8 +116,9 @@ impl Tally {
 #[derive(Default)]
 pub struct Ahead {
     /// The stored programs of each job's device.
-    kept: Vec<Kept>,
-    /// The lock of each job's device. Builders may always use a device that has no lock here.
+    stored: Vec<ProgramCache>,
+    /// The lock of each job's device. A process holds this lock while it measures on the device. Builders may always
+    /// use a device that has no lock here.
     locks: Vec<LockName>,
     state: Mutex<State>,
     changed: Condvar,
@@ -135,10 +138,11 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of job `i`'s device, and
-    /// `locks[i]` is the lock of this device. No program is begun on a device before [`Self::go_on`] names its lock.
-    pub fn new(kept: Vec<Kept>, locks: Vec<LockName>) -> Self {
-        Self { kept, locks, ..Self::default() }
+    /// Makes the empty list of a run's programs. `stored[i]` contains the stored programs of job `i`'s device, and
+    /// `locks[i]` is the lock of this device. Builders begin no program for a device before [`Self::go_on`] names the
+    /// device's lock.
+    pub fn new(stored: Vec<ProgramCache>, locks: Vec<LockName>) -> Self {
+        Self { stored, locks, ..Self::default() }
     }
 
     /// Calls `work` while builders run in parallel. `limit` is the longest time for building a program.
@@ -164,13 +168,13 @@ impl Ahead {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lets builders begin programs on the devices with these locks, since no other process measures there.
+    /// Lets builders begin to build programs for the devices with these locks, since no other process measures there.
     pub fn go_on(&self, devices: &[LockName]) {
         self.locked().free.extend(devices.iter().cloned());
         self.changed.notify_all();
     }
 
-    /// Keeps builders from beginning programs on the devices with these locks, since another process measures there.
+    /// Lets builders begin no more programs for the devices with these locks, since another process measures there.
     /// Programs that builders have begun are completed.
     pub fn pause(&self, devices: &[LockName]) {
         self.locked().free.retain(|device| !devices.contains(device));
@@ -185,7 +189,7 @@ impl Ahead {
             }
             if self.is_stored(&order.program) {
                 // Nothing has to be built: each worker takes the program from the cache.
-                self.counted(|tally| tally.kept += 1);
+                self.counted(|tally| tally.from_cache += 1);
                 state.done.insert(order.program, None);
             } else {
                 state.waiting.push_back(order);
@@ -233,7 +237,8 @@ impl Ahead {
                 }
                 self.finish(order.program, built);
             }
-            // An idle process still holds a scene, in memory that the points being timed may need.
+            // If memory is tight, idle processes end: they still hold a scene, in memory that the points being timed
+            // may need.
             if std::mem::take(&mut is_tight) {
                 usual.end();
                 without_driver_cache.end();
@@ -241,26 +246,26 @@ impl Ahead {
         }
     }
 
-    /// Waits until there is a program that a builder may begin. Returns false if the run has ended. The builders'
-    /// numbers count from 0.
+    /// Waits until there is a program that the builder `number` may begin to build. Returns false if the run has ended.
+    /// The builders' numbers count from 0.
     fn has_next(&self, number: usize) -> bool {
         let mut state = self.locked();
-        while !state.closed && self.place_of_next(&state, number).is_none() {
+        while !state.closed && self.index_of_next(&state, number).is_none() {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         !state.closed
     }
 
-    /// Takes the next program that a builder may begin; `None` if there is none now.
+    /// Takes the next program that the builder `number` may begin to build; `None` if there is none now.
     fn next(&self, number: usize) -> Option<Order> {
         let mut state = self.locked();
-        let place = self.place_of_next(&state, number)?;
-        state.waiting.remove(place)
+        let index = self.index_of_next(&state, number)?;
+        state.waiting.remove(index)
     }
 
-    /// Returns the place of the first waiting program that a builder may begin: the scene fits into the memory of this
-    /// many builders, and no other process measures on the device.
-    fn place_of_next(&self, state: &State, number: usize) -> Option<usize> {
+    /// Returns the index of the first waiting program that the builder `number` may begin to build: more than `number`
+    /// builders with the program's scene fit into memory, and no other process measures on the program's device.
+    fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
             |order: &Order| number < order.room.builders && self.is_free(state, order.program.job);
         state.waiting.iter().position(may_begin)
@@ -275,10 +280,10 @@ impl Ahead {
         if let Some(built) = &built {
             self.counted(|tally| {
                 tally.work_ms += built.build_ms;
-                *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
+                *if built.from_cache { &mut tally.from_cache } else { &mut tally.compiled } += 1;
             });
-            if let (Some(kept), Some(key)) = (self.kept.get(program.job), &built.key) {
-                kept.name(&program.name(), key);
+            if let (Some(programs), Some(key)) = (self.stored.get(program.job), &built.key) {
+                programs.name(&program.name(), key);
             }
         }
         self.locked().done.insert(program, built);
@@ -298,7 +303,7 @@ impl Ahead {
     }
 
     fn is_stored(&self, program: &Program) -> bool {
-        self.kept.get(program.job).is_some_and(|kept| kept.has(&program.name()))
+        self.stored.get(program.job).is_some_and(|programs| programs.has(&program.name()))
     }
 
     fn counted(&self, count: impl FnOnce(&mut Tally)) {

@@ -1,5 +1,6 @@
-//! For tests: a device that casts nothing, and workers that wait instead of casting frames. With such workers, tests on
-//! one machine can imitate many machines, and processes that are killed. No device is opened, and no lock is taken.
+//! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames. With such
+//! workers, tests on one machine can imitate many machines, and processes that are killed. No device is opened, and no
+//! lock is taken.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -11,7 +12,7 @@ use crate::launch::FrameTimes;
 use crate::record::Outcome;
 use std::time::{Duration, Instant};
 
-/// The platform's name, which no driver uses.
+/// The name of the platform of devices for tests. No driver uses this name.
 const PLATFORM: &str = "raycl asleep";
 
 /// Returns a device whose frames take `frame_ms`.

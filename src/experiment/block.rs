@@ -39,10 +39,11 @@ pub struct Cost {
 /// The expected time of a block, and the block.
 type Priced = (f64, Block);
 
-/// Sizes tried for the pieces of a group, largest first, as fractions of a shard's fair share of the work.
+/// The limits that [`cut`] tries for the expected times of the pieces of a group, largest first. A limit is a fraction
+/// of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// With smaller pieces, control points are measured more often. Smaller pieces are therefore used only if they shorten
-/// the longest shard by more than this fraction.
+/// the time of the shard that takes longest by more than this fraction.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal
@@ -67,7 +68,7 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     blocks
 }
 
-/// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
+/// Returns the group as one piece or, if its expected time exceeds `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
     // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a control point.
@@ -110,10 +111,10 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
     let mut loads = vec![0.0_f64; shards as usize];
-    for place in order {
+    for index in order {
         let least = (0..loads.len()).min_by(|one, other| loads[*one].total_cmp(&loads[*other])).unwrap_or(0);
-        loads[least] += blocks[place].0;
-        blocks[place].1.shard = least as u32 + 1;
+        loads[least] += blocks[index].0;
+        blocks[index].1.shard = least as u32 + 1;
     }
     loads.into_iter().fold(0.0, f64::max)
 }
@@ -149,7 +150,7 @@ mod tests {
         let costs: Vec<f64> = costs.concat();
         let of = |block: &Block| {
             let borrowed = block.control.filter(|_| block.borrows_control());
-            block.points.iter().chain(&borrowed).map(|place| costs[*place]).sum::<f64>()
+            block.points.iter().chain(&borrowed).map(|point| costs[*point]).sum::<f64>()
         };
         (1..=shards).map(|shard| blocks.iter().filter(|block| block.shard == shard).map(of).sum()).collect()
     }
@@ -161,9 +162,9 @@ mod tests {
         ) {
             let groups = groups(&costs);
             let blocks = cut(&groups, shards);
-            let mut places: Vec<usize> = blocks.iter().flat_map(|block| block.points.clone()).collect();
-            places.sort_unstable();
-            prop_assert_eq!(places, (0..costs.concat().len()).collect::<Vec<_>>());
+            let mut points: Vec<usize> = blocks.iter().flat_map(|block| block.points.clone()).collect();
+            points.sort_unstable();
+            prop_assert_eq!(points, (0..costs.concat().len()).collect::<Vec<_>>());
             prop_assert!(blocks.iter().all(|block| (1..=shards).contains(&block.shard)));
             for group in &groups {
                 let own: Vec<&Block> = blocks.iter().filter(|block| group.iter().any(|cost| block.points.contains(&cost.point))).collect();
@@ -196,8 +197,8 @@ mod tests {
 
     #[test]
     fn a_gain_of_less_than_a_twentieth_cuts_no_group() {
-        // If the groups stay whole, the longest shard takes 52.01. If both groups are cut into three pieces, it takes
-        // 51.03, about 2% less.
+        // If the groups stay whole, the shard that takes longest takes 52.01 ms. If both groups are cut into three
+        // pieces, this shard takes 51.03 ms, about 2% less.
         let costs = [52, 50].map(|many| [vec![0.01], vec![1.0; many]].concat());
         let blocks = cut(&groups(&costs), 2);
         assert!(blocks.len() == 2 && blocks.iter().all(|block| block.control.is_none()), "{blocks:?}");
@@ -229,11 +230,11 @@ mod tests {
     #[test]
     fn a_point_goes_where_most_of_it_lies_and_a_borrowed_control_costs() {
         let group = &groups(&[vec![3.0, 4.0, 3.0]])[0];
-        let found = pieces(group, 5.0);
-        let points: Vec<_> = found.iter().map(|(_, block)| block.points.clone()).collect();
+        let pieces = pieces(group, 5.0);
+        let points: Vec<_> = pieces.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
         // The control point, of cost 3, is one of the first piece's own points.
-        assert_eq!(found.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
+        assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 
     #[test]
@@ -251,8 +252,8 @@ mod tests {
 
     #[test]
     fn points_that_all_lie_in_one_piece_have_no_control_point() {
-        let found = pieces(&groups(&[vec![10.0, 0.0, 0.0]])[0], 5.0);
-        let blocks: Vec<_> = found.iter().map(|(_, block)| (block.points.clone(), block.control)).collect();
+        let pieces = pieces(&groups(&[vec![10.0, 0.0, 0.0]])[0], 5.0);
+        let blocks: Vec<_> = pieces.iter().map(|(_, block)| (block.points.clone(), block.control)).collect();
         assert_eq!(blocks, [(vec![0, 1, 2], None)]);
     }
 }

@@ -218,21 +218,22 @@ mod tests {
         let mut record = drafter.draft(&point, Some(&device.info), &at).unwrap();
         std::fs::create_dir_all(folder.join("images")).unwrap();
         let mut checker = Checker::open(drafter, Some(device), Pictures::of(folder)).unwrap();
-        let found = checker.check(&point, &at.scene, verified, &mut record).unwrap().map(drop);
-        (record, found, checker.build(&point, &at.scene))
+        let outcome = checker.check(&point, &at.scene, verified, &mut record).unwrap().map(drop);
+        (record, outcome, checker.build(&point, &at.scene))
     }
 
     #[test]
     fn a_checked_record_has_what_the_point_needs_and_how_its_picture_compares() {
-        let (place, device) = (tempfile::tempdir().unwrap(), discover(&Sources::Embedded).unwrap().remove(0));
+        let folder = tempfile::tempdir().unwrap();
+        let device = discover(&Sources::Embedded).unwrap().remove(0);
         let experiment = fixtures::experiment_of(
             "[[scene]]\nfile = 'scenes/pyramid-upper.toml'\n\
              set = { light = [[{ position = [1, 3, 1], power = 10 }, { position = [-1, 3, 1], power = 5 }]], \
              \"sky.zenith\" = 1 }\n\
              [[strategy]]\npreset = 'naive'\nvectors = 'global'\ntriangles = 'constant'\nlocal_sizes = [[4, 2]]",
         );
-        let (record, found, built) = checked(&experiment, &device, place.path(), None);
-        found.unwrap();
+        let (record, outcome, built) = checked(&experiment, &device, folder.path(), None);
+        outcome.unwrap();
         let scene = experiment.scenes[0].load().unwrap().scene;
         let needs = Requirements::of(
             &experiment.strategies[0].strategy,
@@ -255,21 +256,22 @@ mod tests {
         assert!(
             record.build_ms.is_some_and(|ms| ms > 0.0) && built.is_some_and(|built| built.build_ms > 0.0)
         );
-        assert!(place.path().join(record.image.unwrap()).is_file());
+        assert!(folder.path().join(record.image.unwrap()).is_file());
         // A picture that has been compared is not compared again.
-        let (again, found, _) = checked(&experiment, &device, place.path(), record.image_hash.as_deref());
-        assert!(found.is_ok() && again.max_difference.is_none() && again.image_hash.is_none());
-        let (other, found, _) = checked(&experiment, &device, place.path(), Some("another hash"));
-        assert!(found.is_ok() && other.image_hash == record.image_hash);
+        let (again, outcome, _) = checked(&experiment, &device, folder.path(), record.image_hash.as_deref());
+        assert!(outcome.is_ok() && again.max_difference.is_none() && again.image_hash.is_none());
+        let (other, outcome, _) = checked(&experiment, &device, folder.path(), Some("another hash"));
+        assert!(outcome.is_ok() && other.image_hash == record.image_hash);
     }
 
     #[test]
     fn a_point_is_held_to_the_limits_of_the_device_that_is_imitated() {
-        let (place, device) = (tempfile::tempdir().unwrap(), discover(&Sources::Embedded).unwrap().remove(0));
+        let folder = tempfile::tempdir().unwrap();
+        let device = discover(&Sources::Embedded).unwrap().remove(0);
         let lines = "local_sizes = [4]\nemulate = { local_bytes = 100 }";
         let text = format!("scenes = ['scenes/triangle.toml']\nstrategies = ['local-vectors']\n{lines}");
-        let (record, found, built) = checked(&fixtures::experiment_of(&text), &device, place.path(), None);
-        let failure = found.unwrap_err();
+        let (record, outcome, built) = checked(&fixtures::experiment_of(&text), &device, folder.path(), None);
+        let failure = outcome.unwrap_err();
         assert!(failure.write_into(record).reason.is_some_and(|reason| reason.contains("> 100 B")));
         assert!(built.is_none());
     }

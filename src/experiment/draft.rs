@@ -71,8 +71,9 @@ impl Drafter<'_> {
                 describe_test(&mut record);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The tree is not built yet, so the program's hash does not contain the tree's depth. The depth follows
-                // from the scene, the strategy and the code that builds trees, which the point's key contains.
+                // The tree is not built yet, so the program's hash does not contain the tree's depth. The point's key
+                // is computed from the scene, the strategy and the code that builds trees, which together determine
+                // this depth.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = builder_of(&named.strategy);
@@ -173,14 +174,14 @@ mod tests {
 
     #[test]
     fn a_draft_names_its_scene_its_device_and_its_strategy() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let text = format!(
             "question = '?'\nexpectation = '!'\nimage_sizes = [[8, 5]]\nbaselines = ['serial']\n\
              timing.seed = 77\n[[scene]]\nfile = {scene:?}\nset = {{ shadow_bias = 0.25 }}\n\
              [[strategy]]\nname = 'mine'\npreset = 'naive'\nlocal_sizes = [[4, 2]]\n"
         );
-        let experiment = config::parse(&place.path().join("a.toml"), text, &[]).unwrap();
+        let experiment = config::parse(&folder.path().join("a.toml"), text, &[]).unwrap();
         let loaded = experiment.scenes[0].load().unwrap();
         let hash = loaded.scene.content_hash();
         let at = Hashed { notes: vec!["a note".into()], ..Hashed::from(loaded) };
@@ -188,7 +189,7 @@ mod tests {
         let device = DeviceInfo { label: "a device".into(), threads: Some(3), ..asleep::device(1.0) };
         let points = Plan::new(&experiment, 1).points;
         let [host, kernel] = [(0, None), (1, Some(&device))]
-            .map(|(place, device)| drafter.draft(&points[place], device, &at).unwrap());
+            .map(|(index, device)| drafter.draft(&points[index], device, &at).unwrap());
         for record in [&host, &kernel] {
             assert_eq!((&record.scene_hash, &record.scene_notes), (&Some(hash.clone()), &at.notes));
             assert_eq!((record.triangles, record.lights, record.seed), (Some(1), Some(1), Some(77)));

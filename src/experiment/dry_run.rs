@@ -67,7 +67,7 @@ pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
         forecasts.extend(of_point(&kernels, point).iter().map(of_folder));
     }
     if !past.records.is_empty() {
-        // These are the same points in the same order, the plan's.
+        // The list `forecasts` has the same points as `pending`, in the same order, which is the order of the plan.
         let pending = run.pending_points(&plan, &plan.whole())?;
         let done = run.done(pending.iter().flatten(), past);
         for (forecast, pending) in forecasts.iter_mut().zip(pending.iter().flatten()) {
@@ -107,8 +107,8 @@ mod tests {
 
     #[test]
     fn each_of_two_folders_of_kernels_has_a_forecast_by_its_own_headers() {
-        let (place, file) = (tempfile::tempdir().unwrap(), "cast/vectors/global.cl");
-        let folder = place.path().join("mine");
+        let (parent, file) = (tempfile::tempdir().unwrap(), "cast/vectors/global.cl");
+        let folder = parent.path().join("mine");
         std::fs::create_dir_all(folder.join("cast/vectors")).unwrap();
         let text = Sources::Embedded.read(file).unwrap();
         let larger = text.replace("// bytes_per_ray: 108\n", "// bytes_per_ray: 216\n");

@@ -13,16 +13,16 @@ use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::time::Duration;
 
-/// Time to start a worker: its process, its driver, its scene.
+/// Expected time to start a worker: to start its process and its driver, and to load its scene.
 const START_MS: f64 = 500.0;
 
-/// Time to compile a program, if no earlier time is known.
+/// Expected time to compile a program, if no earlier time is known.
 const COMPILE_MS: f64 = 300.0;
 
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured. Control points that blocks borrow are not counted.
+    /// Number of points to be measured. A control point is counted at most once, even if several blocks measure it.
     pub points: usize,
     /// How many of these points have a time in an earlier record.
     pub known: usize,
@@ -32,8 +32,8 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// Longest time by which the run may exceed `time` if the host moves this virtual machine's processors: launches
-    /// then wait, take more rounds, or are replaced by additional launches.
+    /// Longest time by which the run may exceed `time` if the host moves this virtual machine's processors to other
+    /// cores: launches then wait, take more rounds, or are replaced by additional launches.
     pub additional: Duration,
     /// Number of points with a record that are not in the plan, for example because the config has changed.
     pub others: usize,
@@ -86,7 +86,8 @@ impl Run<'_> {
                 additional.add(is_on_host, self.most_additional_ms(&timed, launches));
             }
         }
-        // If a shard is measured, `groups` lacks the points of the other shards' blocks, so `others` stays 0.
+        // If only a shard is measured, `groups` lacks the points of the other shards' blocks. Their records would be
+        // counted in `others` by mistake, so `others` stays 0.
         if self.spread || self.blocks.is_none() {
             expected.others = not_planned(&groups, past);
         }
@@ -122,7 +123,8 @@ impl Run<'_> {
     }
 
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
-        // A point that lacked memory only at an earlier moment may fit now, and then takes time.
+        // If a point did not fit only because too little memory was free during the earlier run, it may fit now, and
+        // then takes time.
         if earlier.outcome == Outcome::Infeasible && earlier.is_final() && point(earlier) == point(draft) {
             return Some(Known::default());
         }
@@ -221,8 +223,9 @@ impl Together {
     }
 }
 
-/// Returns the points of a group that have to be measured, and its control point, if that is only measured again beside
-/// these points. Points whose keys are in `done` are finished.
+/// Returns two lists. The first has the points of a group that have to be measured. The second has the group's control
+/// point, if this point is finished and is only measured again together with the points of the first list. Points whose
+/// keys are in `done` are finished.
 fn left<'a>(group: &'a [PendingPoint], done: &HashSet<String>) -> (Vec<&'a Record>, Vec<&'a Record>) {
     let meant = group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
     let is_finished = |record: &&Record| record.is_control || done.contains(&record.key);
@@ -238,8 +241,8 @@ fn not_planned(groups: &[Vec<PendingPoint>], past: &Past) -> usize {
     past.records.iter().filter(|record| !planned.contains(&record.key)).count()
 }
 
-/// Earlier records by the texts that `point` returns and, if they have a time, also by the texts that `strategy`
-/// returns.
+/// Finds earlier records by name: by the text that [`point`] returns for a record and, if the record has a time, also
+/// by the text that [`strategy`] returns for it.
 struct ByName<'a>(HashMap<String, &'a Record>);
 
 impl<'a> ByName<'a> {
@@ -449,7 +452,7 @@ mod tests {
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let [host, naive, wide] =
-            [0, 1, 2].map(|place| groups.iter().flatten().nth(place).unwrap().record.clone());
+            [0, 1, 2].map(|index| groups.iter().flatten().nth(index).unwrap().record.clone());
         let of = |earlier: &[Record]| -> Vec<(usize, f64, bool)> {
             let costs = run.costs(earlier).unwrap().concat();
             costs.iter().map(|cost| (cost.point, cost.ms, cost.may_control)).collect()

@@ -1,5 +1,5 @@
-//! Reads the results of earlier attempts at the same part of an experiment. The folders of these attempts are not
-//! changed, since one of the attempts may still be running.
+//! Reads the results of earlier attempts at the same shard (part of an experiment). The folders of these attempts are
+//! not changed, since one of the attempts may still be running.
 
 use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
@@ -15,14 +15,16 @@ use std::path::{Path, PathBuf};
 /// launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
-    /// If several attempts have a record of a point, the one with the lowest rank, as in a merge.
+    /// At most one record per point. If several attempts have a record of a point, the record with the lowest
+    /// [rank](Record::rank) is used, as `raycl merge` does.
     pub records: Vec<Record>,
-    /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it
-    /// was taken. Samples that do not count are left out.
+    /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it was
+    /// taken. Samples that do not count, because their core-to-core latency is far from the attempt's usual latency,
+    /// are left out.
     pub samples: Vec<Sample>,
-    /// The times of the anchor in these launches, under their new numbers.
+    /// The times of the anchor in these launches, with the launches' new numbers.
     pub anchors: Vec<AnchorSample>,
-    /// The load during the rounds of these launches, under their new numbers.
+    /// The load during the rounds of these launches, with the launches' new numbers.
     pub rounds: Vec<RoundLoad>,
 }
 
@@ -45,7 +47,8 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         samples.retain(|sample| sample.origin.is_none());
         // Only the latencies of the attempt itself show which of its samples count.
         samples.retain(|sample| is_near(sample.core_to_core_ns, near_ns));
-        // The record of a control point that a block borrows is in a journal of its own.
+        // If a block measures a control point only for comparison with other blocks, the record is in a separate
+        // journal.
         let controls = lines::<Record>(&folder.join(CONTROLS))?;
         let is_of_control = |sample: &Sample| {
             let has_it = |record: &Record| record.sample_launches.contains(&sample.launch);
@@ -71,15 +74,15 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
     Ok(before)
 }
 
-/// Returns one record of each point of which attempts have a record: the one with the lowest rank and, of several such
-/// records, the one of the first folder.
+/// Returns one record of each point of which attempts have records: the record with the lowest rank or, if several
+/// records have this rank, the record of the first folder.
 fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
-    let mut places: HashMap<String, usize> = HashMap::new();
+    let mut indices: HashMap<String, usize> = HashMap::new();
     for folder in folders {
         for record in lines::<Record>(&folder.join(RECORDS))? {
-            let place = *places.entry(record.key.clone()).or_insert(records.len());
-            match records.get_mut(place) {
+            let index = *indices.entry(record.key.clone()).or_insert(records.len());
+            match records.get_mut(index) {
                 Some(held) if record.rank() < held.rank() => *held = record,
                 Some(_) => {}
                 None => records.push(record),
@@ -102,8 +105,8 @@ fn numbers(launches: impl Iterator<Item = u32>, next: &mut u32) -> HashMap<u32, 
     numbers
 }
 
-/// Returns the lines of the launches that have a new number, under this number. `launch` is called once with each line;
-/// it may change the line, and returns its launch.
+/// Returns the lines whose launches have a new number, with the new number in place of the old one. `launch` is called
+/// once with each line. It returns the line's launch number, and may change other parts of the line.
 fn renumbered<T>(lines: Vec<T>, numbers: &HashMap<u32, u32>, launch: impl Fn(&mut T) -> &mut u32) -> Vec<T> {
     let renumbered = lines.into_iter().filter_map(|mut line| {
         let launch = launch(&mut line);
@@ -120,11 +123,11 @@ fn name(folder: &Path) -> String {
 /// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns nothing if the
 /// file is missing, as in the folder of an attempt that was killed early.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    Ok(told(read_lines_if_any(path)?, path.display()))
+    Ok(intact_lines(read_lines_if_any(path)?, path.display()))
 }
 
 /// Reports the damaged lines of a journal, and returns its other lines.
-pub(super) fn told<T>(read: Lines<T>, name: impl Display) -> Vec<T> {
+pub(super) fn intact_lines<T>(read: Lines<T>, name: impl Display) -> Vec<T> {
     read.damage(&name.to_string()).into_iter().for_each(printer::tell);
     read.lines
 }
@@ -150,14 +153,14 @@ mod tests {
 
     #[test]
     fn launches_of_unfinished_points_are_taken_over_once_under_new_numbers() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let one = attempt(
-            &place.path().join("one"),
+            &parent.path().join("one"),
             "done",
             &[("done", 0, None), ("open", 3, None), ("done", 3, None)],
         );
         let two = attempt(
-            &place.path().join("two"),
+            &parent.path().join("two"),
             "too",
             &[("open", 0, Some("one launch 3")), ("open", 1, None)],
         );
@@ -170,7 +173,7 @@ mod tests {
                 JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
             }
         }
-        let before = read(&[one, two, place.path().join("gone")], false, false).unwrap();
+        let before = read(&[one, two, parent.path().join("gone")], false, false).unwrap();
         assert_eq!(before.records.len(), 2);
         let samples: Vec<_> = before
             .samples
@@ -181,7 +184,8 @@ mod tests {
             samples,
             [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
         );
-        // The anchors and the load of these launches follow, and only theirs: the second attempt's launch 0 is a copy.
+        // Only the anchors and the load of these launches are taken over. Launch 0 of the second attempt is left out,
+        // since it is a copy of a launch of the first attempt.
         let anchors: Vec<_> = before.anchors.iter().map(|anchor| (anchor.launch, anchor.ms)).collect();
         let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
         assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);
@@ -190,8 +194,8 @@ mod tests {
 
     #[test]
     fn launches_of_a_failed_point_are_taken_over_only_if_failed_points_are_measured_again() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = attempt(place.path(), "failed", &[("failed", 0, None), ("measured", 1, None)]);
+        let parent = tempfile::tempdir().unwrap();
+        let folder = attempt(parent.path(), "failed", &[("failed", 0, None), ("measured", 1, None)]);
         let measured = Record { key: "measured".into(), outcome: Outcome::Measured, ..Record::default() };
         JsonLines::append_to(&folder.join(RECORDS)).unwrap().append(&measured).unwrap();
         let keys = |retry_failed| {
@@ -203,12 +207,12 @@ mod tests {
         assert!(keys(false).is_empty());
     }
 
-    /// The second attempt ran on a machine whose cores are 2.3 times as far from each other as those of the first.
+    /// The usual core-to-core latency of the second attempt's machine is 2.3 times that of the first attempt's machine.
     #[test]
     fn whether_samples_count_depends_on_the_latency_in_their_own_attempt_unless_the_user_keeps_all() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let of = |name: &str, near_ns: f64, other_ns: f64| {
-            let folder = attempt(&place.path().join(name), "done", &[]);
+            let folder = attempt(&parent.path().join(name), "done", &[]);
             let load = RoundLoad { core_to_core_ns: Some(near_ns), ..RoundLoad::default() };
             JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
             let sample = |ns| Sample { key: "open".into(), core_to_core_ns: Some(ns), ..Sample::default() };
@@ -228,9 +232,9 @@ mod tests {
 
     #[test]
     fn a_point_has_the_record_that_a_merge_chooses_whichever_folder_comes_first() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let of = |name: &str, outcome: Outcome| {
-            let folder = place.path().join(name);
+            let folder = parent.path().join(name);
             std::fs::create_dir(&folder).unwrap();
             let record = Record { key: "k".into(), outcome, ..Record::default() };
             JsonLines::append_to(&folder.join(RECORDS)).unwrap().append(&record).unwrap();
@@ -246,16 +250,17 @@ mod tests {
 
     #[test]
     fn a_finished_block_with_a_control_point_of_another_block_is_not_taken_over() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let samples = [("done", 0, None), ("control", 0, None), ("control", 1, None)];
-        let folder = attempt(place.path(), "done", &samples[..2]);
+        let folder = attempt(parent.path(), "done", &samples[..2]);
         let record = Record { key: "control".into(), sample_launches: vec![0; 5], ..Record::default() };
         JsonLines::append_to(&folder.join(CONTROLS)).unwrap().append(&record).unwrap();
         let taken =
             |folder: &PathBuf| read(std::slice::from_ref(folder), false, false).unwrap().samples.len();
         assert_eq!(taken(&folder), 0);
-        // A launch of the control point without a record in the journal is not finished.
-        let more = attempt(&place.path().join("more"), "done", &samples);
+        // Launch 1 measured the control point, but no record of the control point contains this launch, so the launch
+        // is not finished.
+        let more = attempt(&parent.path().join("more"), "done", &samples);
         JsonLines::append_to(&more.join(CONTROLS)).unwrap().append(&record).unwrap();
         assert_eq!(taken(&more), 1);
     }

@@ -114,8 +114,9 @@ impl Run<'_> {
     }
 
     /// Returns whether a point is not measured again, since it has this record. If the run retries failed points, a
-    /// failure is measured again, and so is a point that lacked memory only at that moment. The record of a skipped
-    /// point (its preset is meant for another kind of device) does not count if this run is to measure the point.
+    /// failure is measured again, and so is a point that did not fit only because too little memory was free when it
+    /// was tried. The record of a skipped point (its preset is meant for another kind of device) does not count if this
+    /// run is to measure the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.is_final())

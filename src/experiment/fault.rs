@@ -1,5 +1,5 @@
-//! Deliberate faults of workers, for tests that a run continues after such faults. The option is `raycl run --fault`,
-//! which is not shown in the help.
+//! Makes workers fail on purpose, so that tests can check that a run continues after such failures. The option for
+//! these faults is `raycl run --fault`, which the help does not show.
 
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
@@ -65,9 +65,9 @@ impl FromStr for Fault {
                  STEP is check or cast"
             )
         };
-        let (kind, place) = text.split_once('@').ok_or_else(wrong)?;
+        let (kind, target) = text.split_once('@').ok_or_else(wrong)?;
         let (_, kind) = KINDS.into_iter().find(|(name, _)| *name == kind).ok_or_else(wrong)?;
-        let mut words = place.split(':');
+        let mut words = target.split(':');
         let step = match words.next() {
             Some("check") => Step::Check,
             Some("cast") => Step::Cast,

@@ -217,7 +217,7 @@ impl OpenGroup {
             }
             sink.works_on(&format!("checking {}", pending.label));
             let start = Instant::now();
-            match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
+            match supervisor.check(pending.task())?.map(|checked| named(checked, &pending.record)) {
                 Ok((record, true)) => {
                     // Only the first launch's record is used. The picture of a later launch is either the same, or was
                     // also compared with the reference.
@@ -280,7 +280,7 @@ impl OpenGroup {
         let left = (timing.launches as usize).saturating_sub(self.whole.len());
         sink.advances(left * failed.len());
         let points = std::mem::take(&mut self.points).into_iter().zip(taken).enumerate();
-        for (_, (mut pending, taken)) in points.filter(|(place, _)| !failed.contains(place)) {
+        for (_, (mut pending, taken)) in points.filter(|(index, _)| !failed.contains(index)) {
             if is_whole {
                 pending.taken.extend(taken);
             }
@@ -313,8 +313,9 @@ impl OpenGroup {
     }
 }
 
-/// Returns the device that measured a launch whose samples name none, if points are distributed over devices. They were
-/// not distributed in the session of such a launch, so the first device, which all records name, measured it.
+/// If this session distributes points over devices, returns the device that measured those launches whose samples name
+/// no device. The sessions of these launches did not distribute points, so the first device, which all records name,
+/// measured them.
 fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
     run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
@@ -326,9 +327,9 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
 }
 
 /// Returns whether a group leaves out the samples whose core-to-core latency was far from the run's usual latency,
-/// because the host of this virtual machine had moved the machine's processors to other cores. This is true if the rays
-/// of all points are cast on processors, by a caster on the host or by an OpenCL driver, unless the run keeps these
-/// samples.
+/// because the host of this virtual machine had moved the machine's processors to other cores. The group leaves these
+/// samples out if the rays of all its points are cast on processors, by a caster on the host or by an OpenCL driver,
+/// unless the run keeps such samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
@@ -343,8 +344,8 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Takes locks of devices. While other processes hold them, the sink is told that the run waits, and builders begin no
-/// programs on these devices: the work of builders would disturb the measurements of the other processes.
+/// Takes locks of devices. While other processes hold these locks, the sink is told that the run waits, and builders
+/// begin no programs for these devices: the work of builders would disturb the measurements of the other processes.
 fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,
@@ -359,8 +360,9 @@ fn take_locks(
         Waiting::Still => sink.waits(),
     };
     let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
-    // This is so even after an error. The run ends when the threads of its other devices have ended, and such a thread
-    // may be waiting for a program on a device of the same lock.
+    // Builders go on even if the locks could not be taken. The run ends only when the threads of its other devices have
+    // ended, and such a thread may be waiting for a program that a builder has to build for a device with the same
+    // lock.
     run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
     held
 }

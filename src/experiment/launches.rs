@@ -34,7 +34,7 @@ impl Waiting {
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
         let visits = groups.iter().filter(|group| may(group)).map(OpenGroup::visits).min()?;
         let next: Vec<usize> = (0..groups.len())
-            .filter(|place| may(&groups[*place]) && groups[*place].visits() == visits)
+            .filter(|index| may(&groups[*index]) && groups[*index].visits() == visits)
             .collect();
         let turn = u64::from(visits) << 32 | next.len() as u64;
         let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };

@@ -187,8 +187,9 @@ mod tests {
         assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
     }
 
-    /// Waits for near processors (31 ns). The latency has these values in turn, and then keeps the last one; 0 means
-    /// that it is unknown. Returns the last value that was read, and the number of readings during the wait.
+    /// Waits for near processors, whose latency is 31 ns. The latency has these values in turn, and then keeps the last
+    /// one; 0 means that it is unknown. Returns the last value that was read, and the number of readings during the
+    /// wait.
     fn waits(latencies_ns: &[f64], most: Duration, is_interrupted: bool) -> (Option<f64>, usize) {
         let mut readings = 0;
         let read = || {

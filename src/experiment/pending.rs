@@ -68,9 +68,9 @@ impl PendingPoint {
         Task { point: self.point, job: self.job, scene: self.scene, key, verified }
     }
 
-    /// Returns the record of the point, which cannot be cast now. A point that has been cast before exceeds no limit
-    /// for good: it lacks memory that other programs or other points hold at the moment. It counts as failed, since
-    /// its earlier launches would otherwise be lost unnoticed.
+    /// Returns the record of the point, which cannot be cast now. A point that has been cast before does not exceed a
+    /// limit of the device: it only lacks memory that other programs or other points use at the moment. Such a point
+    /// counts as failed, not as infeasible, since its earlier launches would otherwise be lost unnoticed.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {
@@ -99,11 +99,11 @@ impl Run<'_> {
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
-            plan.places_on_devices().into_iter().map(|(of, number)| (number, of)).collect();
+            plan.indices_on_devices().into_iter().map(|(of, number)| (number, of)).collect();
         let groups = self.pending_points(&plan, &plan.by_device())?;
         let planned = |pending: &PendingPoint| {
-            let (place, device) = of.get(&pending.point)?;
-            Some((*place, *device, PlannedPoint::of(&pending.record)))
+            let (index, device) = of.get(&pending.point)?;
+            Some((*index, *device, PlannedPoint::of(&pending.record)))
         };
         Ok(groups.iter().flatten().filter_map(planned).collect())
     }
@@ -157,14 +157,14 @@ impl Run<'_> {
         let mut held: Option<(usize, Hashed)> = None;
         for piece in pieces {
             let mut points = Vec::new();
-            for number in piece.places() {
+            for number in piece.point_indices() {
                 let point = &plan.points[number];
                 let at = match held.take() {
                     Some((scene, at)) if scene == point.scene => at,
                     _ => self.experiment.scenes[point.scene].load()?.into(),
                 };
                 let device = point.device.map(|device| self.devices[device]);
-                for (place, kernels) in of_point(&kernels, point).iter().enumerate() {
+                for (folder_index, kernels) in of_point(&kernels, point).iter().enumerate() {
                     let drafter = &kernels.drafter;
                     let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
                     let (record, fits) = kernels.during(draft);
@@ -176,7 +176,7 @@ impl Run<'_> {
                     let of = kernels.label_of(point);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
                     // Casters on the host have no device, so any worker can run them.
-                    let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
+                    let job = point.device.unwrap_or(0) + folder_index * self.devices.len().max(1);
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
@@ -198,8 +198,8 @@ impl Run<'_> {
 /// A folder of the run's kernels.
 pub(super) struct Kernels<'a> {
     drafter: Drafter<'a>,
-    /// If two folders are compared, the folder's label and its values: the workers of a folder know only that folder's
-    /// headers.
+    /// If two folders are compared: the folder's label, and the values of axes that the headers of its kernel files
+    /// define. The workers of a folder read only that folder's headers.
     compared: Option<(String, Values)>,
 }
 
@@ -225,7 +225,8 @@ pub(super) fn of_point<'k, 'a>(kernels: &'k [Kernels<'a>], point: &Point) -> &'k
 }
 
 impl Kernels<'_> {
-    /// Calls `work`. During this call, values have the properties that the headers of this folder state.
+    /// Calls `work`. During this call, the values of axes have the properties that the headers of this folder's kernel
+    /// files state.
     pub(super) fn during<R>(&self, work: impl FnOnce() -> R) -> R {
         match &self.compared {
             Some((_, values)) => values.during(work),
@@ -305,11 +306,11 @@ mod tests {
         let run = fixtures::run(&experiment, &devices, &locks);
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
-        let told: Vec<_> =
+        let actual: Vec<_> =
             groups.iter().flatten().map(|one| (one.record.name.as_str(), one.not_for.as_deref())).collect();
         let reason = "meant for CPUs; set any_kind = true in the experiment, or in the strategy's \
             [[strategy]] entry, to measure it here too";
-        assert_eq!(told, [("serial", None), ("naive", None), ("wide", Some(reason))]);
+        assert_eq!(actual, [("serial", None), ("naive", None), ("wide", Some(reason))]);
     }
 
     #[test]
@@ -324,7 +325,7 @@ mod tests {
         let run = fixtures::run(&experiment, &devices, &locks);
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
-        let told: Vec<_> = groups
+        let actual: Vec<_> = groups
             .iter()
             .flatten()
             .map(|one| {
@@ -332,7 +333,7 @@ mod tests {
                 (one.label.as_str(), one.not_for.is_none(), is_for_every_kind)
             })
             .collect();
-        assert_eq!(told, [("triangle 8x5 wide 4x4", true, true), ("triangle 8x5 wide 8x8", false, false)]);
+        assert_eq!(actual, [("triangle 8x5 wide 4x4", true, true), ("triangle 8x5 wide 8x8", false, false)]);
     }
 
     #[test]
@@ -354,7 +355,7 @@ mod tests {
         assert_eq!(names(&both), expected);
         let plan = both.plan();
         let groups = both.pending_points(&plan, &plan.by_device()).unwrap();
-        let told = groups
+        let actual = groups
             .iter()
             .flatten()
             .map(|one| (one.label.as_str(), one.record.preset.as_deref(), one.record.kernels_of.as_deref()));
@@ -363,7 +364,7 @@ mod tests {
             ("triangle 8x5 naive 4x4 (built in, A)", None, Some("built in, A")),
             ("triangle 8x5 naive 4x4 (built in, B)", None, Some("built in, B")),
         ];
-        assert_eq!(told.collect::<Vec<_>>(), expected);
+        assert_eq!(actual.collect::<Vec<_>>(), expected);
         let two = [&device, &device];
         let workers: Vec<usize> =
             names(&Run { devices: &two, ..both }).into_iter().map(|(_, worker)| worker).collect();
@@ -378,11 +379,11 @@ mod tests {
         let file = "cast/intersect/moller_trumbore.cl";
         let text = Sources::Embedded.read(file).unwrap();
         let folders = ["a", "b"].map(|_| tempfile::tempdir().unwrap());
-        let sources = [0, 1].map(|place| {
-            let folder = folders[place].path();
+        let sources = [0, 1].map(|index| {
+            let folder = folders[index].path();
             std::fs::create_dir_all(folder.join("cast/intersect")).unwrap();
-            let floats = ["// record_floats: 20\n", "// record_floats: 16\n"][place];
-            let operations = ["// operations: 40\n", "// operations: 30\n"][place];
+            let floats = ["// record_floats: 20\n", "// record_floats: 16\n"][index];
+            let operations = ["// operations: 40\n", "// operations: 30\n"][index];
             let text = text.replace("// record_floats: 12\n", floats);
             std::fs::write(folder.join(file), text.replace("// operations: 15\n", operations)).unwrap();
             Sources::Folder(folder.to_owned())
@@ -397,7 +398,8 @@ mod tests {
             let records = groups.into_iter().flatten().map(|pending| pending.record);
             records.map(|record| (record.key, record.operations_per_test)).collect()
         };
-        // A worker of a folder knows no other headers, and its drafts must be those of the run.
+        // A worker reads the headers of one folder only. Its drafts must nevertheless equal those of the run, which
+        // reads both folders.
         let of_worker = |sources: &Sources| {
             sources.values().unwrap().during(|| drafts(&Run { sources, ..run })).remove(0)
         };
@@ -414,16 +416,16 @@ mod tests {
         let mut tiny = small.clone();
         tiny.limits.global_bytes = 1;
         let experiment = fixtures::experiment("local_sizes = [4]\nbaselines = ['serial']");
-        let told = |device: &DeviceInfo, ahead: Option<&Ahead>| {
+        let builders = |device: &DeviceInfo, ahead: Option<&Ahead>| {
             let devices = [device];
             let run = fixtures::run(&experiment, &devices, &locks);
             let run = Run { ahead, ..run };
             let groups = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
             groups.iter().flatten().map(|pending| pending.room.builders).collect::<Vec<_>>()
         };
-        assert_eq!(told(&tiny, Some(&ahead)), [usize::MAX, 1]);
-        assert_eq!(told(&tiny, None), [usize::MAX; 2], "without builders, memory is not looked at");
-        assert!(told(&small, Some(&ahead))[1] < usize::MAX);
+        assert_eq!(builders(&tiny, Some(&ahead)), [usize::MAX, 1]);
+        assert_eq!(builders(&tiny, None), [usize::MAX; 2], "without builders, memory is not looked at");
+        assert!(builders(&small, Some(&ahead))[1] < usize::MAX);
         let record = Record { program_hash: Some("a".into()), ..Record::default() };
         let room = Room { builders: 3, scenes: 4 };
         let pending = PendingPoint { room, ..PendingPoint::new([0; 3], String::new(), record) };
@@ -458,11 +460,14 @@ mod tests {
         let run = fixtures::run(&experiment, &devices, &locks);
         let plan = run.plan();
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
-        let told: Vec<_> = groups
+        let actual: Vec<_> = groups
             .iter()
             .flatten()
             .map(|one| (one.record.name.as_str(), one.fits, one.order().map(|order| order.point)))
             .collect();
-        assert_eq!(told, [("serial", true, None), ("naive", true, Some(1)), ("local-vectors", false, None)]);
+        assert_eq!(
+            actual,
+            [("serial", true, None), ("naive", true, Some(1)), ("local-vectors", false, None)]
+        );
     }
 }

@@ -36,7 +36,7 @@ impl Pictures {
             return Ok(path.clone());
         }
         let shown = to_rgba8(image, display).unwrap_or_else(|| opaque(to_rgb8(image, display)));
-        let path = self.place(names, &shown, &hash);
+        let path = self.free_path(names, &shown, &hash);
         save(image, display, &Target::of_results(self.folder.join(&path)))?;
         self.saved.insert(hash, path.clone());
         Ok(path)
@@ -45,14 +45,14 @@ impl Pictures {
     /// Saves a drawing (a picture that no caster made, such as a picture of differences) under `name`. If another
     /// picture has this name, the drawing's hash is added to the name. Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
-        let path = self.place(&[name], &opaque(drawn.clone()), &blake3::hash(drawn.as_raw()));
+        let path = self.free_path(&[name], &opaque(drawn.clone()), &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
         Ok(path)
     }
 
     /// Returns the path for the first free name of `names`. If no name is free, the picture's hash is added to the last
     /// name.
-    fn place(&self, names: &[&str], shown: &RgbaImage, hash: &blake3::Hash) -> String {
+    fn free_path(&self, names: &[&str], shown: &RgbaImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
         let read = |path: &String| {
             let bytes = std::fs::read(self.folder.join(path)).ok()?;
@@ -109,7 +109,8 @@ mod tests {
         assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
     }
 
-    /// A picture with the hash of one that was verified is not verified again.
+    /// A picture is not verified again if its hash equals the hash of a verified picture, so different pictures must
+    /// have different hashes.
     #[test]
     fn pictures_that_differ_in_alpha_alone_have_hashes_and_files_of_their_own() {
         let folder = tempfile::tempdir().unwrap();

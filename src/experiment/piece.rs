@@ -19,14 +19,14 @@ pub struct Piece {
 impl Piece {
     /// Returns the indices of all points to be measured. The control point comes first, so that its record exists
     /// even if the run is interrupted while records are being written.
-    pub fn places(&self) -> Vec<usize> {
-        let others = self.points.iter().filter(|place| Some(**place) != self.control);
+    pub fn point_indices(&self) -> Vec<usize> {
+        let others = self.points.iter().filter(|index| Some(**index) != self.control);
         self.control.iter().chain(others).copied().collect()
     }
 
     /// Returns whether a point is measured only for comparison with other blocks.
-    pub fn borrows(&self, place: usize) -> bool {
-        self.control == Some(place) && !self.points.contains(&place)
+    pub fn borrows(&self, point: usize) -> bool {
+        self.control == Some(point) && !self.points.contains(&point)
     }
 }
 
@@ -50,14 +50,14 @@ impl Plan {
 
     /// Returns the points of some blocks, on each device. The blocks contain indices into the plan for one device.
     pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
-        let places = self.places_on_devices();
+        let indices = self.indices_on_devices();
         let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();
         devices.sort_unstable();
         devices.dedup();
         let on = |block: &Block, device: Option<usize>| {
-            let place = |point: &usize| places.get(&(*point, device)).copied();
-            let points: Vec<usize> = block.points.iter().filter_map(place).collect();
-            let control = block.control.as_ref().and_then(place);
+            let index_of = |point: &usize| indices.get(&(*point, device)).copied();
+            let points: Vec<usize> = block.points.iter().filter_map(index_of).collect();
+            let control = block.control.as_ref().and_then(index_of);
             (!points.is_empty()).then_some(Piece { points, block: Some(block.number), control })
         };
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
@@ -65,7 +65,7 @@ impl Plan {
 
     /// Maps the points of the plan for one device to their indices in this plan. A key is a point's index in the
     /// plan for one device, and the device that measures the point.
-    pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
+    pub(super) fn indices_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self
             .points
@@ -74,9 +74,9 @@ impl Plan {
             .zip(0..)
             .map(|(point, number)| (*point, number))
             .collect();
-        let place =
-            |(place, point): (usize, &Point)| Some(((*first.get(&on_first(point))?, point.device), place));
-        self.points.iter().enumerate().filter_map(place).collect()
+        let entry =
+            |(index, point): (usize, &Point)| Some(((*first.get(&on_first(point))?, point.device), index));
+        self.points.iter().enumerate().filter_map(entry).collect()
     }
 }
 
@@ -112,13 +112,13 @@ mod tests {
         let second: Vec<_> = pieces[1..].iter().map(|piece| (piece.points.clone(), piece.control)).collect();
         assert_eq!(second, [(vec![12, 13], Some(10)), (vec![16, 17], Some(14))]);
         assert!(pieces[1].borrows(10) && !pieces[1].borrows(12));
-        assert_eq!(pieces[1].places(), [10, 12, 13]);
+        assert_eq!(pieces[1].point_indices(), [10, 12, 13]);
     }
 
     #[test]
     fn a_control_point_is_measured_first_and_once() {
         let piece = Piece { points: vec![12, 10, 13], block: Some(1), control: Some(10) };
-        assert_eq!(piece.places(), [10, 12, 13]);
+        assert_eq!(piece.point_indices(), [10, 12, 13]);
         assert!(!piece.borrows(10), "the block has its control point itself");
         let group = Piece { control: None, ..piece };
         assert!(!group.borrows(10) && !group.borrows(99), "a piece without a control point borrows none");

@@ -72,15 +72,16 @@ impl Plan {
     /// between the points of a group.
     pub fn groups_by_device(&self) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
-        for (place, point) in self.points.iter().enumerate() {
+        for (index, point) in self.points.iter().enumerate() {
             let has_it = |group: &&mut Vec<usize>| {
                 let first = group.first().map(|first| &self.points[*first]);
                 first.is_some_and(|first| self.compares(first, point) && first.device == point.device)
             };
-            // Most points are in the group of the point before.
+            // The search begins with the last group, since most points belong to the same group as the point before
+            // them.
             match groups.iter_mut().rev().find(has_it) {
-                Some(group) => group.push(place),
-                None => groups.push(vec![place]),
+                Some(group) => group.push(index),
+                None => groups.push(vec![index]),
             }
         }
         groups

@@ -142,7 +142,7 @@ impl WorkerProcess {
             Ok(status) => cause(status),
             Err(error) => format!("was lost ({error})"),
         };
-        // A process ends if PoCL cannot store a compiled kernel.
+        // PoCL ends the process if it cannot store a compiled kernel, for example because the disk is full.
         let advice = self.uses_pocl.then(full_disk_advice).flatten();
         let cause = std::iter::once(cause).chain(advice).collect::<Vec<_>>().join("; ");
         let last_words = self.last_words.take().and_then(|thread| thread.join().ok()).unwrap_or_default();

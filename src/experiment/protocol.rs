@@ -10,7 +10,8 @@ use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The first line to a worker: its task.
+/// The task of a worker, which is the first line that the run sends to it. A run has one job per device (or a single
+/// job for the host), for each of its folders of kernels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// The config's path.
@@ -19,8 +20,8 @@ pub struct Job {
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
-    /// The places, in the config's list of scenes, of the scenes that are not in the plan, since the content of each
-    /// equals that of an earlier scene.
+    /// The scenes that are not in the plan, as indices into the config's list of scenes. Each of them has the same
+    /// content as an earlier scene of the list.
     #[serde(default)]
     pub left_out: Vec<usize>,
     /// Number of devices in the plan: 1 if points are distributed over several devices of the same model.
@@ -66,7 +67,8 @@ pub struct Listed {
 }
 
 impl Listed {
-    /// Returns a device in the form for another process. Its lane operations are tested, if they are not yet.
+    /// Returns the data about a device that is sent to another process. If the device's lane operations have not been
+    /// tested yet, they are tested first.
     pub fn of(mut device: Device, sources: &Sources) -> Self {
         let mistake = device.test_lanes(sources).err().map(|error| Failure::of(&error));
         Self { info: device.info, mistake }
@@ -249,21 +251,24 @@ mod tests {
             let message = error.to_string();
             let failed: Result<Vec<Listed>> = Err(error.with_help("a remedy"));
             let line = serde_json::to_string(&DeviceList::from(failed)).unwrap();
-            let told = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap_err();
-            assert_eq!((told.exit_code(), told.to_string(), told.remedy()), (code, message, "a remedy"));
+            let received = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap_err();
+            assert_eq!(
+                (received.exit_code(), received.to_string(), received.remedy()),
+                (code, message, "a remedy")
+            );
         }
     }
 
     #[test]
-    fn a_mistake_on_one_device_is_told_only_if_this_device_is_chosen() {
+    fn a_mistake_on_one_device_is_reported_only_if_this_device_is_chosen() {
         let [cpu, gpu] = [("a cpu", DeviceKind::Cpu), ("a gpu", DeviceKind::Gpu)]
             .map(|(name, kind)| Listed::from(example("A", name, kind, 1)));
         let mistake = Some(Failure::of(&Error::input("a mistake").with_help("a remedy")));
         let list: Result<Vec<Listed>> = Ok(vec![cpu, Listed { mistake, ..gpu }]);
         let line = serde_json::to_string(&DeviceList::from(list)).unwrap();
-        let told = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap();
-        assert_eq!(told[0].chosen().unwrap().name, "a cpu");
-        let error = told[1].chosen().unwrap_err();
+        let received = serde_json::from_str::<DeviceList>(&line).unwrap().result().unwrap();
+        assert_eq!(received[0].chosen().unwrap().name, "a cpu");
+        let error = received[1].chosen().unwrap_err();
         assert_eq!((error.exit_code(), error.remedy()), (2, "a remedy"));
     }
 }

@@ -25,11 +25,11 @@ impl ReferenceCache {
             self.at = Some((number, size));
             self.made.clear();
         }
-        let place = self.made.iter().position(|(made, _)| *made == culling).unwrap_or_else(|| {
+        let index = self.made.iter().position(|(made, _)| *made == culling).unwrap_or_else(|| {
             self.made.push((culling, reference(scene, size, culling)));
             self.made.len() - 1
         });
-        &self.made[place].1
+        &self.made[index].1
     }
 }
 
@@ -44,8 +44,8 @@ mod tests {
         let scenes = [fixtures::random(30, 1), fixtures::single_triangle()];
         let mut checks = |number: usize, size, culling| {
             let scene = &scenes[number];
-            let found = cache.reference(number, scene, size, culling).radiance.clone();
-            assert!(found == reference(scene, size, culling).radiance, "{number} {size:?} {culling:?}");
+            let radiance = cache.reference(number, scene, size, culling).radiance.clone();
+            assert!(radiance == reference(scene, size, culling).radiance, "{number} {size:?} {culling:?}");
         };
         for number in [0, 1, 0] {
             for size in [[12, 8], [8, 12]] {

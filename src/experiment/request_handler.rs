@@ -347,9 +347,9 @@ mod tests {
         let experiment = fixtures::experiment_of(&format!("{scenes}\nbaselines = ['serial']"));
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let key = |place: usize| {
-            let at = Hashed::from(experiment.scenes[place].load().unwrap());
-            drafter.draft(&plan.points[place], None, &at).unwrap().key
+        let key = |index: usize| {
+            let at = Hashed::from(experiment.scenes[index].load().unwrap());
+            drafter.draft(&plan.points[index], None, &at).unwrap().key
         };
         let keys = [key(0), key(1)];
         let folder = tempfile::tempdir().unwrap();
@@ -422,7 +422,8 @@ mod tests {
 
     #[test]
     fn a_caster_on_the_host_casts_single_frames_whatever_the_timer_of_its_workers_device() {
-        // `served` checks that a sample without a batch is one frame, by which the processor time is divided.
+        // A sample's processor time is divided by its number of frames. The function `served` checks that this number
+        // is 1 if the sample is not a batch.
         let times = sample_of("baselines = ['serial']", DeviceKind::Gpu, Some(1_000_000_000));
         assert!(times.batch.is_none() && times.processor_ms.is_some(), "{times:?}");
     }

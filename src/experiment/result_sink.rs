@@ -34,8 +34,8 @@ pub trait ResultSink {
     /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;
     /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
-    /// several devices of the same model. `None` if all devices that records name measured their own points, or if the
-    /// launch measured only baselines.
+    /// several devices of the same model. Returns `None` if points were not distributed, so that each record names the
+    /// device that measured it, or if the launch measured only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
     /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds.
@@ -48,8 +48,8 @@ pub struct FolderSink<'a> {
     pub results: &'a mut Results,
     /// The observer.
     pub observer: &'a mut dyn Observer,
-    /// The name by which the observer hears of each scene, by the hash of the scene's content. These names differ,
-    /// while scenes of different files may have the same name in their records.
+    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. These names differ,
+    /// whereas scenes of different files may have the same name in their records.
     pub names: HashMap<String, String>,
     /// Number of finished points, including those of earlier sessions.
     pub done: usize,
@@ -217,8 +217,8 @@ mod tests {
 
     #[test]
     fn a_record_is_stored_with_its_host_its_date_and_its_share_of_the_peak() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path().join("attempt");
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("attempt");
         let peak = Peak { device: "gpu".into(), fma_per_s: Figure::of(&[3e12]), ..Peak::default() };
         let mut results =
             Results::of_attempt(&folder, &Environment::default(), "node7", &[], false, false).unwrap();

@@ -1,7 +1,7 @@
 //! The folder into which a run writes its results.
 
 use super::complete::Taken;
-use super::earlier::{self, told};
+use super::earlier::{self, intact_lines};
 use super::lock::Lock;
 use super::moved_processors::near_ns;
 use crate::device::DeviceInfo;
@@ -11,7 +11,7 @@ use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, cannot_make,
-    own_folder, read_lines_if_any, read_records, refuse_closed, remove_left_overs, renew_intervals,
+    own_folder, read_lines_if_any, read_records, refuse_closed, remove_leftovers, renew_intervals,
     sync_folder,
 };
 use serde::de::DeserializeOwned;
@@ -75,7 +75,7 @@ pub struct Past {
 
 /// Reads a journal, and reports damaged lines. Returns no lines if the file is missing.
 fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
-    Ok(told(read_lines_if_any(&folder.join(name))?, name))
+    Ok(intact_lines(read_lines_if_any(&folder.join(name))?, name))
 }
 
 /// The remedy if the folder cannot be made or written to.
@@ -129,7 +129,7 @@ impl Results {
         let [records, samples, rounds, anchors] =
             [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         // No other run writes to the folder while this one holds the lock.
-        remove_left_overs(folder, Duration::ZERO);
+        remove_leftovers(folder, Duration::ZERO);
         keep_environment(folder, environment)?;
         let mut results = Self {
             folder: folder.to_owned(),
@@ -140,7 +140,7 @@ impl Results {
             controls: None,
             host: None,
             latencies_ns: Vec::new(),
-            peak: Peak::kept_in(folder)?,
+            peak: Peak::stored_in(folder)?,
             past: Past::in_folder(folder)?,
             _lock: lock,
         };
@@ -223,8 +223,8 @@ impl Results {
         plan.write(&self.folder)
     }
 
-    /// Gives the peak rates the plan's names of their devices. A device's name depends on the machine's other devices,
-    /// so an earlier session may have used another name.
+    /// In the peak rates, replaces the devices' names by the names that the plan uses. A device's name depends on the
+    /// machine's other devices, so an earlier session may have used another name.
     fn rename_peak(&mut self, plan: &CurrentPlan) -> Result<()> {
         // An earlier plan that cannot be read names nothing; the new plan replaces it.
         let earlier = CurrentPlan::read(&self.folder).ok().flatten().unwrap_or_default();
@@ -264,12 +264,12 @@ impl Past {
         if !folder.join(RECORDS).is_file() {
             return Ok(Self::default());
         }
-        let records = told(read_records(folder)?, RECORDS);
+        let records = intact_lines(read_records(folder)?, RECORDS);
         let controls = lines_of::<Record>(folder, CONTROLS)?;
         let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
         let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
-        // A launch's number is never used again, even if a journal was lost or damaged: records of equal launches are
-        // compared as if they were measured together.
+        // A launch's number is never used again, even if a journal was lost or damaged: records whose launches have the
+        // same numbers are compared as if they had been measured together.
         let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
         let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
         let next = of_records.chain(of_lines).max().map_or(0, |last| last.saturating_add(1));
@@ -364,8 +364,8 @@ mod tests {
 
         let second = Results::resume(folder.path(), &environment).unwrap();
         let past = second.past();
-        let found: Vec<_> = past.records.iter().map(|r| (r.key.as_str(), r.outcome)).collect();
-        assert_eq!(found, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
+        let actual: Vec<_> = past.records.iter().map(|r| (r.key.as_str(), r.outcome)).collect();
+        assert_eq!(actual, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
         let taken = &past.samples["c"];
         assert_eq!((taken.len(), past.next_launch, taken[0].times.host_ms), (2, 1, 1.5));
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
@@ -388,7 +388,7 @@ mod tests {
         second.keep_peak(vec![peak("gpu", "2")]).unwrap();
         let expected = [peak("gpu", "2"), peak("cpu", "1")];
         assert_eq!(second.peak(), expected);
-        assert_eq!(Peak::kept_in(folder.path()).unwrap(), expected);
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), expected);
     }
 
     #[test]
@@ -410,13 +410,13 @@ mod tests {
         second.plan(&CurrentPlan::of(&now)).unwrap();
         let expected = peaks(&["cuda-gpu", "pocl-cpu", "other"]);
         assert_eq!(second.peak(), expected);
-        assert_eq!(Peak::kept_in(folder.path()).unwrap(), expected);
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), expected);
     }
 
     #[test]
     fn an_attempt_continues_launches_of_earlier_ones_with_their_anchors_and_their_load() {
-        let place = tempfile::tempdir().unwrap();
-        let [first, second] = ["first", "second"].map(|name| place.path().join(name));
+        let parent = tempfile::tempdir().unwrap();
+        let [first, second] = ["first", "second"].map(|name| parent.path().join(name));
         let mut earlier = Results::create(&first, &Environment::default()).unwrap();
         let core_to_core_ns = Some(20.0);
         earlier.sample(&Sample { key: "a".into(), launch: 4, core_to_core_ns, ..Sample::default() }).unwrap();
@@ -427,7 +427,7 @@ mod tests {
         let results =
             Results::of_attempt(&second, &Environment::default(), "node7", &[first], false, false).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
-        // The earlier attempt may have run on another machine.
+        // Latencies of the earlier attempt are not used, since it may have run on another machine.
         let taken = &results.past().samples["a"][0];
         assert_eq!((results.near_ns(), taken.core_to_core_ns), (f64::INFINITY, None));
         let anchors = lines_of::<AnchorSample>(&second, ANCHORS).unwrap();
@@ -453,7 +453,7 @@ mod tests {
         }
         std::fs::write(folder.path().join(RECORDS), "nonsense\n").unwrap();
         assert_eq!(resumed(), 0);
-        // Without a plan, the file may be another program's.
+        // If the folder has no plan, the journal of records may be a file of another program, so the folder is refused.
         std::fs::remove_file(folder.path().join("plan.json")).unwrap();
         let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
         assert_eq!(refused.exit_code(), 2);

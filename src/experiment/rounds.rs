@@ -47,8 +47,9 @@ type Timed = (f64, bool);
 /// stands for a point that failed.
 type Samples = [Option<Vec<Timed>>];
 
-/// Returns a number that no other round of any launch has. Each launch has orders of its own, so that the effect of an
-/// order on a point, such as that of the frame before it, differs from launch to launch and widens the intervals.
+/// Returns a number that no other round of any launch has. Each launch has its own random orders of the points. An
+/// order affects a point's time, for example through the frame that was cast before, and this effect therefore differs
+/// from launch to launch and widens the intervals.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
@@ -73,7 +74,7 @@ pub fn measure(
     for round in 0.. {
         let active: Vec<usize> = (0..points).filter(|&point| samples[point].is_some()).collect();
         let order = round_order(active.len(), in_launch(launch, round), seed);
-        let order = order.into_iter().map(|place| active[place]).collect();
+        let order = order.into_iter().map(|index| active[index]).collect();
         let Some(round_ms) = sample_round(round, order, &mut samples, rounds)? else {
             return Ok(End::Broken);
         };
@@ -146,7 +147,7 @@ fn sample(
         return Ok(Some(true));
     };
     let counts = rounds.sampled(point, round, &times)?;
-    // The anchor may be run after a sample, and may cost the launch its worker process.
+    // The anchor may be run after a sample, and the worker process may be lost while it runs the anchor.
     if rounds.is_broken() {
         return Ok(None);
     }
@@ -277,7 +278,7 @@ mod tests {
             assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
             Ok(fake.order.len())
         };
-        // The first round has two casts, and each other round three, until there are at least 28.
+        // The first round has two casts, and each later round has three, until there are at least 28 casts.
         assert_eq!(casts(1)?, 2 + 9 * 3);
         // If no sample of a point counts, the launch ends after seven rounds.
         assert_eq!(casts(0)?, 7 * 3);
@@ -330,7 +331,7 @@ mod tests {
     fn a_lost_process_ends_the_launch() -> Result<()> {
         let mut fake = Fake { breaks_after: Some(4), ..Fake::default() };
         assert_eq!((measure(3, &RULE, 0, 1, &mut fake)?, fake.order.len()), (End::Broken, 5));
-        // The anchor may lose the process even after the last sample.
+        // The process may be lost even after the last sample, while it runs the anchor.
         let mut last = Fake { breaks_at_sample: Some(3 * 7), ..Fake::default() };
         assert_eq!((measure(3, &RULE, 0, 1, &mut last)?, last.order.len()), (End::Broken, 3 * 7));
         Ok(())

@@ -1,5 +1,5 @@
-//! The scenes of an experiment: of several scenes with the same content, one is measured; the others differ in their
-//! names.
+//! Prepares the scenes of an experiment: only one of several scenes with the same content is measured, and scenes with
+//! different contents get different names.
 
 use super::draft::of_scene;
 use crate::config::Experiment;
@@ -8,38 +8,40 @@ use crate::record::{Record, tell_scenes_apart};
 
 /// Loads the scenes of an experiment, one at a time. Of several scenes with the same content, keeps only the first one,
 /// which gets a note for each of the others. Gives the scenes the names that they have in results. Points of scenes
-/// with the same content would have the same keys, so their plan would count measurements that are made only once.
+/// with the same content would have the same keys, so the plan would count a measurement several times although it is
+/// made only once.
 ///
 /// # Errors
 ///
 /// Fails if a scene cannot be loaded.
 pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
-    let (mut kept, mut copies) = (Vec::<Record>::new(), Vec::new());
-    for (place, choice) in experiment.scenes.iter().enumerate() {
+    let (mut originals, mut copies) = (Vec::<Record>::new(), Vec::new());
+    for (index, choice) in experiment.scenes.iter().enumerate() {
         let scene = of_scene(choice, &choice.load()?.into());
-        match kept.iter().position(|other| other.scene_hash == scene.scene_hash) {
-            Some(original) => copies.push((place, original, scene)),
-            None => kept.push(scene),
+        match originals.iter().position(|other| other.scene_hash == scene.scene_hash) {
+            Some(original) => copies.push((index, original, scene)),
+            None => originals.push(scene),
         }
     }
-    let names: Vec<String> = copies.iter().map(|(.., copy)| name_of_copy(copy, &kept)).collect();
-    tell_scenes_apart(&mut kept);
-    experiment.leave_out(copies.iter().map(|(place, ..)| *place).collect());
-    for (choice, scene) in experiment.scenes.iter_mut().zip(&kept) {
+    let names: Vec<String> = copies.iter().map(|(.., copy)| name_of_copy(copy, &originals)).collect();
+    tell_scenes_apart(&mut originals);
+    experiment.leave_out(copies.iter().map(|(index, ..)| *index).collect());
+    for (choice, scene) in experiment.scenes.iter_mut().zip(&originals) {
         choice.name = Some(scene.scene.clone());
         choice.hash.clone_from(&scene.scene_hash);
     }
     for ((_, original, _), copy) in copies.into_iter().zip(names) {
-        let name = &kept[original].scene;
+        let name = &originals[original].scene;
         let note = format!("scene {copy} has the same content as {name}; it is measured once, as {name}");
         experiment.scenes[original].notes.push(note);
     }
     Ok(experiment)
 }
 
-/// Returns the name of a scene that is left out or, if a scene that is kept has the same name, its file.
-fn name_of_copy(copy: &Record, kept: &[Record]) -> String {
-    let is_namesake = kept.iter().any(|other| other.scene == copy.scene);
+/// Returns the name of a scene that is left out. If a scene that is kept has the same name, returns the file of the
+/// scene that is left out.
+fn name_of_copy(copy: &Record, originals: &[Record]) -> String {
+    let is_namesake = originals.iter().any(|other| other.scene == copy.scene);
     copy.scene_file.as_ref().filter(|_| is_namesake).unwrap_or(&copy.scene).clone()
 }
 
@@ -79,45 +81,45 @@ mod tests {
     #[test]
     fn of_scenes_with_the_same_content_the_first_is_kept_with_a_note() {
         let (all, _folder) = experiment("scenes = ['a/tri.toml', 'b/tri.toml', 'd/file.toml']");
-        let found = distinct_scenes(all.clone()).unwrap();
+        let distinct = distinct_scenes(all.clone()).unwrap();
         assert_eq!(
-            (labels(&found), &found.left_out[..]),
+            (labels(&distinct), &distinct.left_out[..]),
             (vec!["tri".to_owned(), "named".to_owned()], &[1][..])
         );
-        let [note] = &found.scenes[0].notes[..] else { panic!("{:?}", found.scenes[0].notes) };
+        let [note] = &distinct.scenes[0].notes[..] else { panic!("{:?}", distinct.scenes[0].notes) };
         let end = "b/tri.toml has the same content as tri; it is measured once, as tri";
         assert!(note.starts_with("scene ") && note.ends_with(end), "{note}");
-        assert!(found.scenes[1].notes.is_empty());
+        assert!(distinct.scenes[1].notes.is_empty());
         let (namesakes, _folder) = experiment("scenes = ['a/tri.toml', 'b/tri.toml', 'c/tri.toml']");
         let notes = distinct_scenes(namesakes).unwrap().scenes.swap_remove(0).notes;
         let end = "b/tri.toml has the same content as a/tri; it is measured once, as a/tri";
         assert!(notes.len() == 1 && notes[0].ends_with(end), "{notes:?}");
         // A worker reads the config again, and leaves out the same scenes.
         let mut of_worker = all;
-        of_worker.leave_out(found.left_out.clone());
+        of_worker.leave_out(distinct.left_out.clone());
         let files = |experiment: &Experiment| -> Vec<_> {
             experiment.scenes.iter().map(|choice| choice.path.clone()).collect()
         };
-        assert_eq!(files(&of_worker), files(&found));
+        assert_eq!(files(&of_worker), files(&distinct));
     }
 
     #[test]
     fn different_scenes_of_the_same_name_have_different_names_and_a_stated_name_is_used() {
         let (all, _folder) = experiment("scenes = ['a/tri.toml', 'c/tri.toml', 'd/file.toml']");
-        let found = distinct_scenes(all).unwrap();
-        assert_eq!(labels(&found), ["a/tri", "c/tri", "named"]);
-        assert!(found.left_out.is_empty() && found.scenes.iter().all(|choice| choice.notes.is_empty()));
-        assert_eq!(Plan::new(&found, 1).points[0].label(&found), "a/tri 8x5 naive 4x4");
+        let distinct = distinct_scenes(all).unwrap();
+        assert_eq!(labels(&distinct), ["a/tri", "c/tri", "named"]);
+        assert!(distinct.left_out.is_empty() && distinct.scenes.iter().all(|choice| choice.notes.is_empty()));
+        assert_eq!(Plan::new(&distinct, 1).points[0].label(&distinct), "a/tri 8x5 naive 4x4");
     }
 
     #[test]
     fn a_copy_is_in_no_number_of_points_and_its_note_is_in_records() {
         let entry = "[[scene]]\nfile = 'a/tri.toml'\nset = { 'camera.position' = [[0.0, 0, 0], [0, 0, 0]] }";
         let (all, _folder) = experiment(entry);
-        let found = distinct_scenes(all).unwrap();
+        let distinct = distinct_scenes(all).unwrap();
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let devices = [&device];
-        let run = fixtures::run(&found, &devices, &locks);
+        let run = fixtures::run(&distinct, &devices, &locks);
         let (first, copy) = ("tri+position=[0.0, 0, 0]", "tri+position=[0, 0, 0]");
         let note = format!("scene {copy} has the same content as {first}; it is measured once, as {first}");
         let forecasts = dry_run(&run, &Past::default()).unwrap();

@@ -63,7 +63,7 @@ pub struct Quiet {
 }
 
 impl Quiet {
-    /// Makes a sum of 0, with the longest time for a reply.
+    /// Makes a sum of 0. `limit` is the longest time that a worker may take to reply.
     pub fn within(limit: Duration) -> Self {
         Self { limit, so_far: Duration::ZERO }
     }
@@ -71,12 +71,12 @@ impl Quiet {
     /// Waits for a reply for a short time, at the end of which the caller can check for an interruption.
     pub fn wait(&mut self, worker: &mut dyn Worker) -> Wait {
         let start = Instant::now();
-        let found = worker.wait(LOOK_UP.min(self.limit));
+        let reply = worker.wait(LOOK_UP.min(self.limit));
         self.so_far += start.elapsed().min(2 * LOOK_UP);
-        found
+        reply
     }
 
-    /// Returns whether the worker has had the longest time.
+    /// Returns whether the worker has not replied within the limit.
     pub fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }
@@ -116,7 +116,8 @@ struct Post {
     ready: HashSet<usize>,
 }
 
-/// The result of a check; with `false`, the record says why the point cannot be cast.
+/// The result of a check: the point's record, and whether the point can be cast. If it cannot be cast, the record says
+/// why.
 pub type Checked = (Box<Record>, bool);
 
 /// Sends requests to workers, and replaces workers that are lost.
@@ -178,12 +179,13 @@ impl<'a> Supervisor<'a> {
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
         // A worker keeps its scene if the scene is still needed. The job's other workers take over needed scenes that
         // no worker has.
-        let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
-        self.posts.extend(kept);
+        let (needed, mut free): (Vec<_>, Vec<_>) =
+            self.posts.drain().partition(|(at, _)| wanted.contains(at));
+        self.posts.extend(needed);
         for post in wanted {
             let of_job = free.iter().position(|(at, _)| at.0 == post.0);
-            if let Some(place) = of_job.filter(|_| !self.posts.contains_key(&post)) {
-                self.posts.insert(post, free.swap_remove(place).1);
+            if let Some(index) = of_job.filter(|_| !self.posts.contains_key(&post)) {
+                self.posts.insert(post, free.swap_remove(index).1);
             }
         }
         self.posts.values_mut().for_each(|post| post.ready.clear());
@@ -251,9 +253,9 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Runs the anchor of the device on which a point was cast. Returns `None` if the point has no worker, or if the
-    /// anchor has failed on the device before, since it is then not run again. If the anchor fails, returns the reason,
-    /// which does not end the run, and drops the worker: the context of a GPU may be unusable after a fault, and every
-    /// later point of this worker would fail too.
+    /// anchor has already failed on the device: a failed anchor is not run again. If the anchor fails, returns the
+    /// reason, which does not end the run, and drops the worker: the context of a GPU may be unusable after a fault,
+    /// and every later point of this worker would fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
         if self.without_anchor.contains(&task.job) || !self.posts.contains_key(&task.post()) {
             return Ok(None);

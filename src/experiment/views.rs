@@ -28,18 +28,18 @@ pub fn keep(
     culling: Culling,
 ) -> Result<()> {
     let [width, height] = record.image_size;
-    let place = format!("{}-{width}x{height}", scene.name);
+    let prefix = format!("{}-{width}x{height}", scene.name);
     let sides = if culling == Culling::None { "" } else { "-culled" };
-    let reference = format!("{place}-reference{sides}");
+    let reference = format!("{prefix}-reference{sides}");
     record.reference_image = Some(pictures.picture(&[&reference], &expected.radiance, scene.display)?);
-    let name = format!("{place}-{}-{}", record.device, record.name);
+    let name = format!("{prefix}-{}-{}", record.device, record.name);
     let local = record.local_size.map_or(String::new(), |[x, y]| format!("-{x}x{y}"));
     let path = pictures.picture(&[&name, &format!("{name}{local}")], image, scene.display)?;
     let stem = path.trim_start_matches("images/").trim_end_matches(".png").to_owned();
     record.image = Some(path);
     let certainty = certainty(expected, scene.display);
-    record.certainty_image = Some(pictures.drawing(&format!("{place}-certain{sides}"), &certainty)?);
-    keep_costs(pictures, record, scene, culling, [&place, sides])?;
+    record.certainty_image = Some(pictures.drawing(&format!("{prefix}-certain{sides}"), &certainty)?);
+    keep_costs(pictures, record, scene, culling, [&prefix, sides])?;
     let difference = difference_image(image, &expected.radiance);
     record.difference_image = Some(pictures.drawing(&format!("{stem}-difference{sides}"), &difference)?);
     Ok(())
@@ -64,7 +64,7 @@ fn keep_costs(
     record: &mut Record,
     scene: &Scene,
     culling: Culling,
-    [place, sides]: [&str; 2],
+    [prefix, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
     // Each of these pictures is drawn only once, since counting takes long. Its name contains the scene's hash, so
@@ -78,7 +78,7 @@ fn keep_costs(
         return Ok(());
     }
     if record.tests_every_triangle() {
-        let name = format!("{place}-tests-exhaustive{sides}");
+        let name = format!("{prefix}-tests-exhaustive{sides}");
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
@@ -87,9 +87,9 @@ fn keep_costs(
         // so `in_tree` does not fail here.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
-        record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);
+        record.tests_image = Some(pictures.picture_once(&format!("{prefix}-tests-tree{sides}"), tests)?);
         let nodes = || counts(size, costs.iter().map(|cost| cost.nodes));
-        record.nodes_image = Some(pictures.picture_once(&format!("{place}-nodes-tree{sides}"), nodes)?);
+        record.nodes_image = Some(pictures.picture_once(&format!("{prefix}-nodes-tree{sides}"), nodes)?);
     }
     Ok(())
 }
@@ -123,7 +123,7 @@ mod tests {
         std::fs::create_dir(folder.path().join("images")).expect("a folder");
         let mut pictures = Pictures::of(folder.path());
         let scene = crate::reference::fixtures::random(30, 1);
-        let mut kept = |strategy: &str, culling| {
+        let mut record_of = |strategy: &str, culling| {
             let strategy = crate::strategy::preset(strategy).expect("a preset").strategy;
             let mut record = Record {
                 name: "mine".to_owned(),
@@ -139,8 +139,8 @@ mod tests {
             keep(&mut pictures, &mut record, &image, &expected, &scene, culling).expect("it saves");
             record
         };
-        let record = kept("naive", Culling::None);
-        let found = [
+        let record = record_of("naive", Culling::None);
+        let saved = [
             record.reference_image,
             record.image,
             record.certainty_image,
@@ -156,10 +156,10 @@ mod tests {
             "random-triangles-12x8-a-device-mine-difference",
         ];
         let paths = names.map(|name| Some(format!("images/{name}.png")));
-        assert_eq!(found[..5], paths);
-        assert_eq!(found[5], None);
-        assert!(found.iter().flatten().all(|path| folder.path().join(path).is_file()));
-        let culled = kept("bvh", Culling::Back);
+        assert_eq!(saved[..5], paths);
+        assert_eq!(saved[5], None);
+        assert!(saved.iter().flatten().all(|path| folder.path().join(path).is_file()));
+        let culled = record_of("bvh", Culling::Back);
         let ends = |path: &Option<String>, end: &str| path.as_ref().is_some_and(|path| path.ends_with(end));
         assert!(ends(&culled.reference_image, "-reference-culled.png"), "{:?}", culled.reference_image);
         assert!(ends(&culled.tests_image, "-tests-tree-culled-01234567.png"), "{:?}", culled.tests_image);

@@ -96,17 +96,17 @@ fn find(identity: &str, hardware: &Hardware, sources: &Sources) -> Result<Device
         Error::run("the device has disappeared: its driver no longer lists it")
             .with_help("`raycl devices` lists the available devices; finished measurements are saved")
     };
-    let place = |infos: &[DeviceInfo]| Ok(place_of(identity, hardware, infos));
-    pick_one(&Cache::of_user(), sources, LaneTest::Now, place)?.ok_or_else(gone)
+    let choose = |infos: &[DeviceInfo]| Ok(index_of(identity, hardware, infos));
+    pick_one(&Cache::of_user(), sources, LaneTest::Now, choose)?.ok_or_else(gone)
 }
 
-fn place_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option<usize> {
+fn index_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option<usize> {
     let fits = |info: &DeviceInfo| info.identity() == identity && may_be(&info.hardware, hardware);
     infos.iter().position(fits)
 }
 
-/// Returns whether two devices may be the same one: neither their UUIDs nor their PCI addresses differ. What is not
-/// known of a device does not differ.
+/// Returns whether two devices may be the same one: neither their UUIDs nor their PCI addresses differ. A UUID or a PCI
+/// address that is unknown does not count as different.
 fn may_be(one: &Hardware, other: &Hardware) -> bool {
     let agree =
         |one: &Option<String>, other: &Option<String>| one.is_none() || other.is_none() || one == other;
@@ -144,16 +144,16 @@ mod tests {
             },
             ..asleep::device(1.0)
         };
-        let place =
-            |wanted: &DeviceInfo, infos: &[DeviceInfo]| place_of(&wanted.identity(), &wanted.hardware, infos);
+        let index =
+            |wanted: &DeviceInfo, infos: &[DeviceInfo]| index_of(&wanted.identity(), &wanted.hardware, infos);
         let both = [device(0, Some("a"), Some("1")), device(1, Some("b"), Some("2"))];
-        assert_eq!([place(&both[0], &both), place(&both[1], &both)], [Some(0), Some(1)]);
+        assert_eq!([index(&both[0], &both), index(&both[1], &both)], [Some(0), Some(1)]);
         // The second device is now the only one, so it has the first one's identity.
         for left in [device(0, Some("b"), None), device(0, None, Some("2"))] {
-            assert_eq!(place(&both[0], &[left]), None);
+            assert_eq!(index(&both[0], &[left]), None);
         }
         for unknown in [device(0, None, None), device(0, Some("a"), None)] {
-            assert_eq!(place(&both[0], &[unknown]), Some(0));
+            assert_eq!(index(&both[0], &[unknown]), Some(0));
         }
     }
 }

@@ -96,11 +96,11 @@ pub struct Foreign {
 /// The purpose for which the user named a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// To be rendered: a scene or a single mesh.
+    /// The file is to be rendered: a scene or a single mesh.
     Scene,
-    /// An object of a scene.
+    /// The file is to be an object of a scene: a mesh.
     Mesh,
-    /// To be run as an experiment.
+    /// The file is to be run as an experiment.
     Experiment,
 }
 
@@ -122,7 +122,7 @@ impl FileType {
         signatures::recognise(head, length).unwrap_or_else(|| text::recognise(head))
     }
 
-    /// Returns the error if the file `name` cannot be read for this purpose, otherwise `None`. The message
+    /// Returns an error if raycl cannot read the file `name` for the purpose `wanted`, otherwise `None`. The message
     /// has two short lines and quotes nothing from the file.
     pub fn refusal(self, name: &str, wanted: Wanted) -> Option<Error> {
         let refused =

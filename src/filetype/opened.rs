@@ -168,7 +168,8 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// When a file is opened, only its first bytes are read; this test checks that `bytes` returns the others too.
+    /// When a file is opened, only its first bytes are read; this test checks that `bytes` returns the later bytes,
+    /// too.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();
@@ -188,16 +189,16 @@ mod tests {
             let members = [&packed(b"v 0 0 0\n")[..], &packed(b"v 1 0 0\n"), rest].concat();
             unpacked(&members[..], Path::new("a.obj.gz")).map(|opened| opened.bytes(Kind::Mesh).unwrap())
         };
-        // The last of these rests is longer than the reader's buffer.
+        // The last of these numbers of zeros is larger than the reader's buffer.
         for rest in [0, 1, 64, 100_000] {
             assert_eq!(of(&vec![0; rest]).unwrap(), b"v 0 0 0\nv 1 0 0\n", "{rest}");
         }
         for (rest, count) in [(&b"\0\0x"[..], "3 bytes"), (b"x", "1 byte"), (b"\0\x1f\x8b", "3 bytes")] {
             let error = of(rest).unwrap_err();
-            let told = format!(
+            let expected = format!(
                 "it cannot be unpacked ({count} after the compressed data; expected none, or only zeros)"
             );
-            assert_eq!((Damaged::caused(&error), error.to_string()), (true, told));
+            assert_eq!((Damaged::caused(&error), error.to_string()), (true, expected));
         }
     }
 }

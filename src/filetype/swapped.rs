@@ -30,7 +30,7 @@ pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     })
 }
 
-/// Returns whether the TOML text has one of these keys and none of the others.
+/// Returns whether the TOML text has at least one key of the list `these` and no key of the list `others`.
 fn has_only(text: &str, these: &[&str], others: &[&str]) -> bool {
     let Ok(table) = DeTable::parse(text) else { return false };
     let has = |keys: &[&str]| keys.iter().any(|key| table.get_ref().contains_key(*key));

@@ -132,7 +132,7 @@ fn what_raycl_reads_is_not_taken_for_something_else() {
 }
 
 #[test]
-fn every_signature_is_found_and_told_in_two_short_lines() {
+fn every_signature_is_recognised_and_named_in_two_short_lines() {
     for &(at, bytes, name, _) in signatures::SIGNATURES {
         let mut file = padded(b"", at);
         file.extend_from_slice(bytes);

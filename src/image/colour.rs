@@ -8,8 +8,8 @@ pub const WRONG: [u8; 3] = [255, 0, 0];
 /// Height in pixels of the scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;
 
-/// Nine evenly spaced colours of viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose
-/// lightness grows evenly.
+/// Nine evenly spaced colours of the colour map viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose lightness
+/// grows evenly.
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],
@@ -27,17 +27,17 @@ const DECADES: u32 = 6;
 /// Returns the colour of a relative difference. Differences below 1e-6 are black. From 1e-6 to 1, each factor of
 /// ten has a sixth of the colour map.
 pub fn of_difference(relative: f64) -> Rgb<u8> {
-    let place = 1.0 + relative.log10() / f64::from(DECADES);
+    let position = 1.0 + relative.log10() / f64::from(DECADES);
     match relative {
         _ if !relative.is_finite() => Rgb(WRONG),
-        _ if place < 0.0 => Rgb([0; 3]),
-        _ => Rgb(viridis(place.min(1.0))),
+        _ if position < 0.0 => Rgb([0; 3]),
+        _ => Rgb(viridis(position.min(1.0))),
     }
 }
 
-/// Returns the colour of the colour map at `place`, from 0 (dark) to 1 (light).
-pub fn viridis(place: f64) -> [u8; 3] {
-    let along = place * (VIRIDIS.len() - 1) as f64;
+/// Returns the colour of the colour map at `position`, from 0 (dark) to 1 (light).
+pub fn viridis(position: f64) -> [u8; 3] {
+    let along = position * (VIRIDIS.len() - 1) as f64;
     let below = (along as usize).min(VIRIDIS.len() - 2);
     let part = along - below as f64;
     std::array::from_fn(|channel| {
@@ -80,10 +80,10 @@ pub fn draw_count_scale(picture: &mut RgbImage, top: u32, most: u32) {
 }
 
 fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
-    for (place, rows) in (0..).zip(text.chars().map(glyph)) {
+    for (index, rows) in (0..).zip(text.chars().map(glyph)) {
         for (y, x) in (0..5).flat_map(|y| (0..3).map(move |x| (y, x))) {
             if rows[y as usize] & (4 >> x) != 0 {
-                put(picture, left + 4 * place + x, top + y, [255; 3]);
+                put(picture, left + 4 * index + x, top + y, [255; 3]);
             }
         }
     }

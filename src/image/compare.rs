@@ -26,17 +26,17 @@ fn brightest(image: &Radiance) -> f64 {
 
 /// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by `floor`,
 /// whichever is greater. The result is infinite if a value is not a number.
-pub fn relative_difference(found: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
-    let apart = |channel: usize| (f64::from(found[channel]) - f64::from(expected[channel])).abs();
+pub fn relative_difference(actual: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
+    let apart = |channel: usize| (f64::from(actual[channel]) - f64::from(expected[channel])).abs();
     let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
     if largest.is_nan() { f64::INFINITY } else { largest / brightness(expected).max(floor) }
 }
 
 /// Returns the difference between the alphas of two pixels; infinite if an alpha is not a number. Returns 0 unless both
 /// pixels have alpha.
-pub fn alpha_difference(found: Option<&f32>, expected: Option<&f32>) -> f64 {
-    let (Some(found), Some(expected)) = (found, expected) else { return 0.0 };
-    let apart = (f64::from(*found) - f64::from(*expected)).abs();
+pub fn alpha_difference(actual: Option<&f32>, expected: Option<&f32>) -> f64 {
+    let (Some(actual), Some(expected)) = (actual, expected) else { return 0.0 };
+    let apart = (f64::from(*actual) - f64::from(*expected)).abs();
     if apart.is_nan() { f64::INFINITY } else { apart }
 }
 
@@ -58,19 +58,19 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
 }
 
-/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. The colour
-/// follows the logarithm of [`relative_difference`], or of the difference of alpha if that is larger, from 1e-6 (dark)
-/// to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels with a difference below 1e-6 are black. Pixels are red if a value
-/// is not finite, or if they are outside one of the two pictures. Alpha counts only if both pictures have it.
-pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
+/// Returns a picture of the differences between `actual` and `expected`, in false colours with a scale below. The
+/// colour follows the logarithm of [`relative_difference`], or of the difference of alpha if that is larger, from 1e-6
+/// (dark) to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels with a difference below 1e-6 are black. Pixels are red if a
+/// value is not finite, or if they are outside one of the two pictures. Alpha counts only if both pictures have it.
+pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
-    let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));
+    let (width, height) = (actual.width.max(expected.width), actual.height.max(expected.height));
     let mut picture = RgbImage::new(width, height + colour::SCALE_HEIGHT);
     for (x, y, out) in picture.enumerate_pixels_mut().filter(|(_, y, _)| *y < height) {
-        *out = match (place(found, x, y), place(expected, x, y)) {
+        *out = match (pixel_index(actual, x, y), pixel_index(expected, x, y)) {
             (Some(a), Some(b)) => {
-                let alpha = alpha_difference(found.coverage.get(a), expected.coverage.get(b));
-                let colours = relative_difference(found.pixels[a], expected.pixels[b], floor);
+                let alpha = alpha_difference(actual.coverage.get(a), expected.coverage.get(b));
+                let colours = relative_difference(actual.pixels[a], expected.pixels[b], floor);
                 colour::of_difference(colours.max(alpha))
             }
             _ => Rgb(colour::WRONG),
@@ -81,10 +81,10 @@ pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
 }
 
 /// Returns the index of a pixel; `None` if it is outside the image.
-fn place(image: &Radiance, x: u32, y: u32) -> Option<usize> {
+fn pixel_index(image: &Radiance, x: u32, y: u32) -> Option<usize> {
     let inside = x < image.width && y < image.height;
-    let place = y as usize * image.width as usize + x as usize;
-    (inside && place < image.pixels.len()).then_some(place)
+    let index = y as usize * image.width as usize + x as usize;
+    (inside && index < image.pixels.len()).then_some(index)
 }
 
 #[cfg(test)]
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn differences_are_relative_to_brightness_or_to_the_floor() {
-        let close = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
+        let close = |actual: f64, expected: f64| (actual - expected).abs() < 1e-6;
         assert!(close(relative_difference([1.0, 0.0, 0.5], [2.0, 0.0, 0.5], 0.1), 0.5));
         assert!(close(relative_difference([0.01, 0.0, 0.0], [0.0, 0.0, 0.0], 0.1), 0.1));
         assert_eq!(relative_difference([f32::NAN, 0.0, 9.0], [0.0; 3], 0.1), f64::INFINITY);
@@ -122,11 +122,11 @@ mod tests {
 
     #[test]
     fn differences_brighten_from_black_and_wrong_is_red() {
-        let (mut found, expected) = (flat(1.0), flat(1.0));
-        found.pixels[1] = [1.0001; 3];
-        found.pixels[2] = [1.5; 3];
-        found.pixels[3] = [f32::NAN; 3];
-        let picture = difference_image(&found, &expected);
+        let (mut actual, expected) = (flat(1.0), flat(1.0));
+        actual.pixels[1] = [1.0001; 3];
+        actual.pixels[2] = [1.5; 3];
+        actual.pixels[3] = [f32::NAN; 3];
+        let picture = difference_image(&actual, &expected);
         let light = |x| picture.get_pixel(x, 0).0.iter().map(|c| u32::from(*c)).sum::<u32>();
         assert_eq!(light(0), 0);
         assert!(light(0) < light(1) && light(1) < light(2));
@@ -138,7 +138,7 @@ mod tests {
     fn a_difference_of_alpha_counts_where_both_pictures_have_alpha() {
         let with = |alpha: f32| Radiance { coverage: vec![alpha; 12], ..flat(0.0) };
         let first =
-            |found: &Radiance, expected: &Radiance| *difference_image(found, expected).get_pixel(0, 0);
+            |actual: &Radiance, expected: &Radiance| *difference_image(actual, expected).get_pixel(0, 0);
         assert_eq!(first(&with(0.25), &with(0.5)), colour::of_difference(0.25));
         assert_eq!(first(&with(f32::NAN), &with(0.5)).0, colour::WRONG);
         assert_eq!(
@@ -151,9 +151,9 @@ mod tests {
     fn one_bright_pixel_that_is_wrong_does_not_darken_the_others() {
         let mut expected = flat(1.0);
         expected.pixels[0] = [0.0; 3];
-        let mut found = expected.clone();
-        (found.pixels[0], found.pixels[1]) = ([1e-3; 3], [1e6; 3]);
-        let picture = difference_image(&found, &expected);
+        let mut actual = expected.clone();
+        (actual.pixels[0], actual.pixels[1]) = ([1e-3; 3], [1e6; 3]);
+        let picture = difference_image(&actual, &expected);
         // The black pixel differs by a thousandth of the brightest expected pixel. A dark pixel's difference is divided
         // by exactly this value, so the relative difference is 1.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
@@ -168,9 +168,9 @@ mod tests {
 
     #[test]
     fn each_difference_stands_at_its_own_pixel() {
-        let (mut found, expected) = (flat(1.0), flat(1.0));
-        found.pixels[2 * 4 + 1] = [1.5; 3];
-        let picture = difference_image(&found, &expected);
+        let (mut actual, expected) = (flat(1.0), flat(1.0));
+        actual.pixels[2 * 4 + 1] = [1.5; 3];
+        let picture = difference_image(&actual, &expected);
         let above_the_scale = picture.enumerate_pixels().filter(|(_, y, _)| *y < 3);
         let different = above_the_scale.filter(|(.., pixel)| pixel.0 != [0; 3]).map(|(x, y, _)| (x, y));
         assert_eq!(different.collect::<Vec<_>>(), [(1, 2)]);

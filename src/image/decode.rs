@@ -10,13 +10,13 @@ const PNG_SIGNATURE_BYTES: usize = 8;
 /// Number of bytes of a PNG's chunk for its type and its checksum, beside those for its length and its data.
 const PNG_CHUNK_BYTES: usize = 8;
 
-/// Returns a reader of a picture. The format follows from the picture's first bytes or, if they do not tell, is
-/// `by_name`, which the file's name tells.
+/// Returns a reader of a picture. The format follows from the picture's first bytes. If they fit no known format, it is
+/// `by_name`, the format that the file's name suggests.
 ///
 /// # Errors
 ///
-/// Fails if no format is known, or if the file is damaged in a way that the decoder does not notice. The text says why
-/// the picture cannot be decoded.
+/// Fails if no format is known, or if the file is damaged in a way that the decoder does not notice. The error's text
+/// says why the picture cannot be decoded.
 pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,
@@ -65,7 +65,8 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
 
 /// Returns whether a JPEG has the marker for the end of the picture after its first scan. Without this check, the part
 /// that is missing at the end of a file would become grey: the decoder reports no error. A preview in the header has
-/// markers of its own, which do not count, since they are in a segment.
+/// markers of its own. These markers do not count: they lie in a segment (a block of the header that begins with its
+/// length), which is skipped.
 fn is_complete(bytes: &[u8]) -> bool {
     let (mut rest, mut has_scan) = (bytes, false);
     while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {
@@ -115,7 +116,7 @@ mod tests {
     fn a_palette_that_ends_within_a_colour_is_refused() {
         assert_eq!(refusal(ODD_PALETTE), "its palette has 4 bytes; expected a multiple of 3");
         let mut whole = ODD_PALETTE.to_vec();
-        let palette = whole.windows(4).position(|found| found == b"PLTE").unwrap();
+        let palette = whole.windows(4).position(|bytes| bytes == b"PLTE").unwrap();
         whole.remove(palette + 4);
         whole[palette - 1] = 3;
         assert_eq!(refusal(&whole), "");
@@ -153,7 +154,7 @@ mod tests {
         assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
         let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
         assert_eq!(reader.format(), Some(ImageFormat::Tga));
-        // Only the bytes, not the name, say that a JPEG may be cut off.
+        // A file is checked for missing data of a JPEG only if its bytes, not just its name, show that it is a JPEG.
         assert!(picture_reader(b"nothing", Some(ImageFormat::Jpeg)).is_ok());
     }
 

@@ -69,25 +69,27 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 }
 
 /// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with factors up to 255. All
-/// channels share the step, a power of two that follows from the largest channel. The encoder truncates to such
-/// multiples, which would make every picture darker. A pixel below the normal numbers of f32 becomes black, since the
-/// encoder has no exponent for it.
+/// channels share the step, a power of two that follows from the largest channel. The encoder itself truncates to such
+/// multiples, so every picture would become darker without this rounding. A pixel below the normal numbers of f32
+/// becomes black, since the encoder has no exponent for it.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    // The format cannot hold values much larger than this.
+    // The format cannot hold values much larger than a quarter of `f32::MAX`, so such pixels are not rounded.
     if most > f32::MAX / 4.0 {
         return pixel;
     }
-    // Without the bits of its mantissa, a float is the largest power of two that is not larger than the float.
+    // If the bits of a float's mantissa are cleared, the result is the largest power of two that is not larger than the
+    // float.
     let step = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
     let step = if (most / step).round() > 255.0 { 2.0 * step } else { step };
     pixel.map(|value| (value / step).round() * step)
 }
 
-/// The encoding of an EXR: fast compression without loss, line by line. Simple readers cannot read an EXR of tiles.
+/// The encoding of an EXR: fast compression without loss, line by line, since simple readers cannot read an EXR of
+/// tiles.
 const LINES: Encoding =
     Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 

@@ -117,7 +117,8 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
     let by_name = image::ImageFormat::from_path(path).ok();
     let mut picture = picture_reader(&bytes, by_name).map_err(|why| unreadable(&why))?;
-    // The crate's usual limit, 512 MiB, has nothing to do with the memory of this machine.
+    // The limit of the crate `image`, 512 MiB by default, is switched off, since it does not depend on the memory of
+    // this machine. `room_for` compares the picture's size with this memory instead.
     picture.no_limits();
     let damaged = |error: ImageError| unreadable(&decoder_message(error));
     let decoder = picture.into_decoder().map_err(damaged)?;
@@ -202,8 +203,8 @@ fn known(path: &Path) -> Option<Format> {
     EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format)
 }
 
-/// Returns the path of a picture for advice, if `path` has no known extension: a picture in the folder that `path`
-/// names, `a.png` for `a.png.gz`, or a PNG with the same name.
+/// Returns a path that a message can suggest in place of `path`, which has no known extension: a picture in the folder
+/// that `path` names, `a.png` for `a.png.gz`, or a PNG with the same name.
 fn picture_for(path: &Path) -> PathBuf {
     if names_a_folder(path) || path.is_dir() {
         return path.join("picture.png");
@@ -265,7 +266,7 @@ mod tests {
         let image = gradient(61, 37);
         let (_folder, path) = saved("picture.exr", &image);
         assert_eq!(image::open(&path).unwrap().to_rgb32f().as_raw(), image.pixels.as_flattened());
-        // The file format stores this flag in the second byte of the version.
+        // The EXR format stores the flag for tiles in the second byte of the version.
         assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
 
@@ -422,7 +423,7 @@ mod tests {
         // Returns the offset of the mark's end: a hash of 64 digits follows the label.
         let mark = |bytes: &[u8]| {
             let label = b"blake3 of the rest: ";
-            bytes.windows(label.len()).position(|found| found == label).unwrap() + label.len() + 64
+            bytes.windows(label.len()).position(|window| window == label).unwrap() + label.len() + 64
         };
         let [one, other] = &mut pictures;
         let end = mark(one) + if name == "a.png" { 4 } else { 0 };
@@ -514,8 +515,8 @@ mod tests {
     fn a_radiance_hdr_of_another_program_is_read_as_radiance() {
         let (_folder, path) = saved("a.hdr", &Radiance { pixels: vec![[4.0; 3]], ..Radiance::new(1, 1) });
         let own = std::fs::read(&path).unwrap();
-        // The format has a line of its own in the header.
-        let rest = own.windows(7).position(|found| found == b"FORMAT=").unwrap();
+        // The header's line `FORMAT=` and all bytes after it are kept; the lines before it are replaced.
+        let rest = own.windows(7).position(|window| window == b"FORMAT=").unwrap();
         let write = |exposure: &str| {
             let begin = format!("#?RGBE\nEXPOSURE={exposure}\n");
             std::fs::write(&path, [begin.as_bytes(), &own[rest..]].concat()).unwrap();
@@ -524,8 +525,8 @@ mod tests {
         assert_eq!(read_picture(&path).unwrap().0.pixels, [[2.0; 3]]);
         write("0");
         let refused = read_picture(&path).unwrap_err().to_string();
-        let told = "it has the EXPOSURE 0 in its header; expected a positive number";
-        assert!(refused.ends_with(told), "{refused}");
+        let expected = "it has the EXPOSURE 0 in its header; expected a positive number";
+        assert!(refused.ends_with(expected), "{refused}");
     }
 
     #[test]
@@ -604,17 +605,17 @@ mod tests {
                 Ok(())
             }
         }
-        let told =
+        let check =
             |bytes| room_for(&Large, Path::new("a.exr"), &memory(bytes)).map_err(|error| error.to_string());
-        assert_eq!(told(9_600_000_000), Ok(()));
-        let refused = told(9_599_999_999).unwrap_err();
+        assert_eq!(check(9_600_000_000), Ok(()));
+        let refused = check(9_599_999_999).unwrap_err();
         assert!(refused.starts_with("the picture 'a.exr' needs about 9.6 GB"), "{refused}");
         assert!(refused.contains("(48 B x 20000 x 10000 pixels = 9600000000 B)"), "{refused}");
     }
 
     #[test]
     fn an_exr_with_alpha_keeps_the_coverage_of_each_pixel() {
-        let pixels = (0..6).map(|place| [place as f32, 10.0, 20.0]).collect();
+        let pixels = (0..6).map(|index| [index as f32, 10.0, 20.0]).collect();
         let coverage = vec![0.0, 0.125, 0.25, 0.5, 0.75, 1.0];
         let image = Radiance { width: 3, height: 2, pixels, coverage: coverage.clone() };
         let (_folder, path) = saved("a.exr", &image);
@@ -690,7 +691,7 @@ mod tests {
             (".", "./picture.png"),
             ("..", "../picture.png"),
             ("b/", "b/picture.png"),
-            // Cargo runs the tests in the repository's folder.
+            // Cargo runs the tests in the repository's folder, in which `src` is a folder.
             ("src", "src/picture.png"),
             ("a.png.gz", "a.png"),
             ("b.c/a.tar.gz", "b.c/a.tar.png"),

@@ -6,7 +6,7 @@ use std::io::Cursor;
 
 /// The first bytes of a Radiance HDR picture.
 const SIGNATURE: &[u8] = b"#?RADIANCE";
-/// The first bytes that some programs write instead. The decoder does not know them.
+/// The first bytes of the Radiance HDR pictures of some other programs. The decoder does not know these bytes.
 const OTHER_SIGNATURE: &[u8] = b"#?RGBE";
 
 /// Returns a file's bytes. If they are a Radiance HDR picture with the other signature, `#?RGBE`, the usual signature
@@ -28,8 +28,8 @@ impl HdrExposure {
     ///
     /// # Errors
     ///
-    /// Fails if the header cannot be read, or if a number is not positive. The text is meant to follow the file's name
-    /// in a message.
+    /// Fails if the header cannot be read, or if a number is not positive. The error's text is written to follow the
+    /// file's name in a message.
     pub fn of(bytes: &[u8]) -> Result<Self, String> {
         if !bytes.starts_with(SIGNATURE) {
             return Ok(Self([1.0; 3]));
@@ -43,7 +43,7 @@ impl HdrExposure {
         Ok(Self([correction(red)?, correction(green)?, correction(blue)?].map(|value| exposure * value)))
     }
 
-    /// Returns the radiance of a pixel with these values.
+    /// Returns the radiance of a pixel whose values in the file are `pixel`.
     pub fn radiance(self, pixel: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|channel| (f64::from(pixel[channel]) / self.0[channel]) as f32)
     }
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn an_exposure_that_is_not_positive_is_refused() {
-        for (lines, told) in [
+        for (lines, expected) in [
             ("EXPOSURE=0\n", "has the EXPOSURE 0 in its header; expected a positive number"),
             ("EXPOSURE=-1\n", "EXPOSURE -1 "),
             ("EXPOSURE=nan\n", "EXPOSURE NaN "),
@@ -93,7 +93,7 @@ mod tests {
             ("COLORCORR=1 0 1\n", "COLORCORR 0 "),
         ] {
             let refused = HdrExposure::of(&picture("#?RADIANCE", lines)).unwrap_err();
-            assert!(refused.contains(told), "{lines}: {refused}");
+            assert!(refused.contains(expected), "{lines}: {refused}");
         }
     }
 

@@ -43,9 +43,9 @@ impl Incoming {
         match self {
             Self::Whole(picture, there) => {
                 let bytes: &mut [u8] = picture;
-                let place = &mut bytes[*there..*there + rows.len()];
+                let target = &mut bytes[*there..*there + rows.len()];
                 // All cores copy, since the first access to this memory is slow.
-                let pairs = place.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
+                let pairs = target.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
                 pairs.for_each(|(to, from)| to.copy_from_slice(from));
                 *there += rows.len();
             }

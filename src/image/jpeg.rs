@@ -11,8 +11,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 const BLOCK: usize = 8;
 /// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. This many rows are enough work
-/// for a task of its own.
+/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. Encoding this many rows takes
+/// long enough to be worth a task of its own.
 const BAND_ROWS: usize = 16;
 pub(super) const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
@@ -181,8 +181,8 @@ mod tests {
 
     #[test]
     fn bands_show_what_the_whole_shows() {
-        // The cases: one band, a band and a row, whole bands, more bands than the eight numbers of restart markers, a
-        // width that is not a multiple of 8.
+        // The five sizes give, in this order: one band; a band and a row; whole bands; more bands than the eight
+        // numbers of restart markers; a width that is not a multiple of 8.
         for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());

@@ -1,4 +1,6 @@
-//! Layers as files: all layers and the picture in one EXR, or a PNG for each layer.
+//! Writes layers to files: all layers and the picture to one EXR, or each layer to a PNG of its own. The layers are the
+//! depth, normal, triangle and object of each pixel's hit, and the numbers of ray-triangle tests and tree nodes of the
+//! pixel's rays.
 
 use super::colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 use super::{Radiance, save_rgb8};
@@ -189,7 +191,7 @@ mod tests {
             }
         };
         assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
-        // The file format stores this flag in the second byte of the version.
+        // The EXR format stores the flag for tiles in the second byte of the version.
         assert_eq!(std::fs::read(&path).unwrap()[5] & 0x02, 0, "its blocks are tiles");
     }
 
@@ -214,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn no_layer_takes_the_pictures_place() {
+    fn no_layer_takes_the_pictures_path() {
         let folder = tempfile::tempdir().unwrap();
         let target = |name: &str| Target::of_results(folder.path().join(name));
         let layers = |name: &str, picture: &str| layer_targets(&target(name), &target(picture));

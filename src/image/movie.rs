@@ -22,7 +22,8 @@ pub struct Movie {
 enum Format {
     /// An animated PNG, with its number of frames.
     Apng(u32),
-    /// YUV4MPEG2: BT.709, limited range, 4:2:0.
+    /// A stream in the format YUV4MPEG2, with the colours of BT.709 in the limited range (Y from 16 to 235), and one
+    /// chroma sample per 2 x 2 pixels (4:2:0).
     Y4m,
 }
 
@@ -81,7 +82,8 @@ impl Movie {
         encoder.set_compression(png::Compression::Fast);
         encoder.set_animated(count, 0).map_err(Error::other)?;
         encoder.set_frame_delay(1, self.rate).map_err(Error::other)?;
-        // The frames also end early if casting one of them failed. Then `finish` fails, and the file is not replaced.
+        // If casting a frame fails, fewer frames arrive than the header promises. `finish` then fails, and the file is
+        // not replaced.
         encoder.validate_sequence(true);
         let mut writer = encoder.write_header().map_err(Error::other)?;
         for (frame, display) in frames {
@@ -114,7 +116,8 @@ fn write_y4m(
 /// Weights of red, green and blue in luma: ITU-R BT.709-6, items 3.2 to 3.4.
 const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Returns the planes of a frame in 8 bits, limited range.
+/// Returns the planes Y, Cb and Cr of a frame in 8 bits and the limited range (Y from 16 to 235, Cb and Cr from 16 to
+/// 240).
 fn yuv(frame: &RgbImage) -> Vec<u8> {
     let (width, height) = frame.dimensions();
     let luma = |rgb: [f32; 3]| WEIGHTS.iter().zip(rgb).map(|(weight, value)| weight * value).sum::<f32>();

@@ -1,5 +1,5 @@
-//! Runs kernels that a test builds from a few kernel files. The test compares their results with those of the
-//! host's functions.
+//! Runs kernels that a test builds from a few kernel files. The test compares the kernels' results with the results of
+//! functions of the host.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -28,7 +28,7 @@ impl Alone {
         Self { program: program.unwrap(), queue }
     }
 
-    /// Returns the builder of a kernel with this many work-items.
+    /// Returns the builder of a kernel that runs with `items` work-items.
     pub fn kernel<'b>(&'b self, name: &str, items: usize) -> KernelBuilder<'b> {
         let mut builder = Kernel::builder();
         builder.program(&self.program).name(name).queue(self.queue.commands.clone()).global_work_size(items);
@@ -41,12 +41,12 @@ impl Alone {
         len: usize,
         kernel: impl FnOnce(&Buffer<T>) -> ocl::Result<Kernel>,
     ) -> Vec<T> {
-        let found: Buffer<T> = allocate(&self.queue, len).unwrap();
-        let kernel = kernel(&found).unwrap();
+        let results: Buffer<T> = allocate(&self.queue, len).unwrap();
+        let kernel = kernel(&results).unwrap();
         // SAFETY: a test sets the arguments that its own kernel source declares, and its kernel writes `len` results.
         unsafe { kernel.enq().unwrap() };
         let mut all = vec![T::default(); len];
-        found.read(&mut all).enq().unwrap();
+        results.read(&mut all).enq().unwrap();
         all
     }
 }

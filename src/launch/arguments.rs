@@ -59,7 +59,8 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // The counters of the kernels' heap and queue are buffers of `i32` here, and of `uint` in kernels.
+            // Two counters are buffers of `i32` here and of `uint` in kernels: how much of the heap of working vectors
+            // is used, and how many entries the queue of leftover shadow rays has.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain both floats and integers.
             Self::Words(_) => (true, &["uint", "float", "Index"]),
@@ -112,7 +113,7 @@ pub(super) const WANTED: &str = "wanted";
 pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
 
 impl<'a> Arguments<'a> {
-    /// Adds an argument; it replaces an earlier one of the same name.
+    /// Adds an argument, which replaces an earlier argument of the same name.
     #[must_use]
     pub fn with(mut self, name: &'static str, value: impl Into<Argument<'a>>) -> Self {
         self.0.push((name, value.into()));
@@ -145,9 +146,9 @@ impl<'a> Arguments<'a> {
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {
-            let found = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
+            let named = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
             let argument =
-                found.map(|(_, argument)| argument).filter(|argument| argument.fits(parameter.of_type));
+                named.map(|(_, argument)| argument).filter(|argument| argument.fits(parameter.of_type));
             let argument = argument.ok_or_else(|| LaunchError::Argument {
                 kernel: kernel.name,
                 parameter: format!("{} {}", parameter.of_type, parameter.name),
@@ -157,15 +158,15 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Rebinds the arguments that can differ between frames, if the kernel has them.
+    /// Binds new values to those of the kernel's parameters that can differ between frames.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {
-                (Some(place), Argument::Float(value)) => kernel.set_arg(place, *value)?,
-                (Some(place), Argument::Float4(value)) => kernel.set_arg(place, *value)?,
-                (Some(place), Argument::Float16(value)) => kernel.set_arg(place, *value)?,
-                (Some(place), Argument::Uint(value)) => kernel.set_arg(place, *value)?,
-                (Some(place), Argument::Uint2(value)) => kernel.set_arg(place, *value)?,
+                (Some(index), Argument::Float(value)) => kernel.set_arg(index, *value)?,
+                (Some(index), Argument::Float4(value)) => kernel.set_arg(index, *value)?,
+                (Some(index), Argument::Float16(value)) => kernel.set_arg(index, *value)?,
+                (Some(index), Argument::Uint(value)) => kernel.set_arg(index, *value)?,
+                (Some(index), Argument::Uint2(value)) => kernel.set_arg(index, *value)?,
                 _ => {}
             }
         }

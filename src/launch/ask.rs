@@ -4,7 +4,7 @@
 use super::Queue;
 use crate::error::{Error, Result};
 use crate::program::preprocess::{Preprocessed, preprocess};
-use crate::program::{BuiltProgram, Kept, ProgramSpec};
+use crate::program::{BuiltProgram, ProgramCache, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -41,7 +41,7 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
     let spec = ProgramSpec { source, options: options.to_owned(), files: Vec::new() };
-    let program = BuiltProgram::build(&queue.context, queue.device, &spec, &Kept::default())
+    let program = BuiltProgram::build(&queue.context, queue.device, &spec, &ProgramCache::default())
         .map_err(|error| error.to_string())?;
     let run = || -> ocl::Result<Vec<i64>> {
         let commands = queue.commands.clone();
@@ -54,7 +54,8 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
         let mut kernel = Kernel::builder();
         let kernel = kernel.program(&program.program).name("ask").queue(commands);
         let kernel = kernel.global_work_size(1).arg(&answer).build()?;
-        // SAFETY: the kernel has the one argument that its source declares, with an entry for each query.
+        // SAFETY: the kernel's only argument is the buffer that its source declares, and the buffer has an entry for
+        // each name.
         unsafe { kernel.enq()? };
         let mut values = vec![ABSENT; names.len()];
         answer.read(&mut values).enq()?;

@@ -59,7 +59,7 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // The fastest device alone needs this much time for the whole frame, so all devices together can always cast the
+    // The fastest device alone casts the whole frame in the time `enough`, so all devices together can always cast the
     // frame in this time.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
@@ -109,7 +109,8 @@ mod tests {
 
     #[test]
     fn costly_rows_and_slow_devices_make_smaller_parts() {
-        // The lower half costs three times as much as the upper: of 8 units of cost, 2 lie above and 6 below.
+        // The lower half of the frame costs three times as much as the upper half: of 8 units of cost, the upper half
+        // takes 2 and the lower half 6.
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);

@@ -13,7 +13,7 @@ const COPIED_TOGETHER: usize = 1 << 18;
 /// Makes a read-only buffer that contains `values`.
 pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> {
     if queue.pins(size_of_val(values)) {
-        return upload_rows(queue, [values.len(), 1], |places, piece| copy(&values[places], piece));
+        return upload_rows(queue, [values.len(), 1], |range, piece| copy(&values[range], piece));
     }
     let placeholder = [T::default()];
     let values = if values.is_empty() { &placeholder[..] } else { values };

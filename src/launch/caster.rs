@@ -39,7 +39,7 @@ pub struct Caster {
     /// Number of rays in a tile, across and down; `None` if every frame casts all tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
-    /// True if the background is transparent, so that images have coverage.
+    /// True if the background is transparent; images then contain the coverage (alpha) of each pixel.
     transparent: bool,
     /// True if the program contains a kernel file that the user added or changed.
     has_own_file: bool,
@@ -48,8 +48,9 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band, buffers
-    /// have the size of the whole frame, and all triangles are prepared and rasterised, as for a whole frame.
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows of
+    /// work-groups that one of several devices casts). Even for a band, buffers have the size of the whole frame, and
+    /// all triangles are prepared and rasterised, as for a whole frame.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -57,8 +58,8 @@ impl Caster {
         Ok(Self { half_light: half_light.map(Box::new), ..caster })
     }
 
-    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are already counted as
-    /// part of another frame.
+    /// Makes buffers and kernels for a half picture. Its bytes are already counted as bytes of the frame that uses the
+    /// half picture.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -173,7 +174,7 @@ impl Caster {
     }
 
     /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy supports
-    /// this. The image becomes the mean of the samples. Returns the total times.
+    /// several samples per frame. The image becomes the mean of the samples. Returns the total times of all frames.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -219,8 +220,8 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts these samples of each pixel. One frame casts several samples, if the strategy supports this. `rough` is
-    /// the number of rough blocks if only these blocks get the samples.
+    /// Casts the given samples of each pixel. One frame casts several samples, if the strategy supports several samples
+    /// per frame. `rough` is the number of rough blocks if only these blocks get the samples.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -238,7 +239,7 @@ impl Caster {
         &self.image
     }
 
-    /// Returns how many samples the pixels of an adaptive picture got; `None` if each pixel gets one sample.
+    /// Returns how many samples each block of pixels got; `None` if each pixel gets one sample.
     pub fn sample_counts(&self) -> Result<Option<SampleCounts>, LaunchError> {
         let read = self.samples.as_ref().map(|samples| samples.read(&self.queue));
         Ok(read.transpose()?)
@@ -250,8 +251,9 @@ impl Caster {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Casts one frame with consecutive samples of one round, and adds them to the mean in the image. `rough` is the
-    /// number of rough blocks if only these get the samples.
+    /// Casts one frame with consecutive samples, and adds the samples to the mean in the image. All samples belong to
+    /// one round (the first samples of every pixel, or the later samples of rough blocks). `rough` is the number of
+    /// rough blocks if only these blocks get the samples.
     fn cast_together(
         &self,
         camera: &Camera,
@@ -265,7 +267,7 @@ impl Caster {
         let arguments = sample_argument(Arguments::default(), first);
         let (arguments, bits) = subpixel_arguments(arguments, samples);
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
-            numbers.place(&self.queue, samples)?;
+            numbers.set_positions(&self.queue, samples)?;
         }
         // If only rough blocks get samples and each block consists of whole tiles, only the tiles of rough blocks are
         // cast.
@@ -284,7 +286,7 @@ impl Caster {
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    // Half pictures have buffers of their own.
+    // The bytes for half pictures are left out here, because half pictures have buffers of their own.
     let own = Workload { half_light: false, ..*workload };
     let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {
@@ -299,7 +301,7 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
 }
 
 /// Allocates memory for the planes of every triangle. Each triangle has planes for the eye and for lights: for all
-/// lights or, if the strategy casts shadow rays in rounds of a few lights, for the lights of one round.
+/// lights or, if the strategy casts shadow rays to a few lights at a time, for these few lights.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

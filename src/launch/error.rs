@@ -13,8 +13,8 @@ pub enum LaunchError {
     /// OpenCL's own error.
     #[error("{0}")]
     OpenCl(String),
-    /// OpenCL's error if memory or another resource is missing, on the device or on the host. Other processes may use
-    /// this memory.
+    /// OpenCL's error if memory or another resource is missing, on the device or on the host. Other processes may be
+    /// using the missing memory.
     #[error("{0}")]
     Resources(String),
     /// The local size has more work-items than the kernel supports.
@@ -35,7 +35,8 @@ pub enum LaunchError {
         /// The parameter, with its type.
         parameter: String,
     },
-    /// The program, which contains only the kernels that its frames need, has no kernel for this role: a bug in raycl.
+    /// The program lacks a kernel for one of a frame's tasks, such as shading (a role): a bug in raycl. A program
+    /// contains only the kernels that its frames need.
     #[error("a bug in raycl: this program of the kernel family {family} has no kernel for {role}")]
     Kernel {
         /// The family's name.
@@ -71,9 +72,9 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
-    /// Returns the error if a program's kernel could not be made. `own_files` are the paths of the kernel files
-    /// in the program that the user added or changed. If there are such files, they may lack the kernel, or declare
-    /// other parameters.
+    /// Turns `error`, for which a program's kernel could not be made, into a [`LaunchError`]. `own_files` are the paths
+    /// of the kernel files in the program that the user added or changed. If there are such files, they may lack the
+    /// kernel, or declare other parameters.
     pub(crate) fn of_kernel(kernel: &str, own_files: &[String], error: ocl::Error) -> Self {
         let (status, files) = (error.api_status(), some_of(own_files));
         match status {
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_others_use_is_told_only_where_memory_may_be_missing() {
+    fn memory_that_others_use_is_reported_only_where_memory_may_be_missing() {
         let used = |used_bytes| Some(UsedMemory { total_bytes: 1000, used_bytes, own_bytes: Some(100) });
         let missing = LaunchError::Resources("clFinish returned -5".to_owned());
         assert_eq!(

@@ -59,7 +59,8 @@ impl FrameTimes {
         Self { frame_ms, host_ms, ..Self::default() }
     }
 
-    /// Returns the median of one time of some frames; `None` if no frame has it.
+    /// Returns the median of the times that `time` selects from the frames (one per frame); `None` if no frame has this
+    /// time.
     pub(crate) fn median_of(frames: &[Self], time: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
         median_of(&frames.iter().filter_map(time).collect::<Vec<_>>())
     }

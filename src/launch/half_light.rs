@@ -1,5 +1,6 @@
 //! Soft light at half resolution. Two pictures of half the width and height are cast, one with and one without shadows.
-//! One kernel filters the ratio of these pictures, and another multiplies the whole picture by the filtered ratio.
+//! One kernel filters the ratio of these two pictures, and another multiplies the whole picture (the picture of full
+//! size) by the filtered ratio.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -24,7 +25,7 @@ pub struct LightParts {
     pub hits: usize,
     /// For each pixel of the whole picture, the share of its samples that hit something.
     pub hit_shares: Vec<f32>,
-    /// The half picture with the light that arrives, and so with shadows.
+    /// The half picture with shadows: its light is the light that arrives at the surfaces.
     pub lit: Radiance,
     /// The half picture with unoccluded light.
     pub unoccluded: Radiance,
@@ -41,7 +42,7 @@ impl LightParts {
 
 /// The half pictures, with the kernels that use them.
 pub(super) struct HalfLight {
-    /// The half picture with the light that arrives, and so with shadows.
+    /// The half picture with shadows: its light is the light that arrives at the surfaces.
     lit: Caster,
     /// The half picture with unoccluded light.
     unoccluded: Caster,
@@ -84,7 +85,7 @@ impl HalfLight {
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
 
-    /// Filters the half pictures' ratio and multiplies the whole picture by it.
+    /// Filters the half pictures' ratio and multiplies the whole picture by the filtered ratio.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];
@@ -128,8 +129,8 @@ mod tests {
     use std::sync::Arc;
 
     /// Sizes of the pictures to be filtered. For even sizes, the kernel reads the half-picture pixels of a vector in a
-    /// quicker way than for odd sizes. Vectors of 16 pixels fill the rows of the first picture exactly, but not those
-    /// of the others.
+    /// quicker way than for odd sizes. Vectors of 16 pixels fill the rows of the first picture exactly, but not the
+    /// rows of the other pictures.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
     /// Compares the device's filter with the reference filter in double precision, in every kernel

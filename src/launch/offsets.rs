@@ -11,17 +11,17 @@ use ocl::Buffer;
 /// Bytes of a number in a kernel.
 const FLOAT: u64 = 4;
 
-/// Runs a kernel whose parameters are a list of `len` results and a buffer. The first address that the kernel computes
-/// is relative to the buffer's start.
-fn found(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
+/// Runs a kernel whose parameters are a list of `len` results and a buffer. A result that is an address is relative to
+/// the buffer's start.
+fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
     let buffer: Buffer<f32> = allocate(&device.queue, 1).unwrap();
-    device.results(len, |found| device.kernel(kernel, 1).arg(found).arg(&buffer).build())
+    device.results(len, |results| device.kernel(kernel, 1).arg(results).arg(&buffer).build())
 }
 
 #[test]
 fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
     const ITEMS: u64 = 1_000_000_000;
-    // A vector that is read is the address of its first number.
+    // In this test, reading a vector returns not the vector's value but the address of its first number.
     let before = format!(
         "typedef float varying;
          typedef struct {{ float x, y, z; ulong address; }} Vec3;
@@ -29,31 +29,31 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
          #define vec3(x, y, z) vec3_at((ulong)&(x))
          #define get_global_size(dimension) ((dimension) ? (size_t)1 : (size_t){ITEMS})"
     );
-    let after = "__kernel void find(__global ulong *found, __global float *scratch) {
+    let after = "__kernel void find(__global ulong *results, __global float *scratch) {
                      Working working;
                      BIND_WORKING(working)
                      for (int which = 0; which < 9; which++)
-                         found[which] = working_get(&working, which).address - (ulong)scratch;
+                         results[which] = working_get(&working, which).address - (ulong)scratch;
                  }";
     let device = Alone::of([&before, after], &["cast/vectors/global.cl"], "");
     let expected: Vec<u64> = (0..9).map(|which| which * 3 * ITEMS * FLOAT).collect();
-    assert_eq!(found(&device, "find", 9), expected);
+    assert_eq!(results_of(&device, "find", 9), expected);
 }
 
 #[test]
 fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
     const TRIANGLE: u64 = 100_000_000;
-    // A corner that is read is its address.
+    // In this test, reading a corner returns not the corner's coordinates but their address.
     let before = format!(
         "#define VERTEX_SPACE __global
          #define NORMAL_SPACE __global
          #define MATERIAL_SPACE __global
          #define LOAD3(at) ((ulong)(at))
          #define get_global_id(dimension) ((dimension) ? 0 : {TRIANGLE})
-         #define PREPARE_ORIGINS_PARAMETERS __global ulong *found, const __global float *soup
+         #define PREPARE_ORIGINS_PARAMETERS __global ulong *results, const __global float *soup
          #define planes_of(corners, from, sign) corners
          #define uniform3(x, y, z) 0ul
-         #define STORE_ROW(row, to) found[0] = (row).a - (ulong)soup;
+         #define STORE_ROW(row, to) results[0] = (row).a - (ulong)soup;
          #define lights soup
          #define triangle_count ({TRIANGLE} + 1)
          typedef ulong Uniform3;
@@ -61,10 +61,10 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
          typedef struct {{ ulong a, b, c; }} Corners;
          typedef Corners Row;"
     );
-    let after = "__kernel void find(__global ulong *found, const __global float *soup) {
+    let after = "__kernel void find(__global ulong *results, const __global float *soup) {
                      Geometry geometry;
                      geometry.vertices = soup;
-                     found[0] = corners(&geometry, get_global_id(0)).a - (ulong)soup;
+                     results[0] = corners(&geometry, get_global_id(0)).a - (ulong)soup;
                  }";
     let files = ["cast/layout/soup.cl", "cast/prepare_origins.cl"];
     let options = format!(
@@ -73,24 +73,24 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
     );
     let device = Alone::of([&before, after], &files, &options);
     let expected = TRIANGLE * SOUP_FLOATS as u64 * FLOAT;
-    assert_eq!([found(&device, "find", 1), found(&device, "prepare_origins", 1)], [[expected]; 2]);
+    assert_eq!([results_of(&device, "find", 1), results_of(&device, "prepare_origins", 1)], [[expected]; 2]);
 }
 
 #[test]
 fn the_loop_over_a_queue_ends_at_the_largest_number_of_entries() {
     let text = Sources::Embedded.read_joined("tile_gpu/shade.cl").unwrap().0;
     let queued = text.lines().find(|line| line.starts_with("#define FOR_QUEUED")).expect("the loop");
-    // The loop of this test gives up after four entries.
-    let after = "__kernel void find(__global ulong *found, const __global float *unused) {
+    // The kernel leaves the loop after four entries, in case the loop would never end.
+    let after = "__kernel void find(__global ulong *results, const __global float *unused) {
                      const uint count = 0xffffffffu, first = count - 100u, groups = 60u;
                      int n = 0;
-                     for (int at = 0; at < 4; at++) found[at] = 0;
+                     for (int at = 0; at < 4; at++) results[at] = 0;
                      FOR_QUEUED(i, first, groups, count) {
                          if (n == 4) break;
-                         found[n++] = i;
+                         results[n++] = i;
                      }
                  }";
     let device = Alone::of([queued, after], &[], "");
     let most = u64::from(u32::MAX);
-    assert_eq!(found(&device, "find", 4), [most - 100, most - 40, 0, 0]);
+    assert_eq!(results_of(&device, "find", 4), [most - 100, most - 40, 0, 0]);
 }

@@ -14,8 +14,8 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
-/// A driver may report this many more bytes of `__local` memory than a kernel's arrays have, since arrays begin at
-/// multiples of some number of bytes. NVIDIA's driver 580 reports up to 16 B more.
+/// A driver may report up to this many bytes of `__local` memory more than a kernel's arrays have, since arrays begin
+/// at multiples of some number of bytes. NVIDIA's driver 580 reports up to 16 B more.
 const PADDING_BYTES: u64 = 128;
 
 /// The inputs of all kernels of a frame.
@@ -118,7 +118,8 @@ impl<'a> Parts<'a> {
     }
 
     /// Returns the step that shows the sky's picture behind everything; `None` if the sky has no picture, or the
-    /// picture is not seen. The kernel processes the whole image even for a band, since it takes little time.
+    /// picture is not seen. The kernel takes little time, so it processes the whole image even if the frame's other
+    /// kernels cast only a band (some of the rows).
     pub fn show_sky(
         &self,
         image: &'a Buffer<Float4>,
@@ -144,8 +145,9 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Returns the step that prepares planes, with one work-item per triangle and ray origin; `None` if the
-    /// strategy uses no planes or there are no triangles.
+    /// Returns the step that prepares the planes through the edges of each triangle and each ray origin (the eye and
+    /// the lights), with one work-item per triangle and origin. Returns `None` if the strategy uses no planes or there
+    /// are no triangles.
     fn prepare_origins(&self, phase: Phase) -> Result<Option<(Phase, Step)>, LaunchError> {
         let uploaded = self.setup.uploaded;
         if self.prepared.is_none() || uploaded.triangle_count == 0 {

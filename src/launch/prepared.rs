@@ -8,7 +8,7 @@ use super::setup::{Setup, sees_sky};
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue, preprocess_for};
 use crate::error::Result as OrError;
 use crate::program::preprocess::Preprocessed;
-use crate::program::{BuildError, BuiltProgram, CompiledKernel, Kept, ProgramSpec};
+use crate::program::{BuildError, BuiltProgram, CompiledKernel, ProgramCache, ProgramSpec};
 use crate::scene::{Light, Sampling, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use ocl::Kernel;
@@ -45,7 +45,7 @@ impl Prepared {
         self.caster_of(&self.workload, None)
     }
 
-    /// Makes a caster for a frame of another size, or for a band of it.
+    /// Makes a caster for a frame of another size, or for a band (some of the frame's rows of work-groups).
     pub(super) fn caster_of(&self, workload: &Workload, band: Option<Band>) -> Result<Caster, Refused> {
         let bytes = self.frames.count(&self.strategy, workload);
         Caster::new(self.setup(workload), band, bytes).map_err(Refused::at("preparing the frame"))
@@ -83,9 +83,9 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns whether the program and all buffers suit another scene. That scene must have the same mesh and the same
-    /// sizes as the current scene. Both or neither must have a transparent background, and both or neither must show a
-    /// picture of the sky.
+    /// Returns whether the program and all buffers suit another scene. The other scene must have the current scene's
+    /// mesh, and its sizes and features (the [`Workload`]) must be the same. Either both scenes or neither of them must
+    /// have a transparent background, and either both or neither must show a picture of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, given_rays, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
@@ -116,7 +116,7 @@ impl Prepared {
 
     /// Compiles another source for the same device, without storing the program in the cache.
     pub fn build_text(&self, spec: &ProgramSpec) -> Result<BuiltProgram, BuildError> {
-        BuiltProgram::build(&self.queue.context, self.queue.device, spec, &Kept::default())
+        BuiltProgram::build(&self.queue.context, self.queue.device, spec, &ProgramCache::default())
     }
 
     /// Returns the total size of the buffers on the device, in bytes.
@@ -171,7 +171,7 @@ mod tests {
     fn prepare(scene: &Arc<Scene>, strategy: &Strategy) -> (Prepared, Caster) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(scene)).unwrap();
-        let mut session = session.keeping(Kept::default());
+        let mut session = session.with_cache(ProgramCache::default());
         let prepared = session.prepare(strategy, SIZE, [1, 1]).map_err(|refused| refused.reason()).unwrap();
         let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
         (prepared, caster)
@@ -215,7 +215,7 @@ mod tests {
             assert_eq!(text.matches(from).count(), 1, "{from}");
             std::fs::write(&file, text.replace(from, to)).unwrap();
             let session = Session::open(&device, &sources, Arc::clone(&triangle)).unwrap();
-            let mut session = session.keeping(Kept::default());
+            let mut session = session.with_cache(ProgramCache::default());
             let prepared = session.prepare(&deferred(), SIZE, [1, 1]).map_err(|refused| refused.reason());
             let error = prepared.unwrap().caster().err().unwrap().into_error(&device.info);
             let message = error.to_string();
@@ -237,7 +237,7 @@ mod tests {
         let naive = preset("naive").unwrap().strategy;
         let error = sources.values().unwrap().during(|| {
             let session = Session::open(&device, &sources, Arc::new(scene("triangle.toml"))).unwrap();
-            let mut session = session.keeping(Kept::default());
+            let mut session = session.with_cache(ProgramCache::default());
             let prepared = session.prepare(&naive, SIZE, [1, 1]).map_err(|refused| refused.reason()).unwrap();
             let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
             caster.cast().unwrap();
@@ -266,18 +266,18 @@ mod tests {
             let sources = Sources::Folder(folder.path().to_owned());
             let error = sources.values().unwrap().during(|| {
                 let session = Session::open(&device, &sources, Arc::new(scene("triangle.toml"))).unwrap();
-                let mut session = session.keeping(Kept::default());
+                let mut session = session.with_cache(ProgramCache::default());
                 let prepared = session.prepare(&local, SIZE, [8, 8]).map_err(|refused| refused.reason());
                 prepared.unwrap().caster().err().map(|refused| refused.into_error(&device.info))
             });
-            let told = error.as_ref().map(ToString::to_string);
+            let message = error.as_ref().map(ToString::to_string);
             let expected = stated.map(|stated| {
                 format!(
                     " B of __local memory, but {stated} B follow from the header of {}: correct `memory`, ",
                     folder.path().join(file).display()
                 )
             });
-            assert_eq!(told.is_some(), expected.is_some(), "{to}: {told:?}");
+            assert_eq!(message.is_some(), expected.is_some(), "{to}: {message:?}");
             if let (Some(error), Some(expected)) = (error, expected) {
                 assert_eq!(error.exit_code(), 2, "{error}");
                 assert!(error.to_string().contains(&expected), "{error}");
@@ -286,7 +286,8 @@ mod tests {
         }
     }
 
-    /// With this ray-triangle test, shadow rays read planes that were prepared for their light.
+    /// With the ray-triangle test `common-origin`, a shadow ray reads planes that were prepared for the light to which
+    /// the ray goes.
     #[test]
     fn shadows_by_prepared_planes_are_those_of_the_reference() {
         let strategy = Strategy { intersector: Intersector::COMMON_ORIGIN, ..deferred() };

@@ -19,7 +19,7 @@ pub struct Queue {
     pub device: Device,
     /// True if the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
-    /// Number of work-items in the work-groups of kernels that work with any number.
+    /// Number of work-items in a work-group of the kernels that support work-groups of any size.
     pub group: usize,
     /// Pinned memory of the host, for transfers.
     pub(super) staging: Arc<Staging>,
@@ -48,22 +48,21 @@ impl Queue {
         })
     }
 
-    /// Returns a queue that treats its device as if it had separate memory, and transfers data in pieces of this many
-    /// bytes. Tests use this queue to imitate a device with separate memory.
+    /// Returns a queue that treats its device as if it had separate memory, and transfers data in pieces of
+    /// `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
     #[must_use]
     pub fn apart(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
     }
 
-    /// Returns a queue that treats its device as if it allowed only work-groups of this many work-items, a power of
-    /// two.
+    /// Returns a queue that treats its device as if it allowed only work-groups of `group` work-items (a power of two).
     #[cfg(test)]
     #[must_use]
     pub(crate) fn in_groups_of(self, group: usize) -> Self {
         Self { group, ..self }
     }
 
-    /// Returns whether a transfer of this many bytes uses pinned memory.
+    /// Returns whether a transfer of `bytes` bytes uses pinned memory.
     pub(super) fn pins(&self, bytes: usize) -> bool {
         !self.shares_memory && self.staging.pays(bytes)
     }

@@ -84,7 +84,7 @@ impl Refused {
         self.with_reason(&reason, &device.label)
     }
 
-    /// Returns the error that ends a command, where no device is involved.
+    /// Returns the error that ends a command that uses no device.
     pub fn into_host_error(self) -> Error {
         let reason = self.reason();
         self.with_reason(&reason, "this machine")
@@ -183,23 +183,23 @@ mod tests {
 
     #[test]
     fn a_smaller_picture_is_advised_only_for_what_a_device_cannot_hold() {
-        let told = |infeasible| {
+        let texts = |infeasible| {
             let error = Refused::Device(infeasible).into_error(&device());
             assert_eq!(error.exit_code(), 2);
             (error.to_string(), error.remedy().to_owned())
         };
         let (message, remedy) =
-            told(Infeasible::lacking("traversal = raster does not support a sky".to_owned()));
+            texts(Infeasible::lacking("traversal = raster does not support a sky".to_owned()));
         assert_eq!(message, "this strategy cannot cast the scene: traversal = raster does not support a sky");
         assert_eq!(remedy, ANOTHER);
-        let (message, remedy) = told(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
+        let (message, remedy) = texts(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
         assert_eq!(message, "the device cannot cast this frame: global memory: 2 B > 1 B");
         assert_eq!(remedy, SMALLER);
         let (_, remedy) =
-            told(Infeasible::work_group("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
+            texts(Infeasible::work_group("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
         assert_eq!(remedy, ANOTHER_SIZE);
         let stack = Infeasible::beyond("a CPU thread's stack: tiles 2 B > 1 B".to_owned());
-        let (message, remedy) = told(stack.of_large_group_if(true));
+        let (message, remedy) = texts(stack.of_large_group_if(true));
         assert_eq!(message, "the device cannot cast this frame: a CPU thread's stack: tiles 2 B > 1 B");
         assert_eq!(remedy, SMALLER_GROUP);
     }

@@ -21,9 +21,9 @@ pub(super) struct Rounds<'p, 'a> {
     /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each pixel as
-    /// soon as the shadow rays of the pixel's only primary ray are decided. False if `fused` is false. Also false if
-    /// frames cast several samples of a pixel, since a pixel then has several primary rays.
-    shades_left_over: bool,
+    /// soon as it is known which shadow rays of the pixel's only primary ray are blocked. False if `fused` is false.
+    /// Also false if frames cast several samples of a pixel, since a pixel then has several primary rays.
+    shades_leftover: bool,
 }
 
 impl<'p, 'a> Rounds<'p, 'a> {
@@ -38,13 +38,14 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = arguments.with("lit", &shared.lit).with("queue", &shared.queue);
         let arguments = arguments.with("queued", &shared.queued);
         let fused = parts.setup.strategy.fuses(parts.setup.workload);
-        let shades_left_over = fused && most_bits(&parts.setup) == 0;
-        Self { parts, shared, arguments, fused, shades_left_over }
+        let shades_leftover = fused && most_bits(&parts.setup) == 0;
+        Self { parts, shared, arguments, fused, shades_leftover }
     }
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
     /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then leftover
-    /// shadow rays (each by a whole group), and then shades. With `shades_left_over`, one kernel does the last two.
+    /// shadow rays (each by a whole group), and then shades. With `shades_leftover`, one kernel both casts the
+    /// leftover shadow rays and shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -64,7 +65,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
     }
 
     fn shade(&self, first_light: usize) -> Result<(Phase, Step), LaunchError> {
-        let queue_rows = if self.shades_left_over { self.queue_rows() } else { 0 };
+        let queue_rows = if self.shades_leftover { self.queue_rows() } else { 0 };
         let [across, down] = self.parts.pixel_items();
         let queue_items = queue_rows * self.parts.setup.workload.local_size[1] as usize;
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
@@ -90,7 +91,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let mut steps = vec![self.prepare(origins, first_light, phase)?.unwrap_or(emptied)];
         let role = if first { Role::Frame } else { Role::Shadow };
         steps.push((phase, Step::Cast(cast(role, None)?)));
-        if !self.shades_left_over {
+        if !self.shades_leftover {
             let [across, down] = setup.workload.local_size.map(|n| n as usize);
             let groups = [across * self.shared.groups.div_ceil(down), down];
             steps.push((phase, Step::Run(cast(Role::LeftOver, Some(groups))?)));

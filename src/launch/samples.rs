@@ -7,7 +7,7 @@ use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::parts::Parts;
 use super::steps::{Extent, Step};
-use super::subpixels::{places, subpixel_arguments};
+use super::subpixels::{positions, subpixel_arguments};
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
 use crate::scene::{Sample, SampleCounts, Sampling};
@@ -24,7 +24,7 @@ pub(super) struct Samples {
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
     /// The position of each sample of a frame within its pixel.
-    places: Buffer<f32>,
+    positions: Buffer<f32>,
     /// For each pixel, the number of its samples that hit something; `None` unless the scene has a picture of the sky.
     hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
@@ -40,19 +40,19 @@ impl Samples {
         let blocks = workload.sampled_blocks().iter().product::<u32>() as usize;
         let pixels = workload.image_size.iter().map(|side| *side as usize).product();
         let hits_before = (workload.sky_texels > 0).then(|| allocate(queue, pixels)).transpose()?;
-        let places = allocate(queue, places(&[]).len())?;
+        let positions = allocate(queue, positions(&[]).len())?;
         let [wanted, rough] = [allocate(queue, blocks)?, allocate(queue, blocks)?];
         let rough_counter = allocate(queue, 1)?;
         let size = workload.image_size;
-        let samples = Self { wanted, rough, rough_counter, places, hits_before, size, mark: None };
-        samples.place(queue, &[])?;
+        let samples = Self { wanted, rough, rough_counter, positions, hits_before, size, mark: None };
+        samples.set_positions(queue, &[])?;
         samples.want_all(queue)?;
         Ok(Some(samples))
     }
 
     /// Adds the buffers to a frame's arguments.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.places);
+        let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.positions);
         let arguments = arguments.with("earlier", 0_u32);
         let arguments = arguments.with("rough", &self.rough).with("rough_count", 0_u32);
         let arguments = arguments.with("rough_counter", &self.rough_counter);
@@ -84,8 +84,8 @@ impl Samples {
     }
 
     /// Sets where in their pixels the samples of the next frame lie.
-    pub fn place(&self, queue: &Queue, samples: &[Sample]) -> ocl::Result<()> {
-        self.places.cmd().queue(&queue.commands).write(&places(samples)).enq()
+    pub fn set_positions(&self, queue: &Queue, samples: &[Sample]) -> ocl::Result<()> {
+        self.positions.cmd().queue(&queue.commands).write(&positions(samples)).enq()
     }
 
     /// Lets every pixel get all samples that are cast.
@@ -165,9 +165,9 @@ mod tests {
         let steps = steps_of_blocks(&means, exposure);
         let blocks = (0..61_u32).step_by(4).flat_map(|y| (0..75_u32).step_by(4).map(move |x| [x, y]));
         let limit = f64::from(ROUGH_STEPS);
-        for (place, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
+        for (block, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
             let expected = if *steps > limit { adaptive.most } else { adaptive.first };
-            assert_eq!(counts.at(place), expected, "{place:?}: {steps}");
+            assert_eq!(counts.at(block), expected, "{block:?}: {steps}");
         }
         let rough = steps.iter().filter(|steps| **steps > limit).count();
         assert!((20..steps.len() - 20).contains(&rough), "{rough} of {}", steps.len());
@@ -244,15 +244,15 @@ mod tests {
             let [mut all, mut count] = [vec![0; blocks.len()], vec![0]];
             blocks.read(&mut all).enq().unwrap();
             counter.read(&mut count).enq().unwrap();
-            let mut found: Vec<_> =
+            let mut positions: Vec<_> =
                 all[..count[0] as usize].iter().map(|block| [block & 0xffff, block >> 16]).collect();
-            found.sort_by_key(|[column, row]| [*row, *column]);
-            found.into_iter().map(|block| block.map(|number| number as usize)).collect()
+            positions.sort_by_key(|[column, row]| [*row, *column]);
+            positions.into_iter().map(|block| block.map(|number| number as usize)).collect()
         }
     }
 
-    /// The edge lies between a pixel and the pixel to its left, or the pixel above it. A block is rough if it contains
-    /// at least one of the two pixels at the edge.
+    /// In each picture, one colour channel changes between two neighbouring columns, or between two neighbouring rows.
+    /// A block is rough if it contains pixels of at least one of these two columns or rows.
     #[test]
     fn an_edge_is_in_the_blocks_on_both_its_sides() {
         let marking = Marking::new();
@@ -297,7 +297,7 @@ mod tests {
         assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
     }
 
-    /// A dark surface differs from a transparent background in alpha alone.
+    /// A dark surface differs from a transparent background only in its alpha.
     #[test]
     fn before_a_transparent_background_a_block_is_rough_where_only_alpha_differs() {
         let marking = Marking::new();

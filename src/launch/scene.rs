@@ -122,11 +122,11 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
     let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_deref());
     if let Some(Sky { zenith, horizon, up, reach, .. }) = &scene.sky {
         let first = (SOFT_HEAD_FLOATS + scene.lights.len()) as f32;
-        let told = |picture: &SkyPicture| {
+        let header = |picture: &SkyPicture| {
             let [width, height] = picture.size.map(|side| side as f32);
             [Vec3::new(first, width, height), picture.ahead]
         };
-        let [first, second] = picture.map_or([*zenith, *horizon], told);
+        let [first, second] = picture.map_or([*zenith, *horizon], header);
         floats.clear();
         floats.extend([first, second, *up].into_iter().flat_map(|vector| vector.to_array()));
         floats.push(*reach);
@@ -140,8 +140,8 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));
-        for (place, point) in row.chunks_exact_mut(3).zip(points) {
-            place.copy_from_slice(&point.to_array());
+        for (floats, point) in row.chunks_exact_mut(3).zip(points) {
+            floats.copy_from_slice(&point.to_array());
         }
         row[18..].copy_from_slice(&mesh.material(triangle).to_floats());
     };

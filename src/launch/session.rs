@@ -9,7 +9,7 @@ use crate::cache::Cache;
 use crate::device::{Builtins, Device, DeviceInfo, DeviceLimits};
 use crate::error::Result;
 use crate::memory::{Available, resident_bytes};
-use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
+use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use crate::scene::{Sampling, Scene};
 use crate::strategy::{Afterwards, Cause, HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub struct Session {
     afterwards: Afterwards,
     sampling: Sampling,
     twins_before: usize,
-    kept: Kept,
+    programs: ProgramCache,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
     rounds_stacks: bool,
@@ -57,7 +57,7 @@ impl Session {
             afterwards: Afterwards::default(),
             sampling: Sampling::ONE,
             twins_before: 0,
-            kept: Kept::of(Cache::of_user(), info),
+            programs: ProgramCache::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
             rounds_stacks: false,
@@ -80,8 +80,8 @@ impl Session {
 
     /// Sets another cache for compiled programs.
     #[must_use]
-    pub fn keeping(self, kept: Kept) -> Self {
-        Self { kept, ..self }
+    pub fn with_cache(self, programs: ProgramCache) -> Self {
+        Self { programs, ..self }
     }
 
     /// Sets how many devices of the same name, but with lower numbers, cast in this process. If this count is above 0,
@@ -160,8 +160,8 @@ impl Session {
         self.prepare_workload(strategy, &workload)
     }
 
-    /// Prepares a strategy like [`Self::prepare`], at a local size that nobody requested. If work-items share tiles,
-    /// the number of tiles in a work-group is halved until the work-group fits on the device.
+    /// Prepares a strategy like [`Self::prepare`], at a local size that the user did not choose. If work-items share
+    /// tiles, the number of tiles in a work-group is halved until the work-group fits on the device.
     pub fn prepare_fitting(
         &mut self,
         strategy: &Strategy,
@@ -177,7 +177,8 @@ impl Session {
     }
 
     /// Prepares a strategy like [`Self::prepare`], and also for rays that the caller provides
-    /// ([`Prepared::cast_rays`]). Such rays need a kernel that no frame needs, so other programs lack this kernel.
+    /// ([`Prepared::cast_rays`]). Such rays need a kernel that no frame needs, so the programs of [`Self::prepare`]
+    /// lack this kernel.
     pub fn prepare_for_rays(
         &mut self,
         strategy: &Strategy,
@@ -198,8 +199,8 @@ impl Session {
         self.build(strategy, workload, spec)
     }
 
-    /// Does the first step: determines the workload. The workload contains the stack size, which depends on the
-    /// strategy's tree, so the tree is built here if needed.
+    /// Does the first step of [`Self::prepare`]: determines the workload. The workload contains the stack size, which
+    /// depends on the strategy's tree, so the tree is built here if needed.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -221,7 +222,7 @@ impl Session {
         Ok(workload)
     }
 
-    /// Does the second step: determines the source to be compiled.
+    /// Does the second step of [`Self::prepare`]: determines the source to be compiled.
     pub fn spec(&self, strategy: &Strategy, workload: &Workload) -> Result<ProgramSpec> {
         let mut spec = ProgramSpec::new(&self.sources, strategy, workload, self.builtins)?;
         if self.twins_before > 0 {
@@ -230,7 +231,8 @@ impl Session {
         Ok(spec)
     }
 
-    /// Does the last step: compiles and uploads, after a check that everything fits.
+    /// Does the last step of [`Self::prepare`]: checks that everything fits into the memory of device and host,
+    /// compiles the program, and uploads the scene.
     pub fn build(
         &mut self,
         strategy: &Strategy,
@@ -259,10 +261,11 @@ impl Session {
         })
     }
 
-    /// Returns whether a program need not be compiled: it was built early, or the cache contains it.
+    /// Returns whether a program need not be compiled: it was built before the scene was loaded, or the cache contains
+    /// it.
     pub fn has_built(&self, spec: &ProgramSpec) -> bool {
         let early = self.early.as_ref().is_some_and(|(known, _)| known == spec);
-        early || BuiltProgram::is_kept(self.queue.device, spec, &self.kept)
+        early || BuiltProgram::is_cached(self.queue.device, spec, &self.programs)
     }
 
     /// Returns the number of samples per pixel.
@@ -270,14 +273,14 @@ impl Session {
         self.sampling
     }
 
-    /// Returns the program that was built early, or builds it now. Also returns how long the build took in this call; 0
-    /// if the program was built early.
+    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds it now. Also
+    /// returns how long the build took in this call; 0 if the program was built before.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));
         }
         let Queue { context, device, .. } = &self.queue;
-        let program = BuiltProgram::build(context, *device, spec, &self.kept)
+        let program = BuiltProgram::build(context, *device, spec, &self.programs)
             .map_err(|error| Refused::Build(error.located(&self.sources, spec)))?;
         let build_ms = program.build_ms;
         Ok((program, build_ms))
@@ -375,7 +378,7 @@ mod tests {
         for shares_memory in [true, false] {
             let queue = Queue { shares_memory, ..Queue::open(&device).unwrap() };
             let session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
-            let mut session = session.limited(limits).keeping(Kept::default());
+            let mut session = session.limited(limits).with_cache(ProgramCache::default());
             let mut prepare =
                 |side| session.prepare(&strategy, [side; 2], [1, 1]).map_err(|refused| refused.reason());
             let small = prepare(8).unwrap();

@@ -86,11 +86,11 @@ impl<'a> Setup<'a> {
         builder.build().map_err(|error| LaunchError::of_kernel(kernel.name, self.own_files, error))
     }
 
-    /// Returns a kernel that works with work-groups of any size, with its arguments and at least this many work-items
-    /// across and down. The kernel must ignore work-items beyond these numbers. The size of the groups is set
+    /// Returns a kernel with its arguments and with at least `across` x `down` work-items. The kernel must support
+    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. The size of the groups is set
     /// explicitly, since OpenCL would choose a divisor of the number of work-items, perhaps 1. A group is one row,
-    /// since some devices allow only one work-item per group in all dimensions but the first. It is shorter than usual
-    /// if the compiled kernel supports only fewer work-items.
+    /// since some devices allow only one work-item per group in all dimensions but the first. The group is shorter than
+    /// usual if the compiled kernel supports only fewer work-items.
     pub fn row_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -178,8 +178,9 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
 }
 
-/// Sets which sample of every pixel is cast, how many samples its round has, and how many samples were cast before it.
-/// If the number of samples of the round is set to 0, kernels compute unoccluded light.
+/// Sets which sample of every pixel is cast, and how many samples were cast before it. Also sets the number of samples
+/// in the sample's round (the first samples of a pixel, or the later ones). If this number is set to 0, kernels compute
+/// unoccluded light.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };

@@ -22,7 +22,7 @@ pub(super) struct Shared {
     pub queue: Buffer<Uint2>,
     /// Number of entries in the queue.
     pub queued: Buffer<i32>,
-    /// Number of groups that process the queue, whatever its length.
+    /// Number of groups that process the queue. The number does not depend on the queue's length.
     pub groups: usize,
 }
 

@@ -48,7 +48,8 @@ impl SharedScene {
         layouts.map(|(_, (_, bytes))| bytes).chain(trees.map(|(_, (_, bytes))| bytes)).sum()
     }
 
-    /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless it was built early.
+    /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless `early` contains a
+    /// tree that was built before.
     pub fn build_tree(
         &mut self,
         queue: &Queue,

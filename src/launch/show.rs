@@ -6,7 +6,7 @@ use super::{LaunchError, Queue, Refused};
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::image::Shown;
-use crate::program::{BuildError, BuiltProgram, Kept, ProgramSpec, Sources};
+use crate::program::{BuildError, BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::ops::Range;
@@ -48,10 +48,10 @@ impl ShowProgram {
     pub fn build(
         queue: &Queue,
         spec: &ProgramSpec,
-        kept: &Kept,
+        programs: &ProgramCache,
         sources: &Sources,
     ) -> std::result::Result<Self, BuildError> {
-        let built = BuiltProgram::build(&queue.context, queue.device, spec, kept);
+        let built = BuiltProgram::build(&queue.context, queue.device, spec, programs);
         let built = built.map_err(|error| error.located(sources, spec))?;
         Ok(Self { built, own_files: sources.changed_paths(&spec.files) })
     }
@@ -65,10 +65,10 @@ impl ShowProgram {
     pub fn usable(
         queue: &Queue,
         spec: &ProgramSpec,
-        kept: &Kept,
+        programs: &ProgramCache,
         (sources, device): (&Sources, &DeviceInfo),
     ) -> Result<Option<Self>> {
-        match Self::build(queue, spec, kept, sources) {
+        match Self::build(queue, spec, programs, sources) {
             Ok(program) => Ok(Some(program)),
             Err(error) if error.has_own_file => Err(Refused::Build(error).into_error(device)),
             Err(_) => Ok(None),
@@ -99,8 +99,8 @@ impl ShowProgram {
         let rows = allocate::<u8>(queue, BYTES * ITEM_PIXELS * items)?;
         let (smallest, at_least) = shown.tables();
         let (smallest, at_least) = (upload(queue, smallest)?, upload(queue, at_least)?);
-        let found = allocate::<u32>(queue, 2)?;
-        found.write(&[0, 0][..]).enq()?;
+        let counts = allocate::<u32>(queue, 2)?;
+        counts.write(&[0, 0][..]).enq()?;
         let kernel = Kernel::builder()
             .program(&self.built.program)
             .name(KERNEL)
@@ -113,7 +113,7 @@ impl ShowProgram {
             .arg(&smallest)
             .arg(&at_least)
             .arg(&rows)
-            .arg(&found)
+            .arg(&counts)
             .build()
             .map_err(|error| LaunchError::of_kernel(KERNEL, &self.own_files, error))?;
         let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
@@ -132,7 +132,7 @@ impl ShowProgram {
             take(&copy);
         }
         let mut counted = [0_u32; 2];
-        found.read(&mut counted[..]).enq()?;
+        counts.read(&mut counted[..]).enq()?;
         Ok((counted[1] == 0).then_some(counted[0] as usize))
     }
 }
@@ -146,7 +146,8 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// A size that is neither a multiple of a work-item's pixels nor of a piece's rows.
+    /// An image size whose number of pixels is not a multiple of the pixels per work-item, and whose height is not a
+    /// multiple of the rows that are transferred together.
     const SIZE: [u32; 2] = [37, 101];
 
     /// Returns a queue that treats a CPU as a device with separate memory, and transfers images in small pieces.
@@ -170,7 +171,7 @@ mod tests {
         pixels: &[Float4],
         display: Display,
     ) -> (Vec<u8>, Option<usize>) {
-        let program = ShowProgram::build(queue, spec, &Kept::default(), &Sources::Embedded).unwrap();
+        let program = ShowProgram::build(queue, spec, &ProgramCache::default(), &Sources::Embedded).unwrap();
         let image = upload(queue, pixels).unwrap();
         let mut bytes = Vec::new();
         let take = |rows: &[u8]| bytes.extend_from_slice(rows);
@@ -184,14 +185,14 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let steps = Shown::new(Display::default());
         let ends = [0.0, -0.0, -1.0, 1.0, 1.5, f32::MAX, f32::MIN_POSITIVE, 1.0 / 15.0];
-        let mut radiance = |place: usize| match place % 4 {
-            0 => ends[place / 4 % ends.len()],
+        let mut radiance = |index: usize| match index % 4 {
+            0 => ends[index / 4 % ends.len()],
             1 => rng.random_range(-0.1..1.2),
-            2 => steps.tables().0[place % (Shown::VALUES - 1)],
+            2 => steps.tables().0[index % (Shown::VALUES - 1)],
             _ => rng.random_range(-30.0_f32..10.0).exp2(),
         };
-        let mut pixel = |place: usize| {
-            Float4::new(radiance(place), radiance(place + 1), radiance(place / 3), (place % 3) as f32 / 2.0)
+        let mut pixel = |index: usize| {
+            Float4::new(radiance(index), radiance(index + 1), radiance(index / 3), (index % 3) as f32 / 2.0)
         };
         (0..SIZE[0] as usize * SIZE[1] as usize).map(&mut pixel).collect()
     }
@@ -199,8 +200,8 @@ mod tests {
     #[test]
     fn every_byte_is_the_hosts() {
         let pixels = radiances();
-        // The first queue transfers the image in pieces, the second all at once. The device of the last one allows only
-        // small work-groups.
+        // The first queue transfers the image in pieces, the second all at once. The third queue treats its device as
+        // if it allowed only small work-groups.
         let queues = [queue(), queue_of(1 << 20), queue().in_groups_of(8)];
         let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
         for (display, queue) in
@@ -240,13 +241,13 @@ mod tests {
         std::fs::write(&file, text.replace(KERNEL, "show_all")).unwrap();
         let (queue, sources) = (queue(), Sources::Folder(folder.path().to_owned()));
         let spec = ShowProgram::spec(&sources, &queue).unwrap();
-        let program = ShowProgram::build(&queue, &spec, &Kept::default(), &sources).unwrap();
+        let program = ShowProgram::build(&queue, &spec, &ProgramCache::default(), &sources).unwrap();
         let image = upload(&queue, &radiances()).unwrap();
         let shown = program.read(&queue, (&image, SIZE), &Shown::new(Display::default()), 8, |_| {});
-        let told = shown.unwrap_err();
-        assert!(matches!(told, LaunchError::OwnKernel(_)), "{told:?}");
+        let error = shown.unwrap_err();
+        assert!(matches!(error, LaunchError::OwnKernel(_)), "{error:?}");
         let expected = format!("{} defines no kernel `{KERNEL}`, which raycl needs", file.display());
-        assert_eq!(told.to_string(), expected);
+        assert_eq!(error.to_string(), expected);
     }
 
     #[test]

@@ -11,13 +11,14 @@ use crate::strategy::{Strategy, Workload};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Number of parts into which a trial frame is divided. The cost of each part is measured.
+/// Number of parts into which a trial frame is divided. The cost of each part is measured. A trial frame is cast only
+/// to find out how fast the devices are.
 const PARTS: usize = 32;
 /// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until a trial
-/// frame takes long enough.
+/// frame takes at least [`TRIAL_MS`].
 const TRIAL_ROWS: u32 = 256;
-/// Minimum time of a trial frame. A shorter frame would not fill a device, and would not show how the cost is
-/// distributed.
+/// Minimum time of a trial frame. A shorter frame would not keep all processors of a device busy, and would not show
+/// how the cost is distributed over the frame's rows.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement; their smallest or median time is used.
 const CASTS: usize = 3;
@@ -170,7 +171,7 @@ impl Team<'_> {
 
     /// Removes the slowest device.
     fn without_slowest(&mut self, reason: impl Fn(f64) -> String) -> Option<LeftOut> {
-        let whole_ms = |place: &usize| self.costs[*place].whole_ms;
+        let whole_ms = |index: &usize| self.costs[*index].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
         let (ready, cost) = (self.ready.remove(slowest), self.costs.remove(slowest));
         Some(LeftOut { device: ready.info.label.clone(), reason: reason(cost.whole_ms) })
@@ -183,8 +184,8 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at the same time; devices that would slow it down, and devices for which it
-    /// has too few rows, are left out.
+    /// Casts the frame on several devices at the same time. Devices that would slow the frame down, and devices for
+    /// which the frame has too few rows, are left out.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let ready = at_once(castings, |casting| self.ready(casting))?;
         if ready.is_empty() {
@@ -319,7 +320,8 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let all_there = Barrier::new(pairs.len());
     let times = at_once(&pairs, |(ready, rows)| {
         let caster = ready.caster(image_size, *rows).and_then(|caster| cast_first(&caster).map(|()| caster));
-        // A device that failed must reach the barrier too.
+        // The thread of a device that failed must reach the barrier too, since the other threads wait there for all
+        // threads.
         all_there.wait();
         let mut times = cast_times(&caster?)?;
         times.sort_unstable_by(f64::total_cmp);
@@ -374,7 +376,8 @@ mod tests {
     const SIZE: [u32; 2] = [24, 61];
     const LOCAL_SIZE: [u32; 2] = [4, 2];
 
-    /// Returns this machine's first device under several names, each with another strategy.
+    /// Returns this machine's first device several times, each time under one of the names, with the strategy beside
+    /// this name.
     fn castings(names: &[(&str, &str)]) -> Vec<Casting> {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let casting = |&(name, strategy): &(&str, &str)| {

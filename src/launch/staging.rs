@@ -25,12 +25,12 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// Plans pieces of this many bytes. The pieces are allocated at first use.
+    /// Plans pieces of `piece_bytes` bytes. The pieces are allocated at first use.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
 
-    /// Returns whether pinned memory pays off for a transfer of this many bytes.
+    /// Returns whether a transfer of `bytes` bytes is so long that pinned memory saves time.
     pub fn pays(&self, bytes: usize) -> bool {
         bytes > 2 * self.piece_bytes
     }
@@ -51,10 +51,10 @@ impl Staging {
     ) -> ocl::Result<()> {
         let cut = Cut::new(0..buffer.len() / row, self.rows(row * size_of::<T>(), 1));
         self.with(commands, cut.most() * row * size_of::<T>(), |pieces| {
-            let mut under_way: [Option<Event>; 2] = [None, None];
+            let mut in_flight: [Option<Event>; 2] = [None, None];
             for number in 0..cut.count() {
                 let (rows, half) = (cut.rows(number), number % 2);
-                if let Some(event) = under_way[half].take() {
+                if let Some(event) = in_flight[half].take() {
                     event.wait_for()?;
                 }
                 let values = pieces.values(half, rows.len() * row);
@@ -74,7 +74,7 @@ impl Staging {
                     )?;
                 }
                 commands.flush()?;
-                under_way[half] = Some(event);
+                in_flight[half] = Some(event);
             }
             Ok(())
         })
@@ -93,7 +93,7 @@ impl Staging {
         self.with(commands, cut.most() * row * size_of::<T>(), |pieces| {
             let mut begin = |number: usize, pieces: &mut Pieces| -> ocl::Result<Event> {
                 let rows = cut.rows(number);
-                let (buffer, place) = enqueue(rows.clone())?;
+                let (buffer, offset) = enqueue(rows.clone())?;
                 let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
                 let mut event = Event::empty();
                 // SAFETY: nobody reads the values before the event has completed, and they stay in place until then.
@@ -102,7 +102,7 @@ impl Staging {
                         commands,
                         buffer.as_core(),
                         false,
-                        place,
+                        offset,
                         values,
                         NO_EVENTS,
                         Some(&mut event),
@@ -126,7 +126,7 @@ impl Staging {
         })
     }
 
-    /// Calls `work` with pieces of at least this many bytes, and waits for all transfers at the end.
+    /// Calls `work` with pieces of at least `bytes` bytes, and waits for all transfers at the end.
     fn with(
         &self,
         commands: &Queue,
@@ -134,19 +134,19 @@ impl Staging {
         work: impl FnOnce(&mut Pieces) -> ocl::Result<()>,
     ) -> ocl::Result<()> {
         // If a thread panicked while it held the lock, the memory can still be used.
-        let mut kept = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
-        let pieces = match kept.take() {
+        let mut stored = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
+        let pieces = match stored.take() {
             Some(pieces) if pieces.bytes() >= bytes => pieces,
             _ => Pieces::allocate(commands, bytes.max(self.piece_bytes))?,
         };
-        let pieces = kept.insert(pieces);
+        let pieces = stored.insert(pieces);
         let done = work(pieces);
         commands.finish()?;
         done
     }
 }
 
-/// An empty list of events to wait for: the queue is in order.
+/// Transfers wait for no events, since the queue executes its commands in order.
 const NO_EVENTS: Option<&Event> = None;
 
 /// Rows divided into pieces of equal size; the last piece may be smaller.
@@ -198,8 +198,8 @@ impl Pieces {
     /// Returns the first `count` values of one of the two pieces.
     fn values<T: OclPrm>(&mut self, half: usize, count: usize) -> &mut [T] {
         let bytes = &mut self.0[half][..count * size_of::<T>()];
-        // SAFETY: this many bytes were allocated. Mapped memory is aligned for every OpenCL type, and every
-        // bit pattern is a valid value of these types.
+        // SAFETY: the slice `bytes` has room for `count` values. Mapped memory is aligned for every OpenCL type, and
+        // every bit pattern is a valid value of these types.
         unsafe { std::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast(), count) }
     }
 }

@@ -17,17 +17,16 @@ const fn room(bits: u32) -> usize {
     1 << (2 * bits)
 }
 
-/// Returns the coarsest division of a pixel that has room for `samples`, as the binary logarithm of the number of
-/// sub-pixels across.
+/// Returns the coarsest division of a pixel that has a sub-pixel for each of `samples` samples, as the binary logarithm
+/// of the number of sub-pixels across.
 fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
 /// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the number of sub-pixels
-/// across. Only tiles have room for several rays of one pixel. Tiles whose rays are in vectors divide pixels only with
-/// fused passes.
-/// If the sky's picture is seen, pixels are not divided, since the kernel that adds the picture supports only whole
-/// pixels.
+/// across. Only strategies that cast tiles can cast several rays of one pixel in a frame. Tiles whose rays are in
+/// vectors divide pixels only with fused passes. If the sky's picture is seen, pixels are not divided, since the kernel
+/// that adds the picture supports only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -61,26 +60,26 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
 /// to one round. A single sample is at the centre of its pixel; the camera is shifted instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
-    let place = |axis: usize| {
-        let of_lane = |lane| place_of(samples, number_of_lane(bits, lane))[axis];
+    let coordinates = |axis: usize| {
+        let of_lane = |lane| position_of(samples, number_of_lane(bits, lane))[axis];
         Float16::from(std::array::from_fn::<f32, 16, _>(of_lane))
     };
     let arguments =
         arguments.with("subpixel_bits", bits).with("samples_of_frame", samples.len().max(1) as u32);
-    (arguments.with("sample_x", place(0)).with("sample_y", place(1)), bits)
+    (arguments.with("sample_x", coordinates(0)).with("sample_y", coordinates(1)), bits)
 }
 
 /// Returns the position of a frame's sample within its pixel. A sub-pixel without a sample gets the position of the
 /// first sample.
-fn place_of(samples: &[Sample], number: usize) -> [f32; 2] {
+fn position_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
 }
 
 /// Returns the position of each sample within its pixel: x and y, for the largest number of samples
 /// that a frame can have.
-pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
-    (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
+pub(super) fn positions(samples: &[Sample]) -> Vec<f32> {
+    (0..room(MOST_BITS)).flat_map(|number| position_of(samples, number)).collect()
 }
 
 /// Returns the index of the sample that a lane casts, among the samples of the frame. cl/tile_cpu/camera.cl has the
@@ -114,7 +113,8 @@ mod tests {
             numbers.dedup();
             assert_eq!(numbers, (0..expected).collect::<Vec<_>>());
         }
-        // The lanes of a pixel are next to each other.
+        // The lanes of a vector are numbered row by row in a square of 4 x 4 lanes. Lanes 0, 1, 4 and 5 cast the four
+        // samples of one pixel.
         assert_eq!([0, 1, 4, 5].map(|lane| number_of_lane(1, lane)), [0, 1, 2, 3]);
         assert_eq!([1, 2, 3, 4, 5, 16, 17].map(bits_for), [0, 1, 1, 1, 2, 2, 2]);
     }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 #[derive(Debug)]
 pub(super) struct DeviceTextures {
     pub words: Buffer<u32>,
-    /// One row per triangle, in the mesh's order.
+    /// One row per triangle, in the mesh's order: the triangle's texture coordinates and its textures.
     pub rows: Buffer<f32>,
     /// True if some textures make holes in triangles.
     cut_outs: bool,
@@ -26,10 +26,10 @@ impl DeviceTextures {
             return Ok(None);
         }
         let floats = Mapped::floats(textures.have_levels());
-        let rows = upload_rows(queue, [textures.mapped.len(), floats], |places, rows| {
+        let rows = upload_rows(queue, [textures.mapped.len(), floats], |triangles, rows| {
             rows.par_chunks_exact_mut(floats)
-                .zip(places)
-                .for_each(|(row, place)| write_row(row, mesh, place));
+                .zip(triangles)
+                .for_each(|(row, triangle)| write_row(row, mesh, triangle));
         })?;
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
@@ -48,8 +48,8 @@ impl DeviceTextures {
 /// Writes a triangle's row; the row is longer if textures have mip levels.
 fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     let words = mesh.textures.mapped[triangle].to_words();
-    let (place, texel) = row.split_at_mut(words.len());
-    place.copy_from_slice(&words.map(f32::from_bits));
+    let (mapping, texel) = row.split_at_mut(words.len());
+    mapping.copy_from_slice(&words.map(f32::from_bits));
     if !texel.is_empty() {
         let [x, y, z] = texel_on(mesh, triangle);
         texel.copy_from_slice(&[x, y, z, 0.0]);

@@ -2,7 +2,9 @@
 
 use super::buffers::{upload, upload_rows};
 use super::{LaunchError, Queue, Refused};
-use crate::accel::{PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_surface_rows, write_triangle_rows};
+use crate::accel::{
+    NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_normal_rows, write_triangle_rows,
+};
 use crate::device::DeviceLimits;
 use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
@@ -72,8 +74,10 @@ impl Surfaces {
     fn upload(queue: &Queue, mesh: &Mesh, order: &[u32]) -> ocl::Result<Self> {
         let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
         Ok(Self {
-            normals: upload_rows(queue, [order.len(), TRIANGLE_WORDS], |places, rows| {
-                write_surface_rows(mesh, &order[places], rows);
+            normals: upload_rows(queue, [order.len() + 1, NORMAL_FLOATS], |range, rows| {
+                // Kernels that load four floats at once read one float after the last row.
+                let order = &order[range.start.min(order.len())..range.end.min(order.len())];
+                write_normal_rows(mesh, order, rows);
             })?,
             materials: upload(queue, &materials)?,
             material_count: mesh.materials.len(),
@@ -116,9 +120,9 @@ impl DeviceTree {
         // Nodes of large meshes take hundreds of megabytes, so they are freed before the triangles are written.
         drop(host_nodes);
         let triangles = order.len();
-        let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |places, rows| {
+        let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |range, rows| {
             // Rows after the last triangle become zero.
-            let order = &order[places.start.min(triangles)..places.end.min(triangles)];
+            let order = &order[range.start.min(triangles)..range.end.min(triangles)];
             write_triangle_rows(mesh, order, rows);
         })?;
         let tiles = strategy.traversal == Traversal::Tile;

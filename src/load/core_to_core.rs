@@ -31,7 +31,7 @@ const OVER: u32 = 2;
 
 /// Returns the time in nanoseconds that a cache line takes to move from one processor to another: half a round trip.
 /// The two processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on
-/// only one processor, if the system does not pin threads or starts no more of them, or if other programs keep the
+/// only one processor, if the system does not pin threads or cannot start another one, or if other programs keep the
 /// processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
     between(two_processors()?, [Builder::new(), Builder::new()])

@@ -66,7 +66,8 @@ pub const TREE_DEFINES: Defines = &[
     (Tree, "LEAF_COUNT_SHIFT"),
     (Tree, "LEAF_MOST"),
 ];
-pub const TILE_DEFINES: Defines = &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT")];
+pub const TILE_DEFINES: Defines =
+    &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT"), (Always, "NORMAL_FLOATS")];
 pub const VECTOR_DEFINES: Defines =
     &[(Always, "PREFETCH"), (Always, "UNUSED_WORD"), (Always, "PADDING_ROWS")];
 pub const GROUP_DEFINES: Defines = &[
@@ -74,5 +75,5 @@ pub const GROUP_DEFINES: Defines = &[
     (Always, "TILES_ACROSS"),
     (Always, "LIGHTS_OF_ROUND"),
     (Always, "LANE_OPERATIONS"),
-    (Always, "LEFT_OVER_KERNEL"),
+    (Always, "LEFTOVER_KERNEL"),
 ];

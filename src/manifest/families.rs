@@ -141,8 +141,8 @@ pub static TILE_CPU: Family = Family {
         VECTOR_DEFINES,
     ],
     rules: &[
-        // This rule is the first, so that a message blames a width with which no tile can be cast before values that
-        // only another width allows. Tiles with width = 1 have the family `TILE_GPU`.
+        // This rule is the first, so that the message is about the width if no tile can be cast with this width, and
+        // not about values that only another width allows. Tiles with width = 1 have the family `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -184,7 +184,7 @@ pub static TILE_GPU: Family = Family {
                 SOFT,
                 FIRST_LIGHT,
                 TILE_NEAREST_OUT,
-                FOUND,
+                SHADOW_RESULTS,
             ],
         ),
         kernel_if(
@@ -220,7 +220,7 @@ pub static TILE_GPU: Family = Family {
                 SOFT,
                 FIRST_LIGHT,
                 TILE_NEAREST_IN,
-                FOUND,
+                SHADOW_RESULTS,
             ],
         ),
         kernel_if(
@@ -240,7 +240,7 @@ pub static TILE_GPU: Family = Family {
                 SOFT,
                 FIRST_LIGHT,
                 TILE_NEAREST_IN,
-                LEFT_OVER,
+                LEFTOVER,
             ],
         ),
         kernel(

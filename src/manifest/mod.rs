@@ -156,10 +156,10 @@ impl Values {
 pub struct Rule {
     /// The name of the axis.
     pub axis: &'static str,
-    /// The supported values. The family supports only the default value of an axis that it ignores.
+    /// The supported values. If the family ignores the axis, it supports only one value of it.
     pub takes: Values,
-    /// The reason why the family supports only these values. In messages, it follows the family's label: "uses its own
-    /// edge functions".
+    /// The reason why the family supports only these values. In messages, the reason follows the family's label, for
+    /// example "uses its own edge functions".
     pub because: &'static str,
 }
 

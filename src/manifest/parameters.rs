@@ -49,8 +49,11 @@ pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "
 /// The nodes of a tree, and the triangles in its leaves.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
 /// The triangles' surfaces and materials, which the families that cast tiles need for shading.
-pub const SURFACES: &[Parameter] =
-    &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
+pub const SURFACES: &[Parameter] = &[
+    p(Always, FLOATS, "surfaces"),
+    p(Always, FLOATS, "materials"),
+    p(Always, "const int", "material_count"),
+];
 /// The triangles' texture coordinates, all textures, and the ray cone of a pixel, which determines the mip level.
 pub const TEXTURES: &[Parameter] = &[
     p(Textured, QUADS, "texture_rows"),
@@ -142,12 +145,12 @@ pub const DEPTH_TO_NEAREST: &[Parameter] =
 pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
 pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
 pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];
-pub const FOUND: &[Parameter] = &[
+pub const SHADOW_RESULTS: &[Parameter] = &[
     p(Always, "__global uint *restrict", "lit"),
     p(Always, "__global uint2 *restrict", "queue"),
     p(Always, "__global uint *restrict", "queued"),
 ];
-pub const LEFT_OVER: &[Parameter] = &[
+pub const LEFTOVER: &[Parameter] = &[
     p(Always, "__global uint *restrict", "lit"),
     p(Always, "const __global uint2 *restrict", "queue"),
     p(Always, WORDS, "queued"),

@@ -89,10 +89,10 @@ fn a_program_has_the_kernels_of_its_family_and_takes_their_parameters_from_here(
         }
         let compiled = preprocess(&spec.source, &spec.options, &BTreeMap::new());
         let compiled = compiled.unwrap_or_else(|error| panic!("{error}")).text();
-        let found: BTreeSet<_> = kernels_in(&compiled).into_keys().collect();
+        let actual: BTreeSet<_> = kernels_in(&compiled).into_keys().collect();
         let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
         let named: BTreeSet<_> = kernels.map(|kernel| kernel.name).collect();
-        assert_eq!(found, named, "{strategy}");
+        assert_eq!(actual, named, "{strategy}");
     }
 }
 
@@ -128,7 +128,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
     assert!(uses.values().all(|used| *used), "{uses:?}");
 }
 
-/// In a condition, a name without a value counts as 0, and nobody would notice.
+/// In an `#if`, a macro that is not defined counts as 0, so a missing define would have no visible effect on the
+/// compilation.
 #[test]
 fn a_kernel_file_asks_for_each_define() {
     let read = |name: &str| Sources::Embedded.read(name).unwrap_or_else(|error| panic!("{error}"));
@@ -167,8 +168,8 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // In this family, vectors whose rays have no common main axis are cast like single rays, with the
-            // watertight test of `cl/cast/`.
+            // In this family, vectors whose rays have no common axis use the watertight test of `cl/cast/`, which needs
+            // no common axis.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };
@@ -196,8 +197,8 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
         let cut_out = spec_for(&Sources::Embedded, &strategy, CUT_OUT);
-        let found = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
-        assert_eq!(found, [false, taken[0]], "{strategy}");
+        let has_cutouts = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
+        assert_eq!(has_cutouts, [false, taken[0]], "{strategy}");
         let pictured = spec_for(&Sources::Embedded, &strategy, ENVIRONMENT);
         let has_all =
             |spec: &ProgramSpec| PICTURE_FILES.iter().all(|file| spec.files.iter().any(|own| own == file));

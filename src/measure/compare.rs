@@ -88,7 +88,8 @@ mod tests {
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
-        // If one result is a quarter slower than another, the other is a fifth faster: both are the same change.
+        // A result that takes 1.25 times as long as another differs from it by exactly the threshold. A result that
+        // takes 0.8 times as long does too, since 0.8 is 1 / 1.25.
         assert_eq!((of(0.5, 0.79), of(0.78, 1.0)), (Verdict::Faster, Verdict::Unclear));
     }
 }

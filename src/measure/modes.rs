@@ -3,10 +3,11 @@
 use super::summary::quantile;
 
 /// A set of n times has two modes if its [`dip`], multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
-/// sqrt(n). The uniform distribution is the worst case among distributions with one mode (Hartigan and Hartigan,
-/// *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, 99.9% of its sets of 10 to 200 times
-/// stayed below this threshold. Therefore at most one point in a thousand is a false alarm. In practice there are fewer
-/// false alarms, since distributions of times have tails.
+/// sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips (Hartigan and Hartigan,
+/// *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, 99.9% of the sets of 10 to 200 times
+/// from the uniform distribution stayed below this threshold. Therefore, of the points whose times have one mode, at
+/// most one in a thousand is reported to have two. In practice there are fewer such false reports, since distributions
+/// of times have tails, unlike the uniform distribution.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
 /// Sets of fewer times than this are not tested.
@@ -50,44 +51,49 @@ fn cut(sorted: &[f64]) -> usize {
     let n = sorted.len() as f64;
     let mut lower = 0.0;
     let mut best = (1, f64::NEG_INFINITY);
-    for (place, value) in sorted.iter().enumerate().take(sorted.len() - 1) {
+    for (index, value) in sorted.iter().enumerate().take(sorted.len() - 1) {
         lower += value;
-        let below = (place + 1) as f64;
-        // The sum of squares between the groups, up to a constant.
+        let below = (index + 1) as f64;
+        // The sum of the squared distances of the groups' means from the mean of all values, each weighted by the
+        // group's size, up to a constant. If this sum is greatest, the sum of the squared distances within the groups
+        // is least.
         let between = lower * lower / below + (total - lower) * (total - lower) / (n - below);
         if between > best.1 {
-            best = (place + 1, between);
+            best = (index + 1, between);
         }
     }
     best.0
 }
 
-/// Returns the dip: the largest distance between the values' distribution function and the nearest unimodal one. The
-/// algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for Unimodality*, Applied Statistics 34,
-/// 1985). The algorithm narrows a modal interval. Below the interval, it measures the distance of the distribution
-/// function from the greatest convex minorant; above the interval, the distance from the least concave majorant. The
-/// narrowing ends when these two hulls are nowhere farther apart within the interval than the largest distance so far.
+/// Returns the dip: the largest distance between the values' distribution function and the nearest distribution
+/// function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for
+/// Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which the mode lies. It
+/// compares the distribution function with two hulls: the greatest convex minorant (the highest convex curve that is
+/// nowhere above the function) and the least concave majorant (the lowest concave curve that is nowhere below it).
+/// Below the interval, the algorithm measures the distance between the function and the minorant; above the interval,
+/// the distance between the function and the majorant. The narrowing ends when the largest distance between the two
+/// hulls within the interval is at most the largest distance measured so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
-    let (mut low, mut high, mut found) = (0, n - 1, 1.0_f64);
+    let (mut low, mut high, mut dip) = (0, n - 1, 1.0_f64);
     while sorted[low] < sorted[high] {
         let below = minorant(sorted, low, high);
         let above = majorant(sorted, low, high);
         let (distance, from, to) = widest(sorted, &below, &above);
-        if distance <= found {
+        if distance <= dip {
             break;
         }
         let under = |ends: &[usize]| deviation(sorted, ends, |steps, line| steps + 1.0 - line);
         let over = |ends: &[usize]| deviation(sorted, ends, |steps, line| line - (steps - 1.0));
         let before = below.windows(2).filter(|ends| ends[1] <= from).map(under);
         let after = above.windows(2).filter(|ends| ends[0] >= to).map(over);
-        found = before.chain(after).fold(found, f64::max);
+        dip = before.chain(after).fold(dip, f64::max);
         if (low, high) == (from, to) {
             break;
         }
         (low, high) = (from, to);
     }
-    found / (2.0 * n as f64)
+    dip / (2.0 * n as f64)
 }
 
 /// Returns the indices between `low` and `high` at which the greatest convex minorant touches the distribution
@@ -101,21 +107,21 @@ fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns the indices of the points (value, index) that lie on a hull. `bent` takes the slopes before and after a
-/// point, and returns whether the point is not on the hull.
+/// Returns the indices of the points (value, index) that lie on a hull. `bent` takes numbers that compare like the
+/// slopes before and after a point. It returns true if the point does not lie on the hull and must be removed from it.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
-    for place in low..=high {
+    for index in low..=high {
         while let [.., one, other] = hull[..] {
-            // Compares slopes without division, since values may be equal.
-            let left = (other - one) as f64 * (sorted[place] - sorted[other]);
-            let right = (place - other) as f64 * (sorted[other] - sorted[one]);
+            // The slopes are compared without division, since values may be equal and their difference 0.
+            let left = (other - one) as f64 * (sorted[index] - sorted[other]);
+            let right = (index - other) as f64 * (sorted[other] - sorted[one]);
             if !bent(left, right) {
                 break;
             }
             hull.pop();
         }
-        hull.push(place);
+        hull.push(index);
     }
     hull
 }
@@ -129,24 +135,24 @@ fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usiz
             best = (distance, from, to);
         }
     };
-    for place in above {
-        let from = *below.iter().rev().find(|touch| *touch <= place).unwrap_or(&below[0]);
-        consider(*place as f64 + 1.0 - on_hull(sorted, below, *place), from, *place);
+    for index in above {
+        let from = *below.iter().rev().find(|touch| *touch <= index).unwrap_or(&below[0]);
+        consider(*index as f64 + 1.0 - on_hull(sorted, below, *index), from, *index);
     }
-    for place in below {
-        let to = *above.iter().find(|touch| *touch >= place).unwrap_or(&above[above.len() - 1]);
-        consider(on_hull(sorted, above, *place) - (*place as f64 - 1.0), *place, to);
+    for index in below {
+        let to = *above.iter().find(|touch| *touch >= index).unwrap_or(&above[above.len() - 1]);
+        consider(on_hull(sorted, above, *index) - (*index as f64 - 1.0), *index, to);
     }
     best
 }
 
 /// Returns the height of a hull at the value with this index.
-fn on_hull(sorted: &[f64], hull: &[usize], place: usize) -> f64 {
-    let after = hull.partition_point(|touch| *touch < place);
+fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
+    let after = hull.partition_point(|touch| *touch < index);
     match (after.checked_sub(1).map(|before| hull[before]), hull.get(after)) {
-        (_, Some(touch)) if *touch == place => place as f64,
-        (Some(one), Some(other)) => one as f64 + line(sorted, one, *other, place),
-        _ => place as f64,
+        (_, Some(touch)) if *touch == index => index as f64,
+        (Some(one), Some(other)) => one as f64 + line(sorted, one, *other, index),
+        _ => index as f64,
     }
 }
 
@@ -160,7 +166,7 @@ fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
 /// hull, but at least 1. `distance` takes the height of a step and the height of the line, and returns their distance.
 fn deviation(sorted: &[f64], ends: &[usize], distance: impl Fn(f64, f64) -> f64) -> f64 {
     let (one, other) = (ends[0], ends[1]);
-    let at = |place: usize| distance((place - one) as f64, line(sorted, one, other, place));
+    let at = |index: usize| distance((index - one) as f64, line(sorted, one, other, index));
     if sorted[one] < sorted[other] { (one..=other).map(at).fold(1.0, f64::max) } else { 1.0 }
 }
 
@@ -201,19 +207,19 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let mut uniform = |n: usize| sorted((0..n).map(|_| 10.0 + 5.0 * random.random_range(0.0..1.0_f64)));
         for n in [10, 30, 100] {
-            let found = (0..2000).filter(|_| Modes::of(&uniform(n)).is_some()).count();
-            assert!(found <= 8, "{found} of 2000 samples of {n}");
+            let bimodal = (0..2000).filter(|_| Modes::of(&uniform(n)).is_some()).count();
+            assert!(bimodal <= 8, "{bimodal} of 2000 samples of {n}");
         }
     }
 
     #[test]
-    fn two_speeds_are_found_and_their_times_told() {
+    fn two_speeds_are_detected_with_their_times() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        // No set has 15 times, since five slow times would be too few for a second mode.
+        // Every third time is slow. No set has 15 times, since five slow times would be too few for a second mode.
         for n in [24, 30, 60] {
-            let mut time = |place: usize| {
+            let mut time = |index: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();
-                if place.is_multiple_of(3) { 174.0 + 3.0 * noise } else { 110.0 + 3.0 * noise }
+                if index.is_multiple_of(3) { 174.0 + 3.0 * noise } else { 110.0 + 3.0 * noise }
             };
             let modes = Modes::of(&(0..n).map(&mut time).collect::<Vec<_>>()).expect("two modes");
             assert_eq!(modes.samples, [n - n.div_ceil(3), n.div_ceil(3)]);

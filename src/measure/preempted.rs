@@ -35,10 +35,10 @@ pub fn without_preempted<T: Clone>(
     let mut highest_first: Vec<usize> = (0..known.len()).collect();
     highest_first.sort_by(|a, b| known[*b].1.total_cmp(&known[*a].1));
     let (mut ranks, mut remains) = (HashMap::new(), vec![false; known.len()]);
-    for place in highest_first {
-        let (launch, utilization) = known[place];
+    for index in highest_first {
+        let (launch, utilization) = known[index];
         let rank: &mut usize = ranks.entry(launch).or_default();
-        remains[place] = utilization >= LEAST_UTILIZATION * usual || *rank < MIN_SAMPLES;
+        remains[index] = utilization >= LEAST_UTILIZATION * usual || *rank < MIN_SAMPLES;
         *rank += 1;
     }
     let remaining = samples.iter().zip(remains).filter(|(_, remains)| *remains);
@@ -74,13 +74,13 @@ mod tests {
     #[test]
     fn each_launch_keeps_its_five_best_samples() {
         let preempted = [16.0, 18.0, 15.0, 17.0, 14.0, 19.0].map(|ms| (1, ms, ms - 10.0));
-        let found = remaining(&[&preempted[..], &[(0, 10.0, 0.0); 20]].concat());
-        assert_eq!(found[..5], [16.0, 18.0, 15.0, 17.0, 14.0]);
-        assert_eq!(found.len(), 25);
+        let remaining_ms = remaining(&[&preempted[..], &[(0, 10.0, 0.0); 20]].concat());
+        assert_eq!(remaining_ms[..5], [16.0, 18.0, 15.0, 17.0, 14.0]);
+        assert_eq!(remaining_ms.len(), 25);
         // Of samples with equal utilization, the first remain.
         let equal = [16.0, 17.0, 18.0, 19.0, 20.0, 21.0, 22.0].map(|ms| (1, ms, 0.5 * ms));
-        let found = remaining(&[&equal[..], &[(0, 10.0, 0.0); 22]].concat());
-        assert_eq!((&found[..5], found.len()), (&[16.0, 17.0, 18.0, 19.0, 20.0][..], 27));
+        let remaining_ms = remaining(&[&equal[..], &[(0, 10.0, 0.0); 22]].concat());
+        assert_eq!((&remaining_ms[..5], remaining_ms.len()), (&[16.0, 17.0, 18.0, 19.0, 20.0][..], 27));
     }
 
     #[test]

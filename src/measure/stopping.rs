@@ -92,7 +92,8 @@ impl StoppingRule {
     }
 }
 
-/// Returns sigma / mean of the first 2, 3, ... samples (Welford 1962: one pass, no cancellation).
+/// Returns sigma / mean of the first 2, 3, ... samples by the method of Welford (1962), which reads the samples once
+/// and does not subtract large numbers that are almost equal.
 fn running_noise(samples: &[f64]) -> Vec<f64> {
     let (mut mean, mut squares) = (0.0, 0.0);
     let mut noise = Vec::with_capacity(samples.len());

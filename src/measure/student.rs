@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 /// From this number of degrees of freedom on, the quantiles equal the normal distribution's to four decimals.
 const MANY: f64 = 1e5;
 
-/// Returns the value below which Student's t lies with the probability `p`; infinite without degrees of freedom.
+/// Returns the value below which Student's t lies with the probability `p`. Returns infinity if `degrees` is 0.
 pub(super) fn t_quantile(p: f64, degrees: f64) -> f64 {
     if degrees >= MANY {
         return Normal::standard().inverse_cdf(p);
@@ -28,8 +28,8 @@ mod tests {
             (0.9995, 10.0, 4.587),
             (0.9995, 2.0, 31.599),
         ] {
-            let found = t_quantile(p, degrees);
-            assert!((found - expected).abs() < 1e-3 * expected, "{p} {degrees}: {found}");
+            let actual = t_quantile(p, degrees);
+            assert!((actual - expected).abs() < 1e-3 * expected, "{p} {degrees}: {actual}");
         }
         assert_eq!(t_quantile(0.975, 0.0), f64::INFINITY);
         assert!((1..40).all(|n| t_quantile(0.975, f64::from(n)) > t_quantile(0.975, f64::from(n + 1))));

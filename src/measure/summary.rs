@@ -37,9 +37,9 @@ pub(crate) fn median_of(values: &[f64]) -> Option<f64> {
 /// Returns the quantile `q` (0 to 1) of at least one sorted value, by linear interpolation (type 7 of Hyndman
 /// and Fan 1996, as in R and NumPy).
 pub(crate) fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let place = q * (sorted.len() - 1) as f64;
-    let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-    below + (above - below) * place.fract()
+    let position = q * (sorted.len() - 1) as f64;
+    let (below, above) = (sorted[position.floor() as usize], sorted[position.ceil() as usize]);
+    below + (above - below) * position.fract()
 }
 
 #[cfg(test)]

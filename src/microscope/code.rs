@@ -132,9 +132,9 @@ mod tests {
             ],
         };
         let rows = code.by_line(&["first", "  second"]);
-        let told: Vec<_> =
+        let actual: Vec<_> =
             rows.iter().map(|row| (row.line, row.source.as_deref(), row.instructions)).collect();
-        assert_eq!(told, [(Some(1), Some("first"), 1), (Some(2), Some("second"), 2)]);
+        assert_eq!(actual, [(Some(1), Some("first"), 1), (Some(2), Some("second"), 2)]);
         assert_eq!(rows[1].counts.of(load), 2);
         let parts = code.by_part();
         assert_eq!(parts.iter().map(|row| row.instructions).collect::<Vec<_>>(), [2, 2]);

@@ -8,11 +8,11 @@ const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];
 pub fn files(binary: &[u8]) -> Vec<&[u8]> {
     let mut files = Vec::new();
     let mut at = 0;
-    while let Some(found) = binary[at..].windows(MAGIC.len()).position(|bytes| bytes == MAGIC) {
-        let rest = &binary[at + found..];
+    while let Some(offset) = binary[at..].windows(MAGIC.len()).position(|bytes| bytes == MAGIC) {
+        let rest = &binary[at + offset..];
         let file = length(rest).and_then(|length| rest.get(..length));
         files.extend(file);
-        at += found + file.map_or(MAGIC.len(), <[u8]>::len);
+        at += offset + file.map_or(MAGIC.len(), <[u8]>::len);
     }
     files
 }

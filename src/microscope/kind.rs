@@ -13,7 +13,7 @@ pub enum Memory {
     Local,
     /// `__constant`, and constants of the program.
     Constant,
-    /// Private memory outside registers: arrays and spilled registers. On a CPU, the stack.
+    /// Private memory outside registers: arrays and spilled registers. On a CPU, this is the stack.
     Private,
     /// The kernel's arguments.
     Argument,

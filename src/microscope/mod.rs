@@ -241,7 +241,7 @@ mod tests {
         microscope.add(with(Some(2)), PTX, Some(40), Some(true));
         microscope.add(with(None), MACHINE, None, Some(false));
         microscope.add(with(Some(1)), SASS, Some(41), None);
-        let told: Vec<_> = microscope
+        let actual: Vec<_> = microscope
             .listings
             .iter()
             .map(|one| (one.rows_are, one.is_drivers, one.registers, one.same_as_timed, one.with_line))
@@ -251,7 +251,7 @@ mod tests {
             (RowsAre::Parts, true, None, Some(false), 0),
             (RowsAre::Lines, false, Some(41), None, 1),
         ];
-        assert_eq!(told, expected);
+        assert_eq!(actual, expected);
         let rows: Vec<_> = microscope.listings.iter().map(|one| &one.rows[0]).collect();
         assert_eq!([rows[0].source.as_deref(), rows[1].part.as_deref()], [Some("second"), Some("loop")]);
     }

@@ -61,7 +61,7 @@ impl<'a> Listing<'a> {
     }
 
     fn function(&self, name: &str) -> Option<(&'a str, &'a str)> {
-        self.functions.iter().find(|(found, _)| *found == name).copied()
+        self.functions.iter().find(|(own, _)| *own == name).copied()
     }
 
     fn instructions(&self, (name, body): (&str, &str)) -> Vec<Instruction> {
@@ -161,7 +161,7 @@ Disassembly of section .text:
     1300:\tret
 ";
 
-    fn told(listing: &str) -> Vec<(String, Option<u32>, Option<Kind>, String)> {
+    fn rows_of(listing: &str) -> Vec<(String, Option<u32>, Option<Kind>, String)> {
         let codes = Listing::of(listing, "kernel.cl").codes(&["mine", "missing"]);
         assert_eq!(codes.len(), 1);
         let one =
@@ -186,14 +186,14 @@ Disassembly of section .text:
             row("jmp", Some(20), Some(Kind::Branch), helper),
             row("nop", None, None, helper),
         ];
-        assert_eq!(told(LISTING), expected);
+        assert_eq!(rows_of(LISTING), expected);
         // Some versions of objdump write spaces at the ends of lines.
-        assert_eq!(told(&LISTING.replace("%rsp,%rbp", "%rsp,%rbp  ")), expected);
+        assert_eq!(rows_of(&LISTING.replace("%rsp,%rbp", "%rsp,%rbp  ")), expected);
     }
 
     #[test]
     fn instructions_of_other_processors_are_listed_and_not_counted() {
-        let other = told(&LISTING.replace("elf64-x86-64", "elf64-littleaarch64"));
+        let other = rows_of(&LISTING.replace("elf64-x86-64", "elf64-littleaarch64"));
         assert!(other.iter().all(|(_, _, kind, _)| kind.is_none()));
         assert_eq!(other.len(), 11);
     }
@@ -201,7 +201,7 @@ Disassembly of section .text:
     #[test]
     fn a_function_that_a_kernel_jumps_to_is_part_of_it() {
         let jumps = LISTING.replace("call   1000 <helper>", "jmp    1000 <helper>");
-        let parts: Vec<_> = told(&jumps).into_iter().map(|(_, _, _, part)| part).collect();
+        let parts: Vec<_> = rows_of(&jumps).into_iter().map(|(_, _, _, part)| part).collect();
         assert_eq!(parts, [vec!["_pocl_kernel_mine"; 8], vec!["helper"; 3]].concat());
     }
 }

@@ -57,8 +57,8 @@ struct Reader {
 impl Reader {
     fn line(&mut self, line: &str) {
         let trimmed = line.trim();
-        if let Some(place) = trimmed.strip_prefix(".loc") {
-            let mut numbers = place.split([' ', '\t', ',']).filter_map(|word| word.parse::<u32>().ok());
+        if let Some(location) = trimmed.strip_prefix(".loc") {
+            let mut numbers = location.split([' ', '\t', ',']).filter_map(|word| word.parse::<u32>().ok());
             let (file, line) = (numbers.next(), numbers.next());
             // Line 0 means that the instruction has no line.
             self.line = line.filter(|line| file == self.file && *line > 0);
@@ -168,7 +168,7 @@ $L__BB0_1: // a loop
 .file	2 "/usr/include/opencl-c.h"
 "#;
 
-    fn told(ptx: &str) -> Vec<(String, Option<u32>, String, Vec<Kind>)> {
+    fn rows_of(ptx: &str) -> Vec<(String, Option<u32>, String, Vec<Kind>)> {
         let codes = codes(ptx, &["mine"], "kernel.cl");
         assert_eq!(codes.len(), 1);
         let one = |one: Instruction| (one.text, one.line, one.part, one.kinds);
@@ -191,23 +191,23 @@ $L__BB0_1: // a loop
             row("call.uni (retval0), helper, (param0)", Some(5), looped, Kind::Call),
             row("ret", Some(5), looped, Kind::Branch),
         ];
-        assert_eq!(told(WITH_LINES), expected);
+        assert_eq!(rows_of(WITH_LINES), expected);
     }
 
     #[test]
     fn without_a_line_table_no_instruction_has_a_line() {
         let lines = WITH_LINES.lines().filter(|line| !line.contains(".loc") && !line.contains(".file"));
         let without = lines.collect::<Vec<_>>().join("\n");
-        let told = told(&without.replace("other() {", "other() { ret; }"));
-        assert_eq!(told.len(), 8);
-        assert!(told.iter().all(|(_, line, ..)| line.is_none()));
-        assert_eq!(told.iter().filter(|(_, _, part, _)| part.is_empty()).count(), 2);
+        let rows = rows_of(&without.replace("other() {", "other() { ret; }"));
+        assert_eq!(rows.len(), 8);
+        assert!(rows.iter().all(|(_, line, ..)| line.is_none()));
+        assert_eq!(rows.iter().filter(|(_, _, part, _)| part.is_empty()).count(), 2);
     }
 
     #[test]
     fn lines_of_another_file_alone_are_no_lines() {
         let other = WITH_LINES.replace("kernel.cl", "other.cl");
-        assert!(told(&other).iter().all(|(_, line, ..)| line.is_none()));
+        assert!(rows_of(&other).iter().all(|(_, line, ..)| line.is_none()));
         assert!(codes(WITH_LINES, &["min"], "kernel.cl").is_empty());
     }
 
@@ -218,9 +218,9 @@ $L__BB0_1: // a loop
                 ".visible .entry k(\n)\n{{\n{label}: ld.global.f32 %f1, [%rd1];\n\tbra.uni {label};\n}}\n"
             );
             let codes = codes(&ptx, &["k"], "kernel.cl");
-            let found = codes[0].instructions.iter().map(|one| (one.part.as_str(), one.kinds[0]));
+            let actual = codes[0].instructions.iter().map(|one| (one.part.as_str(), one.kinds[0]));
             let expected = [(label, Kind::Load(Memory::Global)), (label, Kind::Branch)];
-            assert_eq!(found.collect::<Vec<_>>(), expected);
+            assert_eq!(actual.collect::<Vec<_>>(), expected);
         }
     }
 

@@ -8,8 +8,8 @@
 //! .L_x_1:
 //! ```
 //!
-//! The SASS shown here comes from the installed `ptxas`. The driver has its own assembler, which may generate different
-//! SASS for the program that raycl times.
+//! The SASS that raycl shows comes from the installed `ptxas`. The driver has its own assembler, which may generate
+//! different SASS for the program that raycl times.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
@@ -54,23 +54,28 @@ fn listed(listing: &str, kernels: &[&str], file: &str) -> Vec<Code> {
 }
 
 fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Instruction> {
-    let (mut line, mut part, mut found) = (None, String::new(), Vec::new());
+    let (mut line, mut part, mut instructions) = (None, String::new(), Vec::new());
     for text in body.map(str::trim) {
-        if let Some(place) = text.strip_prefix("//## File ") {
-            line = place_in(place, file);
+        if let Some(location) = text.strip_prefix("//## File ") {
+            line = line_of(location, file);
         } else if let Some(label) = text.strip_suffix(':').filter(|label| label.starts_with(".L")) {
             label.clone_into(&mut part);
         } else if let Some(text) = instruction(text) {
-            found.push(Instruction { text: text.to_owned(), line, part: part.clone(), kinds: kinds(text) });
+            instructions.push(Instruction {
+                text: text.to_owned(),
+                line,
+                part: part.clone(),
+                kinds: kinds(text),
+            });
         }
     }
-    found
+    instructions
 }
 
 /// Returns the line 12 from `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`; `None` for files other
 /// than `file`.
-fn place_in(place: &str, file: &str) -> Option<u32> {
-    let (path, rest) = place.strip_prefix('"')?.split_once('"')?;
+fn line_of(location: &str, file: &str) -> Option<u32> {
+    let (path, rest) = location.strip_prefix('"')?.split_once('"')?;
     let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
     // Line 0 means that the instruction has no line.
     (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
@@ -139,7 +144,7 @@ mod tests {
     fn a_listing_is_read_kernel_by_kernel_with_lines() {
         let codes = listed(LISTING, &["mine", "missing"], "kernel.cl");
         assert_eq!(codes.len(), 1);
-        let told: Vec<_> = codes[0]
+        let actual: Vec<_> = codes[0]
             .instructions
             .iter()
             .map(|one| (one.opcode(), one.line, one.part.as_str(), one.kinds.first().copied()))
@@ -153,7 +158,7 @@ mod tests {
             ("NOP", None, ".L_x_0", None),
             ("EXIT", None, ".L_x_0", Some(Kind::Branch)),
         ];
-        assert_eq!(told, expected);
+        assert_eq!(actual, expected);
     }
 
     #[test]

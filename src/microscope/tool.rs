@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_told_by_the_first_line_of_the_programs_message() {
+    fn a_failure_is_reported_by_the_first_line_of_the_programs_message() {
         let failure = |command: &str| run(command).err().unwrap();
         assert_eq!(
             failure("echo out; printf '\\nsh: no such file.\\nmore\\n' >&2; exit 1"),

@@ -74,9 +74,9 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     let moves = is(&MOVES);
     let only_reads = is(&READERS) && !is(&["cmpxchg", "bts", "btr", "btc"]);
     let mut kinds = Vec::new();
-    for (place, memory) in memories.iter().enumerate() {
+    for (index, memory) in memories.iter().enumerate() {
         let Some(memory) = *memory else { continue };
-        let last = place + 1 == memories.len();
+        let last = index + 1 == memories.len();
         if last && !only_reads && (text.starts_with("lock") || name.starts_with("xchg")) {
             kinds.push(Kind::Atomic(memory));
             continue;

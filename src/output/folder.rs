@@ -1,7 +1,7 @@
 //! A folder into which a command writes several files.
 
 use super::mark::Maker;
-use super::place::{Choice, permit, put};
+use super::replace::{Choice, permit, put};
 use crate::error::{Error, Result};
 use crate::record::journals::RECORDS;
 use crate::record::{cannot_make, ordinary, own_folder, refuse_closed, refuse_file, write_page};
@@ -139,10 +139,10 @@ impl OutFolder {
     /// file equals the new content. The file counts as changed if the list has its name only with other hashes.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
-        let found = hasher.update_reader(file)?.finalize().to_hex().to_string();
-        let same = new.is_some_and(|new| hash(new) == found);
+        let old_hash = hasher.update_reader(file)?.finalize().to_hex().to_string();
+        let same = new.is_some_and(|new| hash(new) == old_hash);
         let listed = self.made.iter().any(|(_, made)| made == name);
-        let made = self.made.contains(&(found, name.to_owned()));
+        let made = self.made.contains(&(old_hash, name.to_owned()));
         Ok(match (same || made, listed) {
             (true, _) => Maker::Raycl,
             (false, true) => Maker::Changed,
@@ -176,8 +176,8 @@ fn remedy(choice: Choice) -> String {
     format!("`{}` writes elsewhere", choice.elsewhere)
 }
 
-/// Returns whether a name stays in the folder to which it is joined: `Path::join` would replace the folder by an
-/// absolute path.
+/// Returns whether a name leads to a file in the folder to which it is joined. A name with `..` may lead out of the
+/// folder, and if the name is an absolute path, `Path::join` drops the folder.
 fn is_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }

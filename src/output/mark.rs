@@ -45,19 +45,19 @@ pub fn png() -> (usize, Vec<u8>) {
 
 /// Returns [`png()`]'s offset and chunk, followed by a chunk with the frame's key.
 pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
-    let (place, chunk) = png();
+    let (position, chunk) = png();
     let text = [b"tEXtComment\0".as_slice(), KEY_LABEL.as_bytes(), key.as_bytes()].concat();
     let length = (text.len() as u32 - 4).to_be_bytes();
     let checksum = crc32fast::hash(&text).to_be_bytes();
-    (place, [&chunk[..], &length, &text, &checksum].concat())
+    (position, [&chunk[..], &length, &text, &checksum].concat())
 }
 
 /// Returns the key of the frame in a file; `None` if raycl did not make the file as a frame, or somebody changed it.
 pub fn key(file: &mut File) -> Option<String> {
-    let found = MarkInFile::read(file).ok()??;
-    let unchanged = found.head[found.hole.clone()] == found.filled;
-    let start = found.head.windows(KEY_LABEL.len()).position(|bytes| bytes == KEY_LABEL.as_bytes())?;
-    let key = found.head.get(start + KEY_LABEL.len()..)?.get(..DIGITS)?;
+    let mark = MarkInFile::read(file).ok()??;
+    let unchanged = mark.head[mark.hole.clone()] == mark.filled;
+    let start = mark.head.windows(KEY_LABEL.len()).position(|bytes| bytes == KEY_LABEL.as_bytes())?;
+    let key = mark.head.get(start + KEY_LABEL.len()..)?.get(..DIGITS)?;
     unchanged.then(|| String::from_utf8_lossy(key).into_owned())
 }
 
@@ -68,17 +68,16 @@ pub fn json(text: &str) -> String {
 
 /// Replaces the zeros in the blank mark of a file by the file's hash.
 pub fn seal(file: &mut File) -> Result<()> {
-    let found =
-        MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
-    file.seek(SeekFrom::Start(found.hole.start as u64))?;
-    file.write_all(&found.filled)
+    let mark = MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
+    file.seek(SeekFrom::Start(mark.hole.start as u64))?;
+    file.write_all(&mark.filled)
 }
 
 /// Returns who made a file, by its mark.
 pub fn maker(file: &mut File) -> Result<Maker> {
     Ok(match MarkInFile::read(file)? {
         None => Maker::Other,
-        Some(found) if found.head[found.hole.clone()] == found.filled => Maker::Raycl,
+        Some(mark) if mark.head[mark.hole.clone()] == mark.filled => Maker::Raycl,
         Some(_) => Maker::Changed,
     })
 }
@@ -187,10 +186,10 @@ mod tests {
     fn a_sealed_file_is_known_and_every_changed_byte_noticed() {
         let sealed = sealed(&format!("before {} after", blank()));
         assert_eq!(maker(&mut file(&sealed)).unwrap(), Maker::Raycl);
-        for place in 0..sealed.len() {
+        for index in 0..sealed.len() {
             let mut changed = sealed.clone();
-            changed[place] ^= 1;
-            assert_ne!(maker(&mut file(&changed)).unwrap(), Maker::Raycl, "byte {place}");
+            changed[index] ^= 1;
+            assert_ne!(maker(&mut file(&changed)).unwrap(), Maker::Raycl, "byte {index}");
         }
         assert_eq!(maker(&mut file(&[&sealed[..], b"."].concat())).unwrap(), Maker::Changed);
         assert_eq!(maker(&mut file(&sealed[..sealed.len() - 1])).unwrap(), Maker::Changed);
@@ -263,8 +262,8 @@ mod tests {
     #[test]
     fn the_chunks_of_a_frames_mark_and_key_have_right_lengths() {
         let key = "5".repeat(DIGITS);
-        let (place, mut rest) = keyed_png(&key);
-        assert_eq!(place, PNG_CHUNK);
+        let (position, mut rest) = keyed_png(&key);
+        assert_eq!(position, PNG_CHUNK);
         let mut texts = Vec::new();
         while !rest.is_empty() {
             let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;

@@ -7,14 +7,14 @@
 
 mod folder;
 pub mod mark;
-mod place;
+mod replace;
 mod results;
 mod stale;
 mod target;
 mod unfinished;
 
 pub use folder::OutFolder;
-pub use place::Choice;
+pub use replace::Choice;
 pub use results::refuse_other_folders;
 #[cfg(test)]
 pub use stale::is_of_report;

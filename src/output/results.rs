@@ -1,6 +1,6 @@
 //! Checks whether results may be written into a folder.
 
-use super::place::Choice;
+use super::replace::Choice;
 use crate::error::{Error, Result};
 use crate::record::TEMPORARY_PREFIX;
 use crate::record::journals::{ENVIRONMENT, IMAGES, RECORDS, SAMPLES};

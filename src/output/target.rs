@@ -1,7 +1,7 @@
 //! The path of a single file that a command writes, with the rules for replacing an existing file.
 
 use super::mark::{self, maker};
-use super::place::{Choice, check_writable, folder_of, permit, put};
+use super::replace::{Choice, check_writable, folder_of, permit, put};
 use crate::error::{Error, Result};
 use crate::reader::in_canonical_folder;
 use serde::Serialize;
@@ -40,7 +40,7 @@ impl Target {
         Self { path: self.path.with_file_name(name), choice: self.choice }
     }
 
-    /// Returns whether this is standard output.
+    /// Returns whether the target is standard output.
     pub fn is_standard_output(&self) -> bool {
         self.path.as_os_str() == STANDARD_OUTPUT
     }
@@ -73,8 +73,8 @@ impl Target {
     }
 
     /// Returns an error if the file exists and is one of those that the command reads, which not even `--force`
-    /// replaces. `is_read` tells whether the command has read, or tried to read, the file with a path in a canonical
-    /// folder. `what` names such a file in the message.
+    /// replaces. `is_read` returns whether the command has read, or tried to read, the file at a path. The folder in
+    /// this path is canonical. `what` names such a file in the message.
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
         // A file that does not exist is not replaced, even if the command tried to read it.
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_told_before_any_work() {
+    fn a_missing_folder_is_reported_before_any_work() {
         let folder = tempfile::tempdir().unwrap();
         let target = Target::new(folder.path().join("nowhere/a.png"), KEEP);
         for error in [target.check().unwrap_err(), target.check_folder().unwrap_err()] {
@@ -256,17 +256,18 @@ mod tests {
         assert!(Target::new("-", KEEP).check().is_ok() && Target::new("-", KEEP).is_standard_output());
     }
 
-    /// Not even the superuser can create files in this folder.
+    /// Not even the superuser can create files in /proc/sys.
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_folder_that_cannot_be_written_to_is_told_before_any_work() {
+    fn a_folder_that_cannot_be_written_to_is_reported_before_any_work() {
         let target = Target::new("/proc/sys/a.png", KEEP);
         let error = target.check().unwrap_err();
         assert_eq!(error.exit_code(), 2);
         let expected = "cannot write '/proc/sys/a.png': the folder '/proc/sys' cannot be written to (";
         assert!(error.to_string().starts_with(expected), "{error}");
         assert_eq!(error.remedy(), "write to another folder with `-o FILE`");
-        // The frames of a film need not be written if all of them exist.
+        // `check_folder` accepts the folder: if all frames of a moving picture exist already, none has to be written
+        // there.
         target.check_folder().unwrap();
     }
 }

@@ -1,4 +1,4 @@
-//! Holds what was written of a file until the file is complete.
+//! Stores the data of a file that is being written, until the file is complete.
 
 use crate::record::{TEMPORARY_PREFIX, temporary_in};
 use std::fs::File;
@@ -59,7 +59,8 @@ fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
     let mut copy = temporary_in(folder)?;
     file.rewind()?;
     std::io::copy(&mut file, &mut copy)?;
-    // The caller may have waited until the first file was on the disk.
+    // The caller may have waited until the first file was on the disk (`sync_all`), so this function waits for the copy
+    // too.
     copy.as_file().sync_all()?;
     Ok(copy)
 }
@@ -69,7 +70,7 @@ fn copied(mut file: File, folder: &Path) -> IoResult<NamedTempFile> {
 fn unnamed_in(folder: &Path) -> IoResult<File> {
     use rustix::fs::{Mode, OFlags, open};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-    // These are the permissions of every new file; the umask takes some of them away.
+    // A program usually creates files with these permissions; the umask takes some of them away.
     let file = open(folder, flags, Mode::from_raw_mode(0o666))?;
     Ok(File::from(file))
 }
@@ -79,7 +80,7 @@ fn unnamed_in(_: &Path) -> IoResult<File> {
     Err(std::io::ErrorKind::Unsupported.into())
 }
 
-/// Gives a file without a name this name. Fails if a file with this name exists.
+/// Gives a file without a name the name `path`. Fails if a file with this name exists.
 #[cfg(target_os = "linux")]
 fn link(file: &File, path: &Path) -> IoResult<()> {
     use rustix::fs::{AtFlags, CWD, linkat};

@@ -22,7 +22,8 @@ const SLOTS: u64 = 8;
 /// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
 /// used.
 const LARGE_BYTES: u64 = 512 << 20;
-/// The smallest distance in bytes between the steps of the pointer chase in global memory: a cache line.
+/// The smallest distance in bytes between the steps of the pointer chase (reads each of which yields the index of the
+/// next) in global memory: a cache line.
 const LINE_BYTES: usize = 128;
 /// Number of entries of the pointer chases in private and `__local` memory. The number is a prime, so that no chase
 /// ends at the entry at which it began. The entry at the end therefore shows that the chase ran.
@@ -67,9 +68,9 @@ fn latency(seconds: &[f64]) -> Figure {
     Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
 }
 
-fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
-    let close = (found - expected).abs() <= 1e-3 * expected.abs();
-    if close { Ok(()) } else { Err(failed_because(&format!("{what} returned {found}, not {expected}"))) }
+fn expect(what: &str, actual: f64, expected: f64) -> Result<()> {
+    let close = (actual - expected).abs() <= 1e-3 * expected.abs();
+    if close { Ok(()) } else { Err(failed_because(&format!("{what} returned {actual}, not {expected}"))) }
 }
 
 fn fma(rig: &Rig<'_>) -> Result<Figure> {
@@ -248,12 +249,12 @@ fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
         steps = loops * STEPS;
         kernel.set_arg(1, at).map_err(failed)
     })?;
-    let mut found = [0];
-    out.read(&mut found[..]).enq().map_err(failed)?;
+    let mut end = [0];
+    out.read(&mut end[..]).enq().map_err(failed)?;
     for _ in 0..steps {
         at = next[at as usize];
     }
-    expect("the chase", f64::from(found[0]) + 1.0, f64::from(at) + 1.0)?;
+    expect("the chase", f64::from(end[0]) + 1.0, f64::from(at) + 1.0)?;
     Ok(latency(&seconds))
 }
 
@@ -315,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn launches_are_told_in_microseconds() {
+    fn launches_are_reported_in_microseconds() {
         assert_eq!(shortest_us(&[(0.25, 0.5), (0.125, 0.75), (0.5, 1.0)]), (125.0, 500.0));
         assert_eq!(
             figures(&[(1.0, 10.0), (2.0, 20.0), (9.0, 90.0)]).map(|figure| figure.median),
@@ -354,7 +355,7 @@ mod tests {
     fn work_fits_the_device_that_is_measured() {
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let own = device.info.limits;
-        let mut told = |limits: DeviceLimits| {
+        let mut sizes = |limits: DeviceLimits| {
             device.info.limits = limits;
             let rig = Rig::open(&device, &Sources::Embedded).unwrap();
             (rig.group(), rig.items(), rig.width(4), large_bytes(&rig))
@@ -368,11 +369,11 @@ mod tests {
             allocation_bytes: 1 << 40,
             ..own
         };
-        assert_eq!(told(gpu), (256, 3 * 32 * 256, 4, 512 << 20));
+        assert_eq!(sizes(gpu), (256, 3 * 32 * 256, 4, 512 << 20));
         let small = DeviceLimits { work_group_size: 64, allocation_bytes: (5 << 20) + 7, ..gpu };
-        assert_eq!(told(small), (64, 3 * 32 * 64, 4, 5 << 20));
+        assert_eq!(sizes(small), (64, 3 * 32 * 64, 4, 5 << 20));
         let cpu =
             DeviceLimits { is_cpu: true, native_width: 8, global_bytes: 64 << 20, compute_units: 2, ..gpu };
-        assert_eq!(told(cpu), (1, 2 * 4, 8, 4 << 20));
+        assert_eq!(sizes(cpu), (1, 2 * 4, 8, 4 << 20));
     }
 }

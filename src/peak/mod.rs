@@ -69,24 +69,24 @@ pub struct Peak {
     pub launch_batched_us: Figure,
     /// Latency of a multiply-add on private values, in nanoseconds.
     pub private_ns: Figure,
-    /// Latency of a read of a private array that is not in registers.
+    /// Latency of a read of a private array that is not in registers, in nanoseconds.
     pub private_array_ns: Figure,
-    /// Latency of a read of `__local` memory.
+    /// Latency of a read of `__local` memory, in nanoseconds.
     pub local_ns: Figure,
-    /// Latency of a read of global memory that no cache holds.
+    /// Latency of a read of global memory that no cache holds, in nanoseconds.
     pub global_ns: Figure,
 }
 
 impl Figure {
     /// Summarises repeats; all values are zero without repeats.
     pub fn of(values: &[f64]) -> Self {
-        let found = Summary::of(values).map(|summary| Self {
+        let summary = Summary::of(values).map(|summary| Self {
             median: summary.median,
             q1: summary.q1,
             q3: summary.q3,
             repeats: values.len(),
         });
-        found.unwrap_or_default()
+        summary.unwrap_or_default()
     }
 }
 
@@ -112,9 +112,9 @@ impl Peak {
     }
 
     /// Reads the rates in a folder of results; empty if they were not measured.
-    pub fn kept_in(folder: &Path) -> Result<Vec<Self>> {
-        let kept = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
-        kept.map_or(Ok(Vec::new()), |path| Self::read(&path).map_err(|error| error.with_help(MEASURED_AGAIN)))
+    pub fn stored_in(folder: &Path) -> Result<Vec<Self>> {
+        let path = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
+        path.map_or(Ok(Vec::new()), |path| Self::read(&path).map_err(|error| error.with_help(MEASURED_AGAIN)))
     }
 
     /// Writes a list for several devices.
@@ -146,8 +146,8 @@ impl Peak {
 }
 
 /// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many bytes it
-/// reads, by the headers of the strategy's files. The record keeps these numbers, since other processes may know other
-/// files.
+/// reads, by the headers of the strategy's files. The record keeps these numbers, since a process that reads the record
+/// later may know other files.
 pub fn describe_test(record: &mut Record) {
     record.operations_per_test = operations_per_test(&record.strategy);
     if let Some(traffic) = Traffic::by_headers(record) {
@@ -172,7 +172,8 @@ mod tests {
         let strategy = "traversal=exhaustive intersector=common-origin vectors=private".to_owned();
         let mut record = Record { device: "gpu".into(), strategy, ..Record::default() };
         record.tests_per_s = Some(1.0e11);
-        // The count is that of the record: the headers that this process knows may be those of another folder.
+        // The number of operations is taken from the record, since the headers that this process knows may be those of
+        // another folder.
         record.operations_per_test = Some(7);
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut record);
         assert_eq!((record.operations_per_test, record.fma_per_s), (Some(7), Some(3.0e12)));
@@ -218,31 +219,31 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_read_is_told_with_its_line_and_a_folders_own_file_with_its_remedy() {
+    fn a_file_that_cannot_be_read_is_reported_with_its_line_and_a_folders_own_file_with_its_remedy() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(FILE);
-        for (wrong, told) in [
+        for (wrong, message) in [
             ("no rates", "expected ident at line 1 "),
             ("[\n  {\"device\": 3}\n]", "invalid type: integer `3`, expected a string at line 2 "),
             ("{\n\"device\": \"a\"\n}", "missing field `platform` at line 3 "),
         ] {
             std::fs::write(&path, wrong).unwrap();
-            let [given, kept] = [Peak::read(&path), Peak::kept_in(folder.path())].map(Result::unwrap_err);
-            let expected = format!("{} does not contain peak rates: {told}", path.display());
+            let [given, stored] = [Peak::read(&path), Peak::stored_in(folder.path())].map(Result::unwrap_err);
+            let expected = format!("{} does not contain peak rates: {message}", path.display());
             assert!(given.to_string().starts_with(&expected), "{given}");
-            assert_eq!(given.to_string(), kept.to_string());
-            assert_eq!((given.remedy(), kept.remedy()), (WRITTEN_BY, MEASURED_AGAIN));
+            assert_eq!(given.to_string(), stored.to_string());
+            assert_eq!((given.remedy(), stored.remedy()), (WRITTEN_BY, MEASURED_AGAIN));
         }
     }
 
     #[test]
     fn a_folder_of_an_older_raycl_is_read() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Peak::kept_in(folder.path()).unwrap(), []);
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), []);
         Peak::write(&[peak("old")], &folder.path().join("limits.json")).unwrap();
-        assert_eq!(Peak::kept_in(folder.path()).unwrap(), [peak("old")]);
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), [peak("old")]);
         Peak::write(&[peak("new")], &folder.path().join("peak.json")).unwrap();
-        assert_eq!(Peak::kept_in(folder.path()).unwrap(), [peak("new")]);
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), [peak("new")]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{LaunchError, Queue, Refused};
-use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
+use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use ocl::builders::KernelBuilder;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
@@ -78,13 +78,14 @@ impl<'a> Rig<'a> {
     ///
     /// # Errors
     ///
-    /// The error is the user's mistake if the program contains a file of the user and does not compile.
+    /// The error is an input error if the program contains a file of the user and does not compile.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<PeakProgram> {
         let (source, files) = self.sources.read_joined(file)?;
         let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
         let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
         let spec = ProgramSpec { source, options, files };
-        let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
+        let built =
+            BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &ProgramCache::default());
         let error = match built {
             Ok(BuiltProgram { program, .. }) => {
                 return Ok(PeakProgram { program, own_files: self.sources.changed_paths(&spec.files) });
@@ -101,7 +102,7 @@ impl<'a> Rig<'a> {
     ///
     /// # Errors
     ///
-    /// The error is the user's mistake if a kernel file of the user lacks the kernel, or changes its parameters.
+    /// The error is an input error if a kernel file of the user lacks the kernel, or changes its parameters.
     pub fn kernel<'b>(
         &self,
         PeakProgram { program, own_files }: &'b PeakProgram,
@@ -112,8 +113,8 @@ impl<'a> Rig<'a> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);
-        // SAFETY: every caller's arguments follow the parameters in cl/peak/; the check by `ocl` does not
-        // support vector pointers.
+        // SAFETY: every caller's arguments follow the parameters in cl/peak/. The check by `ocl` is switched off, since
+        // it does not support pointers to vectors.
         unsafe { kernel.disable_arg_type_check() };
         add(&mut kernel);
         kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
@@ -194,11 +195,11 @@ mod tests {
     fn a_kernel_is_timed_with_loops_that_take_twenty_milliseconds() {
         // Each loop takes a microsecond, and the first launch also compiles for a second.
         let mut launches = Vec::new();
-        let found = looped(|loops| {
+        let looped_run = looped(|loops| {
             launches.push(loops);
             Ok(if launches.len() == 1 { 1000.0 } else { 1e-3 * f64::from(loops) })
         });
-        let (seconds, loops) = found.expect("it is measured");
+        let (seconds, loops) = looped_run.expect("it is measured");
         // 2^15 is the first power of two that is larger than 20,000.
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_in_a_kernel_file_of_the_user_is_told_with_its_place() {
+    fn a_mistake_in_a_kernel_file_of_the_user_is_reported_with_its_line() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("peak/vector.cl");
         std::fs::create_dir(folder.path().join("peak")).expect("a folder");
@@ -222,7 +223,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2, "{message}");
         assert!(message.starts_with("a kernel file does not compile: "), "{message}");
         assert!(message.contains(&format!("{}:1:", file.display())), "{message}");
-        // Programs without this file are raycl's own.
+        // Programs that do not contain the user's file are raycl's own.
         assert!(rig.program("peak/launch.cl", &[]).is_ok());
         let error = rig.program("peak/latency.cl", &[]).err().expect("it lacks the define ENTRIES");
         assert_eq!(error.exit_code(), 1, "{error}");

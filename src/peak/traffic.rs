@@ -38,8 +38,8 @@ impl<'a> Traffic<'a> {
     }
 
     /// Returns the bytes that each test of a record's strategy reads, by the headers of the files of the strategy's
-    /// values. Returns `None` for baselines, and for strategies that do not test every ray against every triangle.
-    /// Their number of tests is unknown, so the bytes per test do not yield the bytes of a frame.
+    /// values. Returns `None` for baselines, and for strategies that do not test every ray against every triangle. The
+    /// number of tests of such strategies is unknown, so the bytes per test do not yield the bytes of a frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

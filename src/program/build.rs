@@ -2,7 +2,7 @@
 
 use super::ProgramSpec;
 use super::compiled::is_ptx;
-use super::kept::{Kept, KeptProgram};
+use super::stored::{ProgramCache, StoredProgram};
 use crate::device::{compile, compiler_log, may_pass, quieting};
 use crate::sources::Sources;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
@@ -34,7 +34,8 @@ pub struct BuildError {
 impl BuildError {
     /// Replaces the names of kernel files in the log by their paths, and finds out whose mistake the error is. The
     /// compiler names these files relative to `cl/` or to the user's folder, or names lines of the whole program. An
-    /// error that may pass says nothing about the program, so it stays as it is.
+    /// error that may not occur again (`may_pass`), such as missing memory, says nothing about the program, so its log
+    /// stays as it is.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
         if self.may_pass {
             return self;
@@ -56,8 +57,8 @@ pub struct BuiltProgram {
     device: Device,
     verbose: bool,
     /// The compiler's messages, which were stored with the program; `None` if the program did not come from the cache.
-    kept_log: Option<String>,
-    kept: Kept,
+    cached_log: Option<String>,
+    programs: ProgramCache,
     key: String,
     options: String,
     context: Context,
@@ -70,45 +71,56 @@ impl BuiltProgram {
         context: &Context,
         device: Device,
         spec: &ProgramSpec,
-        kept: &Kept,
+        programs: &ProgramCache,
     ) -> Result<Self, BuildError> {
         let start = Instant::now();
         let verbose = prints_resources(device);
         let options = options(device, spec);
-        let key = kept.key(&spec.source, &options);
-        let found = kept.find(&key).and_then(|found| Some((load(context, device, &found, &options)?, found)));
-        let (program, kept_log) = match found {
-            Some((program, found)) => (program, Some(found.log)),
+        let key = programs.key(&spec.source, &options);
+        let cached =
+            programs.find(&key).and_then(|stored| Some((load(context, device, &stored, &options)?, stored)));
+        let (program, cached_log) = match cached {
+            Some((program, stored)) => (program, Some(stored.log)),
             None => (compile(context, device, &spec.source, &options).map_err(refusal)?, None),
         };
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
-        let from_cache = kept_log.is_some();
-        let kept = kept.clone();
+        let from_cache = cached_log.is_some();
+        let programs = programs.clone();
         let context = context.clone();
-        let built =
-            Self { program, build_ms, from_cache, device, verbose, kept_log, kept, key, options, context };
-        if built.kept.has_binaries_at_hand() {
+        let built = Self {
+            program,
+            build_ms,
+            from_cache,
+            device,
+            verbose,
+            cached_log,
+            programs,
+            key,
+            options,
+            context,
+        };
+        if built.programs.has_binaries_at_hand() {
             built.keep();
         }
         Ok(built)
     }
 
     /// Returns whether the cache contains a program, so that nothing needs to be compiled.
-    pub fn is_kept(device: Device, spec: &ProgramSpec, kept: &Kept) -> bool {
-        kept.find(&kept.key(&spec.source, &options(device, spec))).is_some()
+    pub fn is_cached(device: Device, spec: &ProgramSpec, programs: &ProgramCache) -> bool {
+        programs.find(&programs.key(&spec.source, &options(device, spec))).is_some()
     }
 
     /// Stores the compiled program in the cache, and returns whether it is stored now. This may take long, because
     /// some drivers compile every kernel again to return the binary.
     pub fn keep(&self) -> bool {
-        if self.from_cache || !self.kept.keeps() {
+        if self.from_cache || !self.programs.keeps() {
             return self.from_cache;
         }
         if self.lacks_log() {
             return false;
         }
         let binary = self.binary();
-        !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log: self.log(), binary })
+        !binary.is_empty() && self.programs.keep(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
     /// Returns whether the compiler printed no registers although it can. In this case, the driver took the
@@ -129,14 +141,14 @@ impl BuiltProgram {
         if self.from_cache || self.ptx().is_empty() {
             return;
         }
-        if let Some(found) = self.kept.find(&self.key) {
-            drop(load(&self.context, self.device, &found, &self.options));
+        if let Some(stored) = self.programs.find(&self.key) {
+            drop(load(&self.context, self.device, &stored, &self.options));
         }
     }
 
     /// Returns the compiler's messages; may be empty.
     pub fn log(&self) -> String {
-        if let Some(log) = &self.kept_log {
+        if let Some(log) = &self.cached_log {
             return log.clone();
         }
         let log = self.program.build_info(self.device, ProgramBuildInfo::BuildLog);
@@ -175,9 +187,9 @@ fn refusal(error: ocl::Error) -> BuildError {
 }
 
 /// Loads a program from a stored binary; `None` if the driver does not accept it.
-fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -> Option<Program> {
+fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
-    Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
+    Program::with_binary(context.as_core(), &[device], &[&stored.binary], &options).ok()
 }
 
 /// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function
@@ -216,14 +228,16 @@ mod tests {
         // NVIDIA's compiler names no file.
         assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
         assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
-        // A built-in file may use a name that the user's file defines wrongly. A compiler may also name no file.
+        // In both of the next cases, the message must also name the user's file. In the first, the compiler names a
+        // built-in file, which may use a name that the user's file defines wrongly. In the second, the compiler names
+        // no file.
         let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));
         let note = format!("\nnote: {shade}:2:2: it is declared here");
         assert_eq!(other, format!("{why}error: cl/cast/scene.cl:1:1: no{note}"));
         assert_eq!(located("error: no"), format!("{why}error: no"));
-        // Without a file of the folder, the mistake is not the user's.
+        // If the program contains no file of the user's folder, the mistake is not the user's.
         let built_in = error("error: cast/scene.cl:1:1: no").located(&sources, &spec(&files[1..]));
         assert!(!built_in.has_own_file && built_in.log.starts_with("error: cl/cast/scene.cl"), "{built_in}");
         // The driver's lack of memory says nothing about the program.

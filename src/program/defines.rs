@@ -1,6 +1,6 @@
 //! The values of the defines that the manifest (`crate::manifest`) lists for compilation.
 
-use crate::accel::{PADDING_ROWS, WideBvh};
+use crate::accel::{NORMAL_FLOATS, PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
     Fact, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS,
@@ -66,7 +66,7 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "SAMPLED" => u64::from(workload.many_samples),
         "HALF_LIGHT" => u64::from(workload.half_light && strategy.family().takes(Fact::Soft)),
         "FUSED" => u64::from(strategy.fuses(workload)),
-        "LEFT_OVER_KERNEL" => u64::from(strategy.holds_of(Fact::LeftOver, workload)),
+        "LEFTOVER_KERNEL" => u64::from(strategy.holds_of(Fact::LeftOver, workload)),
         "GIVEN_RAYS" => u64::from(workload.given_rays),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
@@ -86,6 +86,7 @@ fn constant(name: &str) -> Option<u64> {
     Some(match name {
         "NO_HIT" => NO_HIT as u64,
         "ROW_FLOATS" => ROW_FLOATS as u64,
+        "NORMAL_FLOATS" => NORMAL_FLOATS as u64,
         "LIGHT_FLOATS" => LIGHT_FLOATS as u64,
         "MATERIAL_FLOATS" => Material::FLOATS as u64,
         "SOUP_STRIDE" => SOUP_FLOATS as u64,

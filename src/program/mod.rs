@@ -5,16 +5,16 @@ pub mod compiled;
 mod defines;
 mod frame_kernels;
 mod include;
-mod kept;
 pub mod preprocess;
 mod source;
 mod spec;
+mod stored;
 
 pub use crate::sources::Sources;
 pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
 pub use compiled::CompiledKernel;
 pub use frame_kernels::frame_kernels;
-pub use kept::Kept;
-#[cfg(test)]
-pub(crate) use kept::KeptProgram;
 pub use spec::ProgramSpec;
+pub use stored::ProgramCache;
+#[cfg(test)]
+pub(crate) use stored::StoredProgram;

@@ -30,7 +30,7 @@ pub(super) struct Joiner<'a> {
     pub text: String,
     /// The files that make up the text, each once, in order.
     pub files: Vec<String>,
-    /// The files that are being added, outermost first.
+    /// The files that are being added, outermost first: each includes the next one.
     pub chain: Chain,
 }
 
@@ -126,10 +126,10 @@ mod tests {
     fn the_hash_of_kernels_follows_the_text_and_the_name_of_every_file() {
         let folder = tempfile::tempdir().unwrap();
         let with = |name: &str, text: &str| {
-            let place = folder.path().join(name.replace('.', "-") + text);
-            std::fs::create_dir_all(&place).unwrap();
-            std::fs::write(place.join(name), text).unwrap();
-            Sources::Folder(place).hash().unwrap()
+            let own_folder = folder.path().join(name.replace('.', "-") + text);
+            std::fs::create_dir_all(&own_folder).unwrap();
+            std::fs::write(own_folder.join(name), text).unwrap();
+            Sources::Folder(own_folder).hash().unwrap()
         };
         let hashes = [
             Sources::Embedded.hash().unwrap(),

@@ -35,8 +35,9 @@ impl ProgramSpec {
         Ok(spec)
     }
 
-    /// Makes the same input without the lines at which a compiler stops if a file of the user disagrees with its
-    /// header. `raycl kernel` prints this program, since the remedy for such an error is to look at it.
+    /// Makes the same input as [`Self::new`], but without the lines at which a compiler stops if a file of the user
+    /// disagrees with its header. `raycl kernel` prints this program, so that a user can look for the cause of such an
+    /// error in it.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -92,7 +93,9 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     }
     let text = sources.read(&file)?;
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
-    // The directive counts the line after it, which is the `#if`; the `#error` is one line further down.
+    // The compiler must report the error at the line of `copied`. `#line` states the number of the line after it, which
+    // is the `#if`; the `#error` is one line further down. `key` counts lines from 0, so it is the right number for the
+    // `#if`.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [
@@ -154,15 +157,15 @@ mod tests {
             assert_eq!(text.matches(from).count(), 1, "{from}");
             std::fs::write(folder.path().join(file), text.replace(from, to)).unwrap();
             let spec = sources.values().unwrap().during(|| spec_of(&sources));
-            let told = preprocess(&spec.source, &spec.options, &BTreeMap::new()).err();
-            let told = told.map(|error| error.to_string());
-            let as_expected = match (&told, expected) {
-                (Some(told), Some(why)) => told.starts_with(&format!("{file}, line 3: #error \"{why}, ")),
-                (told, expected) => told.is_none() && expected.is_none(),
+            let error = preprocess(&spec.source, &spec.options, &BTreeMap::new()).err();
+            let message = error.map(|error| error.to_string());
+            let as_expected = match (&message, expected) {
+                (Some(text), Some(why)) => text.starts_with(&format!("{file}, line 3: #error \"{why}, ")),
+                (message, expected) => message.is_none() && expected.is_none(),
             };
-            assert!(as_expected, "{to}: {told:?}");
+            assert!(as_expected, "{to}: {message:?}");
         }
-        // The programs of built-in files stay as they are, with the hashes in their records.
+        // Programs of built-in files get no such lines, since their hashes must stay those of their stored records.
         assert!(!spec_of(&Sources::Embedded).source.contains("in the header of this file"));
     }
 

@@ -1,6 +1,6 @@
 //! `anchors.jsonl`: times of the anchor, a fixed kernel that each device runs once for every six samples of its points,
-//! or once for every round of fewer samples. These times make runs comparable even if the machine's speed changed
-//! between the runs.
+//! or once in every round if a round has fewer samples on the device. These times make runs comparable even if the
+//! machine's speed changed between the runs.
 
 use super::plan::CurrentPlan;
 use super::types::Record;
@@ -57,8 +57,8 @@ pub(super) struct AnchorTimes<'a> {
 pub(super) struct AnchorUtilization {
     /// The median over the samples that remain without the preempted ones.
     pub remaining: f64,
-    /// The ratio for all samples together, including the preempted ones. Long frames of points are delayed about as
-    /// much.
+    /// The ratio for all samples together, including the preempted ones. Other programs delay a point with long frames
+    /// about as much as all samples of the anchor together.
     pub overall: f64,
 }
 
@@ -89,10 +89,10 @@ impl AnchorUtilization {
     }
 }
 
-/// Gives anchors the names that a plan gives to their devices. `records` are records of the same folder, with the names
-/// under which they were stored. A device's name depends on the machine's other devices, so an earlier session may have
-/// used another name than the plan. If no record has an anchor's launch and device, as after a session that was
-/// interrupted, the anchor gets the device of other anchors with its name.
+/// In the samples of anchors, replaces the devices' names by the names that a plan uses. `records` are records of the
+/// same folder, with the names under which they were stored. A device's name depends on the machine's other devices, so
+/// an earlier session may have used another name than the plan. If no record has an anchor's launch and device, as
+/// after a session that was interrupted, the anchor gets the device name of other anchors with the same anchor name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,
@@ -107,8 +107,8 @@ pub(super) fn name_devices<'a>(
         }
     }
     let of_launch = |anchor: &AnchorSample| planned.get(&(anchor.device.as_str(), anchor.launch)).copied();
-    let found = anchors.iter().filter_map(|anchor| Some((anchor.anchor.clone(), of_launch(anchor)?)));
-    let of_name: HashMap<String, &str> = found.collect();
+    let names = anchors.iter().filter_map(|anchor| Some((anchor.anchor.clone(), of_launch(anchor)?)));
+    let of_name: HashMap<String, &str> = names.collect();
     for anchor in anchors {
         if let Some(device) = of_launch(anchor).or_else(|| of_name.get(&anchor.anchor).copied()) {
             anchor.device = device.to_owned();
@@ -152,14 +152,14 @@ mod tests {
         };
         let mut samples = [vec![sample(5.0); 6], vec![sample(20.0); 3]].concat();
         let launches = HashSet::from([0]);
-        let found = AnchorTimes::of_launches(&launches, &samples);
-        let times: Vec<f64> = found[0].remaining.iter().map(|sample| sample.ms).collect();
+        let anchors = AnchorTimes::of_launches(&launches, &samples);
+        let times: Vec<f64> = anchors[0].remaining.iter().map(|sample| sample.ms).collect();
         assert_eq!(times, [5.0; 6]);
-        // The nine samples used 90 ms of processor time in 90 ms.
-        assert_eq!(found[0].utilization, Some(AnchorUtilization { remaining: 2.0, overall: 1.0 }));
+        // The nine samples used 90 ms of processor time in 90 ms of elapsed time.
+        assert_eq!(anchors[0].utilization, Some(AnchorUtilization { remaining: 2.0, overall: 1.0 }));
         // Files of earlier versions have no processor times.
         samples[3].processor_ms = None;
-        let found = AnchorTimes::of_launches(&launches, &samples);
-        assert_eq!((found[0].remaining.len(), found[0].utilization), (9, None));
+        let anchors = AnchorTimes::of_launches(&launches, &samples);
+        assert_eq!((anchors[0].remaining.len(), anchors[0].utilization), (9, None));
     }
 }

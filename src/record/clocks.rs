@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_told_is_read_and_what_is_not_is_absent() {
+    fn what_is_reported_is_read_and_what_is_not_is_absent() {
         let root = tempfile::tempdir().expect("a folder");
         assert_eq!(Clocks::under(root.path()), Clocks::default());
         let cpufreq = root.path().join("sys/devices/system/cpu/cpu0/cpufreq");

@@ -2,7 +2,7 @@
 //! different machines. All blocks of a group measure the same control point, so points of different
 //! blocks are compared by their ratios to this point.
 
-use super::place::Place;
+use super::relative_times::RelativeTimes;
 use super::types::Record;
 use crate::measure::{Interval, Standing};
 use std::collections::HashMap;
@@ -21,18 +21,18 @@ pub(super) struct Control {
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
     for record in records.iter().filter(|record| record.control.as_ref() == Some(&record.key)) {
-        let Some(place) = &record.place else { continue };
-        blocks.insert(place.together, place.standing.clone());
+        let Some(times) = &record.relative_times else { continue };
+        blocks.insert(times.together, times.standing.clone());
     }
     for record in records {
-        let (Some(place), Some(key)) = (&mut record.place, &record.control) else { continue };
-        let Some(standing) = blocks.get(&place.together) else { continue };
+        let (Some(times), Some(key)) = (&mut record.relative_times, &record.control) else { continue };
+        let Some(standing) = blocks.get(&times.together) else { continue };
         let is_itself = record.key == *key;
-        place.control = Some(Control { key: key.clone(), standing: standing.clone(), is_itself });
+        times.control = Some(Control { key: key.clone(), standing: standing.clone(), is_itself });
     }
 }
 
-impl Place {
+impl RelativeTimes {
     /// Returns the level (the logarithm of a time) by which a record is ranked within its family. If the record's block
     /// has a control point, the control point's level in this block is subtracted. The speeds of the blocks' machines
     /// then cancel.
@@ -51,9 +51,9 @@ impl Place {
     /// point that their blocks share.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
-        let to_control = |place: &Self, control: &Control| match control.is_itself {
+        let to_control = |times: &Self, control: &Control| match control.is_itself {
             true => Interval::ONE,
-            false => place.standing.ratio(&control.standing),
+            false => times.standing.ratio(&control.standing),
         };
         (own.key == others.key).then(|| to_control(self, own).over(to_control(other, others)))
     }
@@ -68,7 +68,7 @@ mod tests {
     /// Returns a record with ten samples near `ms`, five in each of the two launches of a block.
     fn block(name: &str, ms: f64, number: u32) -> Record {
         let mut record =
-            sampled(name, (0..10).map(|place| (place / 5, ms * (1.0 + 0.02 * f64::from(place / 5)))));
+            sampled(name, (0..10).map(|index| (index / 5, ms * (1.0 + 0.02 * f64::from(index / 5)))));
         record.sample_launches.iter_mut().for_each(|launch| *launch += 7 * number);
         Record { control: Some(record.key.clone()), ..record }
     }
@@ -90,8 +90,8 @@ mod tests {
     #[test]
     fn blocks_are_compared_by_the_control_point_that_both_measured() {
         let records = of_two_machines();
-        let found = ratio(&records[1], &records[3]).expect("enough samples");
-        assert!((found.middle - 1.25).abs() < 1e-9 && found.low > 1.2 && found.high < 1.3, "{found:?}");
+        let ratio = ratio(&records[1], &records[3]).expect("enough samples");
+        assert!((ratio.middle - 1.25).abs() < 1e-9 && ratio.low > 1.2 && ratio.high < 1.3, "{ratio:?}");
         let ranking = ranking([&records[1], &records[3]]);
         assert_eq!(ranking.winners[0].name, "wide");
     }
@@ -106,8 +106,9 @@ mod tests {
         assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
-    /// The quotient of the control point's ratio to itself, which is exactly 1, and another point's ratio to the
-    /// control point has only the error of this other ratio.
+    /// The control point's ratio to itself is exactly 1 and has no error. If a point is compared with the control point
+    /// of another block, this ratio therefore has only the error of the point's ratio to the control point of the
+    /// point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let records = of_two_machines();
@@ -131,7 +132,7 @@ mod tests {
             of("other", 20.0, 1),
             with(block("wide", 8.0, 1), "other"),
         ]);
-        let found = ratio(&records[1], &records[3]).expect("enough samples");
-        assert!((found.middle - 5.0 / 8.0).abs() < 1e-9, "{found:?}");
+        let ratio = ratio(&records[1], &records[3]).expect("enough samples");
+        assert!((ratio.middle - 5.0 / 8.0).abs() < 1e-9, "{ratio:?}");
     }
 }

@@ -1,10 +1,11 @@
-//! By how much other programs may have delayed a point and its anchor differently.
+//! Estimates by how much more other programs may have delayed a point than its anchor, or the anchor than the point.
 //!
 //! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But other
 //! programs need not delay both by the same factor: a frame of half a millisecond often ends before it is preempted,
 //! whereas an anchor of five milliseconds may be preempted in all samples. Preempted samples are left out, but each
-//! launch keeps at least five samples, and a run whose samples are all preempted keeps them all. The utilization of the
-//! samples that remain shows by how much they may have been delayed.
+//! launch keeps at least five samples, and a run whose samples are all preempted keeps them all. The utilization
+//! (processor time divided by elapsed time) of the samples that remain shows by how much other programs may have
+//! delayed them.
 
 use super::types::Record;
 
@@ -16,7 +17,7 @@ pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
 }
 
 fn known(before: &Record, after: &Record) -> Option<f64> {
-    let anchor = |record: &Record| record.place.as_ref()?.anchor.as_ref()?.utilization;
+    let anchor = |record: &Record| record.relative_times.as_ref()?.anchor.as_ref()?.utilization;
     let (first, second) = (anchor(before)?, anchor(after)?);
     let of_anchor = delay(first.remaining, second.remaining)?;
     // A point's utilization also changes if its kernel changed, for example if the work-groups of the new kernel take
@@ -36,18 +37,19 @@ fn delay(before: f64, after: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::anchors::AnchorUtilization;
-    use super::super::place::PlacedAnchor;
+    use super::super::relative_times::MeasuredAnchor;
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a record with this utilization, beside an anchor with these: of the remaining samples and of all.
+    /// Returns a record with this utilization. Its anchor has two utilizations: that of the samples that remain without
+    /// the preempted ones, and that of all samples.
     fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
         let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
         record.utilization = Some(utilization);
-        if let Some(place) = &mut record.place {
-            let (name, standing) = ("a".to_owned(), place.standing.clone());
+        if let Some(times) = &mut record.relative_times {
+            let (name, standing) = ("a".to_owned(), times.standing.clone());
             let utilization = Some(AnchorUtilization { remaining, overall });
-            place.anchor = Some(PlacedAnchor { name, standing, utilization });
+            times.anchor = Some(MeasuredAnchor { name, standing, utilization });
         }
         record
     }

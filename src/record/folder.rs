@@ -168,8 +168,8 @@ pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     if CurrentPlan::is_in(folder) { Ok(lines) } else { lines.refuse_if_all_damaged(&journal) }
 }
 
-/// Reads the journal of anchors, and gives the anchors the plan's names of their devices. `records` are all stored
-/// records.
+/// Reads the journal of anchors, and replaces the names of the anchors' devices by the names that the plan uses.
+/// `records` are all stored records.
 fn anchors<'a>(
     folder: &Path,
     plan: Option<&CurrentPlan>,
@@ -217,9 +217,9 @@ impl Shown {
     }
 }
 
-/// Returns the records of control points that belong to the plan, with the plan's names; all records without a plan. A
-/// control point has a record for each block, and the launches of blocks differ. Of several records of the same
-/// launches, the last one is used.
+/// Returns the records of control points that belong to the plan, with the plan's names. If there is no plan, returns
+/// the records of all control points. A control point has a record for each block, and the launches of blocks differ.
+/// Of several records of the same launches, the last one is used.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -271,19 +271,19 @@ fn label(path: &Path) -> String {
 /// Of all records with the same identity, returns the last one, in the order in which the identities first occur.
 /// `name` returns a text that identifies a record, such as its key.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
-    let mut places: HashMap<String, usize> = HashMap::new();
-    let mut kept: Vec<Record> = Vec::new();
+    let mut indices: HashMap<String, usize> = HashMap::new();
+    let mut newest: Vec<Record> = Vec::new();
     for record in records {
         let name = name(&record);
-        match places.get(&name) {
-            Some(&place) => kept[place] = record,
+        match indices.get(&name) {
+            Some(&index) => newest[index] = record,
             None => {
-                places.insert(name, kept.len());
-                kept.push(record);
+                indices.insert(name, newest.len());
+                newest.push(record);
             }
         }
     }
-    kept
+    newest
 }
 
 /// Returns a text that identifies a record's point by its names and sizes.
@@ -413,8 +413,8 @@ mod tests {
 
     #[test]
     fn a_folder_of_shards_that_are_not_merged_is_answered_with_the_merge() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path().join("my shards");
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("my shards");
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join("shards.json"), "{}").unwrap();
         let error = Folder::read(&folder).expect_err("it is not merged");
@@ -438,31 +438,31 @@ mod tests {
     }
 
     #[test]
-    fn every_journal_of_a_folder_is_read_and_damage_to_each_is_told() {
+    fn every_journal_of_a_folder_is_read_and_damage_to_each_is_reported() {
         let folder = folder(&[record("a", "bvh", 1.0)]);
-        let place = |name: &str| folder.path().join(name);
-        JsonLines::append_to(&place(CONTROLS)).unwrap().append(&record("c", "naive", 2.0)).unwrap();
-        JsonLines::append_to(&place(ROUNDS))
+        let path = |name: &str| folder.path().join(name);
+        JsonLines::append_to(&path(CONTROLS)).unwrap().append(&record("c", "naive", 2.0)).unwrap();
+        JsonLines::append_to(&path(ROUNDS))
             .unwrap()
             .append(&RoundLoad { launch: 3, ..RoundLoad::default() })
             .unwrap();
         let anchor = AnchorSample { anchor: "one".into(), ..AnchorSample::default() };
-        JsonLines::append_to(&place(ANCHORS)).unwrap().append(&anchor).unwrap();
+        JsonLines::append_to(&path(ANCHORS)).unwrap().append(&anchor).unwrap();
         let read = Folder::read(folder.path()).unwrap();
         assert_eq!(read.records.iter().map(|record| record.key.as_str()).collect::<Vec<_>>(), ["a"]);
         assert_eq!(read.controls.iter().map(|record| record.key.as_str()).collect::<Vec<_>>(), ["c"]);
         assert_eq!((read.rounds[0].launch, read.anchors), (3, vec![anchor]));
         for name in [RECORDS, CONTROLS, ROUNDS, ANCHORS] {
-            let text = std::fs::read_to_string(place(name)).unwrap();
-            std::fs::write(place(name), format!("{text}nonsense\n")).unwrap();
+            let text = std::fs::read_to_string(path(name)).unwrap();
+            std::fs::write(path(name), format!("{text}nonsense\n")).unwrap();
             let (_, notes) = shown(&folder);
             let expected = format!("raycl ignores 1 damaged line of {name}; the first is line 2.");
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
-        // Damage to the only line of a journal costs no more than that line.
+        // If the only line of a journal is damaged, only this line is lost.
         for name in [CONTROLS, ROUNDS, ANCHORS] {
-            std::fs::write(place(name), "nonsense\n").unwrap();
+            std::fs::write(path(name), "nonsense\n").unwrap();
         }
         let read = Folder::read(folder.path()).unwrap();
         assert_eq!((read.records.len(), read.controls.len(), read.damage.len()), (1, 0, 4));
@@ -597,7 +597,7 @@ mod tests {
         ] {
             assert!(read.notes.iter().any(|note| note.starts_with(start)), "{start}: {:?}", read.notes);
         }
-        assert!(read.records[0].place.is_some() && read.controls[0].place.is_some());
+        assert!(read.records[0].relative_times.is_some() && read.controls[0].relative_times.is_some());
     }
 
     #[test]
@@ -622,7 +622,7 @@ mod tests {
         assert!(!noted([Some("n1"), Some("n2")]));
     }
 
-    /// A machine's only GPU of a name gets a longer name when a second GPU is visible.
+    /// A GPU gets a longer name when a second GPU of the same name becomes visible on the machine.
     #[test]
     fn anchors_are_those_of_a_device_that_a_later_session_gave_another_name() {
         use crate::record::fixtures::measured;

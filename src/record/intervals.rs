@@ -61,7 +61,7 @@ mod tests {
     /// Returns a record of three launches. Each launch takes longer than the one before; the
     /// difference is the fraction `apart` of the first launch's time.
     fn launches(key: &str, first: u32, apart: f64) -> Record {
-        let sample = |place: u32| (first + place / 10, 10.0 * (1.0 + apart * f64::from(place / 10)));
+        let sample = |index: u32| (first + index / 10, 10.0 * (1.0 + apart * f64::from(index / 10)));
         Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }
     }
 
@@ -95,10 +95,10 @@ mod tests {
         assert!(renew_intervals(&journal, &records).unwrap());
         let Lines { lines, damaged, .. } = read_lines::<Record>(&journal).unwrap();
         assert_eq!((damaged, &lines[3]), (vec![2], &wrong));
-        for (found, (whole, alone)) in [&lines[0], &lines[2]].into_iter().zip(records.iter().zip(&alone)) {
-            assert_eq!(found.interval_ms, interval(whole));
-            assert_ne!(found.interval_ms, alone.interval_ms);
-            assert_eq!(found.samples_ms, whole.samples_ms);
+        for (actual, (whole, alone)) in [&lines[0], &lines[2]].into_iter().zip(records.iter().zip(&alone)) {
+            assert_eq!(actual.interval_ms, interval(whole));
+            assert_ne!(actual.interval_ms, alone.interval_ms);
+            assert_eq!(actual.samples_ms, whole.samples_ms);
         }
         let after = std::fs::read(&journal).unwrap();
         assert!(!renew_intervals(&journal, &records).unwrap(), "nothing is left to renew");

@@ -144,13 +144,13 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
 /// Returns the message of serde's error without the position. Serde counts lines within one record, so this position
 /// would contradict the line's number in the file.
 fn without_position(error: &serde_json::Error) -> String {
-    let told = error.to_string();
-    told.rsplit_once(" at line ").map_or(told.as_str(), |(reason, _)| reason).to_owned()
+    let message = error.to_string();
+    message.rsplit_once(" at line ").map_or(message.as_str(), |(reason, _)| reason).to_owned()
 }
 
 /// Returns the length of `bytes` up to the end of the last complete line.
 fn whole_lines(bytes: &[u8]) -> usize {
-    bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |place| place + 1)
+    bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |index| index + 1)
 }
 
 #[cfg(test)]
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_lines_are_left_out_and_told_and_a_file_of_nothing_else_is_refused() {
+    fn damaged_lines_are_left_out_and_reported_and_a_file_of_nothing_else_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("samples.jsonl");
         let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\n";
@@ -227,7 +227,7 @@ mod tests {
         );
     }
 
-    /// Tests a pipe, which accepts bytes but cannot guarantee that they are on a disk.
+    /// Writes to a pipe, which accepts bytes but cannot guarantee that they are on a disk.
     #[cfg(unix)]
     #[test]
     fn a_line_is_on_the_disk_or_an_error() {
@@ -235,7 +235,7 @@ mod tests {
         let file = File::from(std::os::fd::OwnedFd::from(writer));
         let mut journal = JsonLines { path: PathBuf::from("pipe"), file, line_type: PhantomData };
         assert!(journal.append(&record("a")).is_err());
-        // Several lines are written before the disk is asked once.
+        // All lines are written first, and then the function waits for the disk once.
         assert!(journal.append_all(&["b", "c", "d"].map(record)).is_err());
         drop(journal);
         let mut text = String::new();
@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn only_whole_lines_are_kept() {
-        let kept = ["", "torn", "a\n", "a\ntorn", "a\nb\n"].map(|text| whole_lines(text.as_bytes()));
-        assert_eq!(kept, [0, 0, 2, 2, 4]);
+        let lengths = ["", "torn", "a\n", "a\ntorn", "a\nb\n"].map(|text| whole_lines(text.as_bytes()));
+        assert_eq!(lengths, [0, 0, 2, 2, 4]);
     }
 }

@@ -196,9 +196,9 @@ mod tests {
             (Outcome::TimedOut, "RuntimeFailedConfig"),
             (Outcome::Crashed, "RuntimeFailedConfig"),
         ] {
-            let found = entry(&Record { outcome, ..record.clone() }, Map::new());
-            assert_eq!([&found["time"], &found["__error__"]], [error, error], "{outcome:?}");
-            assert_eq!(found.get("times"), None, "{outcome:?}");
+            let exported = entry(&Record { outcome, ..record.clone() }, Map::new());
+            assert_eq!([&exported["time"], &exported["__error__"]], [error, error], "{outcome:?}");
+            assert_eq!(exported.get("times"), None, "{outcome:?}");
         }
     }
 
@@ -209,12 +209,12 @@ mod tests {
             measured("gpu", "naive", 8, 2.0),
             Record { image_size: [80, 50], ..measured("gpu", "naive", 8, 1.0) },
         ];
-        let told = |(name, text): &(String, String)| {
+        let contents = |(name, text): &(String, String)| {
             let cache: Value = serde_json::from_str(text).expect("JSON");
             (name.clone(), cache["device_name"].clone(), cache["problem_size"].clone())
         };
-        let found: Vec<_> = kernel_tuner_caches(&records).iter().map(told).collect();
+        let actual: Vec<_> = kernel_tuner_caches(&records).iter().map(contents).collect();
         let of = |size: [u32; 2]| (format!("teapot-{}x{}-gpu", size[0], size[1]), json!("gpu"), json!(size));
-        assert_eq!(found, [of([800, 500]), of([80, 50])]);
+        assert_eq!(actual, [of([800, 500]), of([80, 50])]);
     }
 }

@@ -7,7 +7,7 @@ use super::numbers::{align_points, by, duration, ms, significant};
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
 use super::together::median;
-use super::together::{interval, launches, ratio, told_apart};
+use super::together::{interval, launches, ratio, smallest_difference_note};
 use super::types::{HOST, Record};
 use crate::printer::{line, markdown};
 
@@ -81,7 +81,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     };
     let _ = write!(text, " at {}.", duration(median(best).unwrap_or_default()));
     text += &(speed_ups(group, groups, best) + &unranked(&ranking.unranked));
-    text.extend(told_apart(group.records.iter().copied()).map(|note| format!(" {note}")));
+    text.extend(smallest_difference_note(group.records.iter().copied()).map(|note| format!(" {note}")));
     text + "\n"
 }
 
@@ -130,8 +130,8 @@ fn table(group: &Group<'_>) -> String {
         .chain(failed)
         .map(|record| row(record, ranking.winners.iter().any(|winner| winner.key == record.key)))
         .collect();
-    for place in DECIMAL {
-        align_points(rows.iter_mut().map(|row| &mut row[place]).collect());
+    for column in DECIMAL {
+        align_points(rows.iter_mut().map(|row| &mut row[column]).collect());
     }
     lay_out(&rows)
 }
@@ -177,16 +177,17 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
     // Some Markdown parsers require at least three dashes below a column's heading.
-    let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
+    let widest =
+        |column: usize| all().map(|row| row[column].chars().count()).max().unwrap_or_default().max(3);
     let widths: [usize; COLUMNS] = std::array::from_fn(widest);
-    let rule: [String; COLUMNS] = std::array::from_fn(|place| {
-        let end = if LEFT.contains(&place) { "-" } else { ":" };
-        "-".repeat(widths[place] - 1) + end
+    let rule: [String; COLUMNS] = std::array::from_fn(|column| {
+        let end = if LEFT.contains(&column) { "-" } else { ":" };
+        "-".repeat(widths[column] - 1) + end
     });
     let line = |row: &[String; COLUMNS]| {
-        let pad = |(place, cell): (usize, &String)| {
-            let width = widths[place];
-            if LEFT.contains(&place) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        let pad = |(column, cell): (usize, &String)| {
+            let width = widths[column];
+            if LEFT.contains(&column) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
         };
         format!("| {} |\n", row.iter().enumerate().map(pad).collect::<Vec<_>>().join(" | "))
     };
@@ -382,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn warnings_reasons_and_notes_on_scenes_are_told_with_what_they_are_about() {
+    fn warnings_reasons_and_notes_on_scenes_are_shown_with_what_they_are_about() {
         use crate::record::Outcome;
         let records = judged([
             Record { warning: Some("it throttled".into()), ..measured("gpu", "naive", 8, 10.0) },
@@ -405,7 +406,7 @@ mod tests {
         assert!(!text.contains("much more"), "{text}");
         let noisy = ["naive", "wide"].map(|name| {
             let ms = if name == "naive" { [1.0, 20.0] } else { [20.0, 1.0] };
-            sampled(name, (0..10).map(move |place| (place / 5, ms[place as usize / 5])))
+            sampled(name, (0..10).map(move |index| (index / 5, ms[index as usize / 5])))
         });
         let noisy = summary_markdown(&judged(noisy), &[], "?", "!");
         let below = " Differences below a factor of 100 between two points cannot be detected here.\n";
@@ -446,8 +447,8 @@ mod tests {
     #[test]
     fn a_sample_of_two_modes_is_said_in_the_row() {
         let ms =
-            |place: u32| if place < 20 { 110.0 } else { 170.0 } * (1.0 + 0.001 * f64::from(place * 7 % 10));
-        let record = crate::record::fixtures::sampled("naive", (0..30).map(|place| (place / 10, ms(place))));
+            |index: u32| if index < 20 { 110.0 } else { 170.0 } * (1.0 + 0.001 * f64::from(index * 7 % 10));
+        let record = crate::record::fixtures::sampled("naive", (0..30).map(|index| (index / 10, ms(index))));
         let text = summary_markdown(&judged([record]), &[], "?", "!");
         assert!(text.contains("| measured, two modes |") && text.contains("| 30 in 3 |"), "{text}");
     }

@@ -19,8 +19,8 @@ mod modes;
 mod noise;
 mod numbers;
 mod parameters;
-mod place;
 mod plan;
+mod relative_times;
 mod repair;
 mod revision;
 mod rounds;
@@ -50,8 +50,8 @@ pub use markdown::summary_markdown;
 pub(crate) use modes::{to_mind, two_modes};
 pub use noise::{Causes, Noise};
 pub(crate) use numbers::{by, duration, duration_range, ms, significant};
-pub use place::Place;
 pub use plan::{CurrentPlan, PlannedPoint};
+pub use relative_times::RelativeTimes;
 pub use repair::{Repaired, repair};
 pub use revision::dirty_program;
 pub use rounds::RoundLoad;
@@ -75,5 +75,5 @@ pub use together::{judge, judge_beside_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
     TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_closed, refuse_file,
-    remove_left_overs, sync_folder, temporary_in, write_new, write_page, write_whole, write_whole_by,
+    remove_leftovers, sync_folder, temporary_in, write_new, write_page, write_whole, write_whole_by,
 };

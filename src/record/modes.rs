@@ -45,11 +45,11 @@ mod tests {
     use super::super::summary::tests::{measured, sampled};
     use super::*;
 
-    /// Returns a record of three launches with ten samples each; `speeds` are the times of the
-    /// launches.
+    /// Returns a record of three launches with ten samples each; `speeds` has the time of a frame in each launch, in
+    /// milliseconds.
     fn launches_of(speeds: [f64; 3]) -> Record {
-        let sample = |place: u32| {
-            (place / 10, speeds[place as usize / 10] * (1.0 + 0.001 * f64::from(place * 7 % 10)))
+        let sample = |index: u32| {
+            (index / 10, speeds[index as usize / 10] * (1.0 + 0.001 * f64::from(index * 7 % 10)))
         };
         sampled("naive", (0..30).map(sample))
     }
@@ -66,9 +66,9 @@ mod tests {
     /// the fast mode were counted as slow, the launch of this sample would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
-        let sample = |place: u32| {
-            let ms = [110.0, 170.0, 110.0, 170.0][place as usize / 7];
-            (place / 7, ms * (1.0 + 0.001 * f64::from(place % 7)))
+        let sample = |index: u32| {
+            let ms = [110.0, 170.0, 110.0, 170.0][index as usize / 7];
+            (index / 7, ms * (1.0 + 0.001 * f64::from(index % 7)))
         };
         let said = two_modes(&sampled("naive", (0..28).map(sample))).expect("two modes");
         assert!(said.ends_with(", one mode per launch"), "{said}");
@@ -76,8 +76,8 @@ mod tests {
 
     #[test]
     fn speeds_that_change_within_a_launch_are_of_no_launch() {
-        let sample = |place: u32| {
-            (place / 10, if place.is_multiple_of(3) { 9.0 } else { 5.0 } + 0.01 * f64::from(place % 7))
+        let sample = |index: u32| {
+            (index / 10, if index.is_multiple_of(3) { 9.0 } else { 5.0 } + 0.01 * f64::from(index % 7))
         };
         let record = Record { warning: Some("it throttled".into()), ..sampled("naive", (0..30).map(sample)) };
         let said = to_mind(&record).expect("two modes");

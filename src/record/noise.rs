@@ -21,7 +21,7 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show, by the same rule as
+    /// The smallest difference between two points that a single launch can show, computed in the same way as
     /// `between_launches`. The value is the median over all launches.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show. The value is the largest over
@@ -151,8 +151,8 @@ mod tests {
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
         // `half` returns the distance from a record's median to the upper end of its interval, as a fraction of the
         // median. For two points, the median over points is the mean of their two distances.
-        let half = |place: usize| {
-            let record = &folder.records[place];
+        let half = |index: usize| {
+            let record = &folder.records[index];
             interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0
         };
         let middle = 0.5 * (half(1) + half(3));
@@ -162,26 +162,27 @@ mod tests {
     #[test]
     fn points_that_were_not_compared_have_a_reason() {
         use super::super::summary::tests::{few, infeasible};
-        let told = |records: &[Record]| {
+        let not_compared = |records: &[Record]| {
             let folder = Folder { records: judged(records), ..Folder::default() };
             Noise::of(&folder).remove(0).not_compared
         };
         let (naive, wide) = (measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 1.0));
         let (zero, refused) =
             (few("gpu", "bvh", 8, 0.0, 30), infeasible("gpu", "tile", 8, "too large\nmore"));
-        assert_eq!(told(&[naive.clone(), wide.clone()]), None);
-        let one = told(std::slice::from_ref(&naive));
+        assert_eq!(not_compared(&[naive.clone(), wide.clone()]), None);
+        let one = not_compared(std::slice::from_ref(&naive));
         assert!(one.is_some_and(|why| why.starts_with("only one point was measured")));
-        let all = told(&[zero, refused.clone()]);
+        let all = not_compared(&[zero, refused.clone()]);
         let first =
             "2 of 2 points were not compared; the first: bvh at 8 x 8: times below the timer's resolution";
         assert_eq!(all.as_deref(), Some(first));
-        let some = told(&[naive, wide, refused]);
+        let some = not_compared(&[naive, wide, refused]);
         let first = "1 of 3 points was not compared; the first: tile at 8 x 8: infeasible: too large";
         assert_eq!(some.as_deref(), Some(first));
     }
 
-    /// If a run has only one launch, this launch can show what the run can show.
+    /// If a run has only one launch, the smallest difference that this launch can show is the smallest difference that
+    /// the run can show.
     #[test]
     fn what_one_launch_can_show_has_the_terms_of_what_all_launches_can_show() {
         let one_launch = |record: Record| Record { sample_launches: vec![0; 10], ..record };
@@ -197,8 +198,8 @@ mod tests {
     fn of_an_even_number_of_launches_the_middle_two_count() {
         // The times of the two points differ by a factor that varies in the second launch.
         let varied = |name: &str, sign: f64| {
-            let ms = move |place: u32| 10.0 + if place < 15 { 0.0 } else { sign * f64::from(place % 15 / 3) };
-            sampled(name, (0..30).map(move |place| (place / 15, ms(place))))
+            let ms = move |index: u32| 10.0 + if index < 15 { 0.0 } else { sign * f64::from(index % 15 / 3) };
+            sampled(name, (0..30).map(move |index| (index / 15, ms(index))))
         };
         let within = |launches: std::ops::Range<usize>| {
             let part = |record: Record| Record {
@@ -222,7 +223,7 @@ mod tests {
         // Each of the three launches has five samples; the samples of the second launch differ.
         let varied = |name: &str, second: f64| {
             let ms = move |launch: u32| if launch == 3 { second } else { 10.0 };
-            sampled(name, (0..15).map(move |place| (2 + place / 5, ms(2 + place / 5))))
+            sampled(name, (0..15).map(move |index| (2 + index / 5, ms(2 + index / 5))))
         };
         let steady = [measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 5.0)];
         let records = [&steady[..], &[varied("naive", 11.0), varied("wide", 9.0)]].concat();

@@ -43,7 +43,7 @@ pub fn by([across, down]: [u32; 2]) -> String {
 
 /// Pads the numbers of a right-aligned column so that their decimal points are aligned.
 pub fn align_points(column: Vec<&mut String>) {
-    let fraction = |cell: &str| cell.find('.').map_or(0, |place| cell.len() - place);
+    let fraction = |cell: &str| cell.find('.').map_or(0, |index| cell.len() - index);
     let widest = column.iter().map(|cell| fraction(cell)).max().unwrap_or(0);
     for cell in column {
         let missing = widest - fraction(cell);

@@ -83,8 +83,8 @@ impl CurrentPlan {
         folder.join(FILE).is_file()
     }
 
-    /// Reads the plan of a folder; `None` if it has no plan, like folders of raycl before 0.2 and
-    /// folders assembled by hand.
+    /// Reads the plan of a folder; `None` if it has no plan, like folders of raycl before 0.2 and folders that a user
+    /// put together from single files.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
         if !path.exists() {
@@ -106,8 +106,9 @@ impl CurrentPlan {
         self.points.iter().map(|point| (point.key.as_str(), point.device.as_str())).collect()
     }
 
-    /// Returns the plan's name of a device that other plans or records call `name`; `None` if these do not show which
-    /// of the plan's devices this is. `points` are the keys of their points, with the names of the points' devices.
+    /// Returns the plan's name of a device that other plans or records call `name`. `points` has the key of each point
+    /// of these other plans or records, with the name of the point's device. Returns `None` if these points do not show
+    /// which of the plan's devices is meant.
     pub fn device_called<'a>(
         &self,
         name: &str,
@@ -145,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plan_that_cannot_be_read_is_told_with_each_command_that_writes_it_again() {
+    fn a_plan_that_cannot_be_read_is_reported_with_each_command_that_writes_it_again() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(FILE), "rubbish").unwrap();
         let error = CurrentPlan::read(folder.path()).unwrap_err();

@@ -127,7 +127,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("samples.jsonl");
         let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\n";
-        for (place, text) in [
+        for (index, text) in [
             format!("{good}nonsense\n{good}{{\"key\":"),
             format!("\0\n{good}"),
             format!("{good}{}", good.trim()),
@@ -137,7 +137,7 @@ mod tests {
         {
             std::fs::write(&path, text).unwrap();
             let [repaired] = &repair(folder.path()).unwrap()[..] else { panic!("one file was damaged") };
-            assert_eq!((repaired.damaged, repaired.kept), [(2, 2), (1, 1), (1, 1)][place]);
+            assert_eq!((repaired.damaged, repaired.kept), [(2, 2), (1, 1), (1, 1)][index]);
             assert_eq!(std::fs::read_to_string(&repaired.copy).unwrap(), *text);
             assert!(read_lines::<Sample>(&path).unwrap().damaged.is_empty());
             assert!(repair(folder.path()).unwrap().is_empty());

@@ -307,13 +307,13 @@ mod tests {
     }
 
     #[test]
-    fn what_other_guests_take_is_told_from_a_hundredth_of_a_processor_on() {
+    fn what_other_guests_take_is_reported_from_a_hundredth_of_a_processor_on() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
-        let told = |stolen: f64| {
+        let is_reported = |stolen: f64| {
             let said = disturbance(&[RoundLoad { stolen, ..line(0, 0.5) }], &records).unwrap();
             said.contains("virtual machines on the same hardware used")
         };
-        assert_eq!([told(0.0), told(0.01), told(0.02)], [false, false, true]);
+        assert_eq!([is_reported(0.0), is_reported(0.01), is_reported(0.02)], [false, false, true]);
     }
 
     #[test]

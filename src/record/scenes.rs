@@ -39,8 +39,8 @@ pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<Strin
     }
     let mut names: HashMap<String, String> = HashMap::new();
     for scenes in scenes.into_values().filter(|scenes| scenes.len() > 1) {
-        let told = distinct(&scenes);
-        names.extend(scenes.iter().zip(told).map(|((hash, _), name)| ((*hash).to_owned(), name.to_owned())));
+        let renamed = scenes.iter().zip(distinct(&scenes));
+        names.extend(renamed.map(|((hash, _), name)| ((*hash).to_owned(), name.to_owned())));
     }
     names
 }
@@ -95,7 +95,7 @@ impl Names {
 mod tests {
     use super::*;
 
-    fn told_apart(scenes: &[(&str, &str, &str, &str)]) -> Vec<String> {
+    fn renamed(scenes: &[(&str, &str, &str, &str)]) -> Vec<String> {
         let record = |(name, file, value, hash): &(&str, &str, &str, &str)| Record {
             scene: (*name).to_owned(),
             scene_file: Some((*file).to_owned()),
@@ -115,19 +115,19 @@ mod tests {
             ("scene", "x/b/scene.obj", "", "2"),
             ("other", "", "", "3"),
         ];
-        assert_eq!(told_apart(&files), ["a/scene", "b/scene", "other"]);
+        assert_eq!(renamed(&files), ["a/scene", "b/scene", "other"]);
         let deeper = [("scene", "a/x/scene.obj", "", "1"), ("scene", "b/x/scene.obj", "", "2")];
-        assert_eq!(told_apart(&deeper), ["a/x/scene", "b/x/scene"]);
+        assert_eq!(renamed(&deeper), ["a/x/scene", "b/x/scene"]);
         let above = [("scene", "scene.obj", "", "1"), ("scene", "b/scene.obj", "", "2")];
-        assert_eq!(told_apart(&above), ["scene", "b/scene"]);
+        assert_eq!(renamed(&above), ["scene", "b/scene"]);
         let endings = [("scene", "a/scene.obj", "", "1"), ("scene", "a/scene.toml", "", "2")];
-        assert_eq!(told_apart(&endings), ["a/scene.obj", "a/scene.toml"]);
+        assert_eq!(renamed(&endings), ["a/scene.obj", "a/scene.toml"]);
     }
 
     #[test]
     fn names_that_are_not_the_files_have_it_in_brackets() {
         let files = [("a", "eighty.toml", "", "1"), ("a", "many.toml", "", "2")];
-        assert_eq!(told_apart(&files), ["a (eighty)", "a (many)"]);
+        assert_eq!(renamed(&files), ["a (eighty)", "a (many)"]);
     }
 
     #[test]
@@ -136,14 +136,14 @@ mod tests {
             ("s+size=1", "a/s.toml", "object.0.size = 1", "1"),
             ("s+size=1", "b/s.toml", "object.0.size = 1", "2"),
         ];
-        assert_eq!(told_apart(&sweep), ["a/s+size=1", "b/s+size=1"]);
+        assert_eq!(renamed(&sweep), ["a/s+size=1", "b/s+size=1"]);
         let keys = [
             ("s+size=1", "s.toml", "object.0.size = 1", "1"),
             ("s+size=1", "s.toml", "object.1.size = 1", "2"),
         ];
-        assert_eq!(told_apart(&keys), ["s+size=1 (object.0.size = 1)", "s+size=1 (object.1.size = 1)"]);
+        assert_eq!(renamed(&keys), ["s+size=1 (object.0.size = 1)", "s+size=1 (object.1.size = 1)"]);
         let edited = [("s", "s.toml", "", "0123456789"), ("s", "s.toml", "", "9876543210")];
-        assert_eq!(told_apart(&edited), ["s (01234567)", "s (98765432)"]);
-        assert_eq!(told_apart(&[("s", "a/s.toml", "", "1"), ("s", "b/s.toml", "", "1")]), ["s", "s"]);
+        assert_eq!(renamed(&edited), ["s (01234567)", "s (98765432)"]);
+        assert_eq!(renamed(&[("s", "a/s.toml", "", "1"), ("s", "b/s.toml", "", "1")]), ["s", "s"]);
     }
 }

@@ -125,7 +125,8 @@ impl<'a> Row<'a> {
 pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
     let fail = |error: String| Error::fault(format!("cannot write the CSV summary: {error}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    // The writer writes the header with the first row. Without records, it writes a row that is then cut off.
+    // The writer writes the header together with the first row. If there are no records, a row with default values is
+    // written and then cut off, so that only the header remains.
     let cut_off = records.is_empty().then(Record::default);
     for record in records.iter().chain(&cut_off) {
         writer.serialize(Row::of(record)).map_err(|error| fail(error.to_string()))?;

@@ -40,7 +40,7 @@ pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
         }
     }
     for group in &mut groups {
-        group.records.sort_by_key(|record| place(record));
+        group.records.sort_by_key(|record| sort_key(record));
     }
     groups
 }
@@ -61,7 +61,7 @@ pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
 }
 
 /// Returns the sort key of a record in a table.
-fn place(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
+fn sort_key(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());
     (preset, &record.name, record.local_size.map(|[across, down]| across * down), record.local_size)
 }
@@ -95,7 +95,7 @@ pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
 /// [`BELOW_RESOLUTION`] for a record with times of 0; `None` for all other records.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
     median(record)?;
-    record.place.is_none().then(|| match is_below_resolution(record) {
+    record.relative_times.is_none().then(|| match is_below_resolution(record) {
         true => BELOW_RESOLUTION.to_owned(),
         false => not_enough_samples(fewest(record)),
     })
@@ -179,7 +179,7 @@ pub mod tests {
         let middle = crate::measure::median_of(&times).expect("samples");
         Record {
             sample_launches: samples.map(|(launch, _)| launch).collect(),
-            samples_at_ms: (0..times.len()).map(|place| place as f64).collect(),
+            samples_at_ms: (0..times.len()).map(|index| index as f64).collect(),
             samples_ms: times,
             ..measured("gpu", name, 8, middle)
         }
@@ -205,32 +205,33 @@ pub mod tests {
     #[test]
     fn times_of_zero_are_below_the_timers_resolution_and_not_too_few() {
         let zero = few("gpu", "naive", 8, 0.0, 30);
-        let step = |place: u32| (place / 10, if place % 10 < 3 { 0.001 } else { 0.0 });
+        let step = |index: u32| (index / 10, if index % 10 < 3 { 0.001 } else { 0.0 });
         let sometimes = Record { key: "sometimes".into(), ..sampled("naive", (0..30).map(step)) };
         let records =
             judged([zero, sometimes, few("gpu", "wide", 1, 0.0, 3), measured("gpu", "wide", 2, 1.0)]);
-        let told = "times below the timer's resolution";
+        let reason = "times below the timer's resolution";
         assert_eq!(
-            [0, 1].map(|place| not_enough(&records[place])),
-            [Some(told.to_owned()), Some(told.to_owned())]
+            [0, 1].map(|index| not_enough(&records[index])),
+            [Some(reason.to_owned()), Some(reason.to_owned())]
         );
         assert_eq!(not_enough(&records[2]).as_deref(), Some("not enough samples (n = 0)"));
-        assert!(records[..3].iter().all(|record| record.place.is_none()) && records[3].place.is_some());
-        assert_eq!(few_names(&[&records[0]], |_| "naive".into()), format!("naive ({told})"));
+        assert!(records[..3].iter().all(|record| record.relative_times.is_none()));
+        assert!(records[3].relative_times.is_some());
+        assert_eq!(few_names(&[&records[0]], |_| "naive".into()), format!("naive ({reason})"));
     }
 
     /// The samples that are not 0 are enough for an interval, but the median is 0.
     #[test]
     fn a_median_of_zero_has_no_rank() {
-        let step = |place: u32| (place / 15, if place % 15 < 6 { 0.001 } else { 0.0 });
+        let step = |index: u32| (index / 15, if index % 15 < 6 { 0.001 } else { 0.0 });
         let records = judged([sampled("naive", (0..30).map(step)), measured("gpu", "wide", 1, 1.0)]);
-        assert!(records[0].place.is_none() && is_below_resolution(&records[0]));
+        assert!(records[0].relative_times.is_none() && is_below_resolution(&records[0]));
         assert_eq!(ranking(&records).ranked.len(), 1);
     }
 
     #[test]
     fn too_few_samples_are_those_of_the_launch_that_has_the_fewest() {
-        let uneven = sampled("wide", (0..15).map(|place| (u32::from(place >= 12), 5.0)));
+        let uneven = sampled("wide", (0..15).map(|index| (u32::from(index >= 12), 5.0)));
         let records = judged([measured("gpu", "naive", 8, 10.0), uneven]);
         assert_eq!(not_enough(&records[0]), None);
         assert_eq!(not_enough(&records[1]).as_deref(), Some("not enough samples (n = 3)"));

@@ -126,14 +126,14 @@ mod tests {
             strategy: "vectors=local width=4".into(),
             ..measured("gpu", "naive", 8, 2.0)
         };
-        let found = result(&record);
-        assert_eq!(found["timestamp"], "2026-01-02T03:04:05Z");
+        let exported = result(&record);
+        assert_eq!(exported["timestamp"], "2026-01-02T03:04:05Z");
         let configuration = json!({
             "block_size_x": 16, "block_size_y": 2, "vectors": "local", "width": 4, "scene": "teapot", "device": "gpu",
             "image_width": 800, "image_height": 500, "name": "naive",
         });
-        assert_eq!(found["configuration"], configuration);
-        let times = &found["times"];
+        assert_eq!(exported["configuration"], configuration);
+        let times = &exported["times"];
         // The point has ten samples of 2 ms each.
         assert_eq!(
             [&times["compilation"], &times["compilation_time"], &times["benchmark"]],
@@ -141,7 +141,7 @@ mod tests {
         );
         assert_eq!(times["runtimes"], json!(vec![2.0; 10]));
         let named = |name: &str| {
-            let all = found["measurements"].as_array().expect("a list");
+            let all = exported["measurements"].as_array().expect("a list");
             all.iter().find(|one| one["name"] == name).map(|one| (one["value"].clone(), one["unit"].clone()))
         };
         assert_eq!(named("time"), Some((json!(2.0), json!("ms"))));
@@ -161,8 +161,8 @@ mod tests {
             (Outcome::WrongImage, "correctness", 0),
             (Outcome::TimedOut, "timeout", 0),
         ] {
-            let found = result(&Record { outcome, ..measured("gpu", "naive", 8, 2.0) });
-            assert_eq!((&found["invalidity"], &found["correctness"]), (&json!(word), &json!(correct)));
+            let exported = result(&Record { outcome, ..measured("gpu", "naive", 8, 2.0) });
+            assert_eq!((&exported["invalidity"], &exported["correctness"]), (&json!(word), &json!(correct)));
         }
     }
 }

@@ -62,9 +62,9 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
     table.set_header(std::iter::once(Cell::new("strategy")).chain(heads.map(number)));
     for name in names {
         let cells = sizes.iter().map(|size| {
-            let found =
+            let record =
                 group.records.iter().find(|record| &record.name == name && &record.local_size == size);
-            found.map_or(number(String::new()), |record| {
+            record.map_or(number(String::new()), |record| {
                 cell(record, winners.iter().any(|winner| winner.key == record.key))
             })
         });
@@ -171,10 +171,10 @@ fn legend(groups: &[Group<'_>]) -> String {
             record.name
         ));
     }
-    let mut told: Vec<(String, &str)> = Vec::new();
+    let mut explained: Vec<(String, &str)> = Vec::new();
     for (record, reason) in kernels().flat_map(|group| group.failures()) {
         let word = word(record);
-        if !told.iter().any(|(what, name)| *what == word && *name == record.name) {
+        if !explained.iter().any(|(what, name)| *what == word && *name == record.name) {
             let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
             let first = reason.lines().next().unwrap_or_default();
             text.push_str(&format!(
@@ -182,7 +182,7 @@ fn legend(groups: &[Group<'_>]) -> String {
                 meaning(record),
                 record.name
             ));
-            told.push((word, &record.name));
+            explained.push((word, &record.name));
         }
     }
     text
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn the_legend_blames_memory_and_the_local_size_only_for_what_they_cause() {
-        let told = |reason: &str| summary_terminal(&[infeasible("gpu", "naive", 32, reason)], false);
+        let summary = |reason: &str| summary_terminal(&[infeasible("gpu", "naive", 32, reason)], false);
         let cases = [
             ("__local memory: 108 B x 32 x 32 = 110592 B > 49152 B", "the host has too little memory"),
             (
@@ -266,7 +266,7 @@ mod tests {
             ),
         ];
         for (reason, expected) in cases {
-            let text = told(reason);
+            let text = summary(reason);
             assert!(text.contains(expected) && text.contains(reason), "{expected:?} is not in\n{text}");
         }
     }

@@ -1,10 +1,10 @@
-//! Compares records that were measured together. All views use the rule in this file to decide whether two times
-//! differ; docs/methodology.md explains the rule.
+//! Compares records that were measured together. All outputs of raycl, such as the report, the summaries and `raycl
+//! compare`, use the rule in this file to decide whether two times differ; docs/methodology.md explains the rule.
 
 use super::anchors::{AnchorSample, AnchorTimes, AnchorUtilization};
 use super::control::find_controls;
 use super::numbers::{by, significant};
-use super::place::{Place, PlacedAnchor};
+use super::relative_times::{MeasuredAnchor, RelativeTimes};
 use super::types::{HOST, Outcome, Record};
 use crate::device::DeviceKind;
 use crate::measure::{
@@ -15,50 +15,52 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 /// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
 const TIE: f64 = 0.01;
 /// If points must differ by more than this fraction before the samples show a difference, their times are noisy. The
-/// difference is then stated as a factor and not as a percentage.
+/// smallest difference that can be shown between them is then stated as a factor and not as a percentage.
 const NOISY: f64 = 1.0;
-/// No larger factor is stated for noisy times: it follows from the spread of a few launches, so it may be any number.
+/// The largest factor that is stated for noisy times. A larger factor would say nothing, since it is computed from the
+/// spread of only a few launches.
 const LARGEST_FACTOR: f64 = 100.0;
-/// The properties of a point on which the smallest difference may depend.
+/// The properties of a point on which the smallest difference that can be shown between two points may depend.
 const PROPERTIES: [&str; 3] = ["scene", "image size", "device"];
 
-/// Computes the position of each measured record: its times relative to those of the records that were measured with
-/// it. Records of the same launches were measured together. Records of earlier versions have no launch numbers; they
-/// are treated as measured together if their scene, image size and device are equal.
+/// Computes the relative times of each measured record: its times relative to those of the records that were measured
+/// with it. Records of the same launches were measured together. Records of earlier versions have no launch numbers;
+/// they are treated as measured together if their scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
-    write_all_places(records, &[]);
+    write_all_relative_times(records, &[]);
 }
 
-/// Computes each record's position like [`judge`], and also those of the anchors. If `judge` has judged the
-/// records before, the intervals of their times stay as they are, since these must be the same in all views.
+/// Computes each record's relative times like [`judge`], and also those of the anchors. If the records already have
+/// relative times from `judge`, the intervals of their medians stay as they are, since every output of raycl must show
+/// the same intervals.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
-    let of_judge = |record: &Record| Some(record.place.as_ref()?.median_ms);
+    let of_judge = |record: &Record| Some(record.relative_times.as_ref()?.median_ms);
     let medians: Vec<Option<Interval>> = records.iter().map(of_judge).collect();
-    write_all_places(records, anchors);
+    write_all_relative_times(records, anchors);
     for (record, median) in records.iter_mut().zip(medians) {
-        if let (Some(place), Some(median)) = (&mut record.place, median) {
-            place.median_ms = median;
+        if let (Some(times), Some(median)) = (&mut record.relative_times, median) {
+            times.median_ms = median;
         }
     }
 }
 
-/// Computes each record's position, and those of the anchors. A record whose median is 0 has no position.
-fn write_all_places(records: &mut [Record], anchors: &[AnchorSample]) {
+/// Computes each record's relative times, and those of the anchors. A record whose median is 0 has none.
+fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
-    for (place, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
-        groups.entry(measured_with(record)).or_default().push(place);
+    for (index, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
+        groups.entry(measured_with(record)).or_default().push(index);
     }
     let mut machines: BTreeMap<_, Vec<Table>> = BTreeMap::new();
-    for places in groups.into_values() {
-        let table = Table::of(places, records, anchors);
+    for indices in groups.into_values() {
+        let table = Table::of(indices, records, anchors);
         machines.entry(table.machine(records)).or_default().push(table);
     }
     for tables in machines.into_values() {
         let mut paired: Vec<Paired> = tables.iter().map(|table| table.paired.clone()).collect();
         Paired::borrow_from_each_other(&mut paired);
         for (table, paired) in tables.iter().zip(&paired) {
-            table.write_places(paired, records);
+            table.write_relative_times(paired, records);
         }
     }
     find_controls(records);
@@ -69,7 +71,7 @@ struct Table {
     /// A hash that identifies these records.
     together: blake3::Hash,
     /// The indices of these records in the list of all records.
-    places: Vec<usize>,
+    indices: Vec<usize>,
     /// The anchors. In `paired`, they follow the points of the records.
     anchors: Vec<Anchor>,
     paired: Paired,
@@ -83,8 +85,8 @@ struct Anchor {
 }
 
 impl Table {
-    fn of(places: Vec<usize>, records: &[Record], anchors: &[AnchorSample]) -> Self {
-        let own = || places.iter().map(|place| &records[*place]);
+    fn of(indices: Vec<usize>, records: &[Record], anchors: &[AnchorSample]) -> Self {
+        let own = || indices.iter().map(|index| &records[*index]);
         let samples = in_order(own(), &[]);
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
@@ -92,7 +94,7 @@ impl Table {
         let beside_anchor = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
         let on_processors: Vec<bool> =
             beside.iter().map(|anchor| beside_anchor(anchor).is_some_and(is_on_processors)).collect();
-        let paired = Paired::beside_anchors(&in_order(own(), &beside), places.len(), &on_processors);
+        let paired = Paired::beside_anchors(&in_order(own(), &beside), indices.len(), &on_processors);
         let of_anchors =
             beside.iter().map(|anchor| beside_anchor(anchor).map(between_runs).unwrap_or_default());
         let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
@@ -101,32 +103,32 @@ impl Table {
             Anchor { name, device, utilization: *utilization }
         };
         let anchors = beside.iter().map(anchor).collect();
-        Self { together, places, anchors, paired }
+        Self { together, indices, anchors, paired }
     }
 
-    /// Returns the machine and the devices that measured the records. Another machine, or another device of the same
-    /// machine, may differ from launch to launch by another amount. If devices of the same model share the points, all
-    /// records name the first device, and only `measured_on` tells which one measured them.
+    /// Returns the machine and the devices that measured the records. Times on another machine, or on another device of
+    /// the same machine, may differ from launch to launch by another amount. If devices of the same model share the
+    /// points, all records name the first device, and only `measured_on` tells which one measured them.
     fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String, Option<String>)> {
-        let of = |place: &usize| {
-            let Record { host, device, measured_on, .. } = &records[*place];
+        let of = |index: &usize| {
+            let Record { host, device, measured_on, .. } = &records[*index];
             (host.clone(), device.clone(), measured_on.clone())
         };
-        self.places.iter().map(of).collect()
+        self.indices.iter().map(of).collect()
     }
 
-    fn write_places(&self, paired: &Paired, records: &mut [Record]) {
-        for (point, place) in self.places.iter().enumerate() {
-            let record = &mut records[*place];
+    fn write_relative_times(&self, paired: &Paired, records: &mut [Record]) {
+        for (point, index) in self.indices.iter().enumerate() {
+            let record = &mut records[*index];
             let is_own = |(_, anchor): &(usize, &Anchor)| anchor.device == record.device;
             let anchor = self.anchors.iter().enumerate().find(is_own).and_then(|(at, anchor)| {
-                let standing = paired.standing(self.places.len() + at)?;
-                Some(PlacedAnchor { name: anchor.name.clone(), standing, utilization: anchor.utilization })
+                let standing = paired.standing(self.indices.len() + at)?;
+                Some(MeasuredAnchor { name: anchor.name.clone(), standing, utilization: anchor.utilization })
             });
             let together = self.together;
-            record.place = paired.standing(point).map(|standing| {
+            record.relative_times = paired.standing(point).map(|standing| {
                 let median_ms = standing.median_ms();
-                Place { together, standing, median_ms, anchor, control: None }
+                RelativeTimes { together, standing, median_ms, anchor, control: None }
             });
         }
     }
@@ -170,9 +172,9 @@ fn in_order<'a>(
         samples.extend(anchor.remaining.iter().map(of));
     }
     for (point, record) in records.enumerate() {
-        for (place, ms) in record.samples_ms.iter().enumerate() {
-            let launch = record.sample_launches.get(place).copied().unwrap_or(0);
-            let at_ms = record.samples_at_ms.get(place).copied().unwrap_or(place as f64);
+        for (index, ms) in record.samples_ms.iter().enumerate() {
+            let launch = record.sample_launches.get(index).copied().unwrap_or(0);
+            let at_ms = record.samples_at_ms.get(index).copied().unwrap_or(index as f64);
             samples.push((at_ms, PairedSample { point, launch, ms: *ms }));
         }
     }
@@ -210,7 +212,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
 
 /// Returns the number of those samples for which `counts` is true, in the launch that has the fewest of them.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
-    // A launch of which no sample counts has 0 samples, so all launches are entered first.
+    // A launch in which no sample counts must have the number 0 in the map, so the map first gets an entry for every
+    // launch.
     let mut of_launches: HashMap<u32, usize> =
         record.sample_launches.iter().map(|launch| (*launch, 0)).collect();
     for (launch, ms) in record.sample_launches.iter().zip(&record.samples_ms) {
@@ -225,7 +228,7 @@ fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
 pub(crate) fn is_below_resolution(record: &Record) -> bool {
     let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
     median(record).is_some()
-        && record.place.is_none()
+        && record.relative_times.is_none()
         && has_zero
         && fewest_where(record, |_| true) >= MIN_SAMPLES
 }
@@ -234,7 +237,7 @@ pub(crate) fn is_below_resolution(record: &Record) -> bool {
 /// measured close in time. Otherwise, the ratio is computed from the control point that the records' blocks share or,
 /// without one, as by [`ratio_apart`]. Returns `None` if either record has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
-    let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
+    let (slow, fast) = (slow.relative_times.as_ref()?, fast.relative_times.as_ref()?);
     if slow.together == fast.together {
         return Some(slow.standing.ratio(&fast.standing));
     }
@@ -244,13 +247,13 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
 /// Returns the ratio of two records' times as if they were measured at different times: without pairs of samples that
 /// are close in time, and without control points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
-    Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
+    Some(slow.relative_times.as_ref()?.standing.ratio_apart(&fast.relative_times.as_ref()?.standing))
 }
 
 /// Returns a hash that is equal for all records that were measured in the same rounds; `None` if the record has no
-/// position.
+/// relative times.
 pub(crate) fn rounds_of(record: &Record) -> Option<blake3::Hash> {
-    Some(record.place.as_ref()?.together)
+    Some(record.relative_times.as_ref()?.together)
 }
 
 /// Returns whether two records were measured in the same rounds.
@@ -261,20 +264,20 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
 /// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name.
 /// `None` if the anchor was not measured, or not requested (see [`judge_beside_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
-    let place = record.place.as_ref()?;
-    let anchor = place.anchor.as_ref()?;
-    Some((&anchor.name, place.standing.ratio(&anchor.standing)))
+    let times = record.relative_times.as_ref()?;
+    let anchor = times.anchor.as_ref()?;
+    Some((&anchor.name, times.standing.ratio(&anchor.standing)))
 }
 
 /// Returns the ratio of the mean time of some records to the anchor's time. The records must have
 /// been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
-    let anchor = records.first()?.place.as_ref()?.anchor.as_ref()?;
+    let anchor = records.first()?.relative_times.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.relative_to(&anchor.standing))
 }
 
-/// Returns the ratio of the mean time of some records to the mean time of others, which are the reference. All records
-/// must have been measured together.
+/// Returns the ratio of the mean time of some records to the mean time of other records (`reference`). All records must
+/// have been measured together.
 pub(crate) fn mean_relative_to(records: &[&Record], reference: &[&Record]) -> Option<Relative> {
     Some(mean(records)?.relative_to(&mean(reference)?))
 }
@@ -296,9 +299,9 @@ pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<
     Some(mean(records)?.ratio(&mean(others)?))
 }
 
-/// Returns the ratio of the times of two passes of the same frames of a record, from each sample's launch and ratio. A
-/// pass is treated like a point: from run to run, each of the two passes has a factor of its own, and the factor that
-/// all points share cancels. Returns `None` if there are too few samples.
+/// Returns the ratio of the times of two passes of the same frames of a record. `ratios` has each sample's launch and
+/// ratio. A pass is treated like a point: from run to run, its time changes by a factor of its own, and by a factor
+/// that all points share and that cancels in the ratio. Returns `None` if there are too few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -308,36 +311,38 @@ pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<
 
 fn mean(records: &[&Record]) -> Option<Standing> {
     let standings: Option<Vec<&Standing>> =
-        records.iter().map(|record| Some(&record.place.as_ref()?.standing)).collect();
+        records.iter().map(|record| Some(&record.relative_times.as_ref()?.standing)).collect();
     Standing::mean(&standings?)
 }
 
 /// Returns the 95% interval of the median; `None` with too few samples.
 pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
-    let interval = record.place.as_ref()?.median_ms;
+    let interval = record.relative_times.as_ref()?.median_ms;
     Some([interval.low, interval.high])
 }
 
 /// Ranks the measured records by their times. The winners are the fastest record and every record that ties with it. A
 /// record ties if the samples do not show that it takes more than 1% longer. A record with too few samples has no rank.
 ///
-/// Only levels of one family can be compared ([`Place::family`]). The ratio of two records of different families is that
-/// of their medians (see [`ratio`]). The levels of each family are therefore shifted by a constant, so that their mean is
-/// that of the logarithms of the family's medians.
+/// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Only levels of one
+/// family of records can be compared ([`RelativeTimes::family`]). The ratio of two records of different families is the
+/// ratio of their medians (see [`ratio`]). The levels of each family are therefore shifted by a constant, so that the
+/// mean of the levels equals the mean of the logarithms of the family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
     let mut families: HashMap<String, Vec<f64>> = HashMap::new();
-    for place in measured.iter().filter_map(|record| record.place.as_ref()) {
-        families.entry(place.family()).or_default().push(place.median_ms.middle.ln() - place.level());
+    for times in measured.iter().filter_map(|record| record.relative_times.as_ref()) {
+        families.entry(times.family()).or_default().push(times.median_ms.middle.ln() - times.level());
     }
     let mean_of = |all: &Vec<f64>| all.iter().sum::<f64>() / all.len() as f64;
     let shifts: HashMap<&str, f64> =
         families.iter().map(|(family, all)| (family.as_str(), mean_of(all))).collect();
     let is_alone = shifts.len() < 2;
-    let shift =
-        |place: &Place| if is_alone { Some(0.0) } else { shifts.get(place.family().as_str()).copied() };
-    let level = |place: &Place| Some(place.level() + shift(place)?);
-    let levels = measured.into_iter().map(|record| (record, record.place.as_ref().and_then(level)));
+    let shift = |times: &RelativeTimes| {
+        if is_alone { Some(0.0) } else { shifts.get(times.family().as_str()).copied() }
+    };
+    let level = |times: &RelativeTimes| Some(times.level() + shift(times)?);
+    let levels = measured.into_iter().map(|record| (record, record.relative_times.as_ref().and_then(level)));
     let ties = |record: &Record, best: &Record| {
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
     };
@@ -347,7 +352,7 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 /// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread. Each set of
 /// records that were measured together has its own value; the least and the greatest of these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
-    let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
+    let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
     parts.fold(None, |range: Option<[f64; 2]>, part| {
         let [low, high] = range.unwrap_or([part; 2]);
@@ -355,8 +360,9 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns the smallest difference that can be shown between two points if their times are known to differ above the
-/// fraction `part`. Two points tie if their times differ by less than 1%.
+/// Returns the smallest difference that two points need so that the samples can show that they do not tie. Two points
+/// tie if their times differ by less than 1%. `part` is the smallest difference, as a fraction, that the samples can
+/// show at all.
 fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
@@ -380,7 +386,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     let looks = || records.iter().filter(|record| is_look(record));
     let mut notes = Vec::new();
     if let Some(one) = looks().next() {
-        let measured = records.iter().filter(|record| record.place.is_some()).count();
+        let measured = records.iter().filter(|record| record.relative_times.is_some()).count();
         let whose = match looks().count() {
             all if all == measured => "all points".to_owned(),
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
@@ -389,14 +395,14 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             "Measured in only one launch of the program: {whose}. The intervals of these points do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
         ));
     }
-    notes.extend(told_apart(records));
+    notes.extend(smallest_difference_note(records));
     notes
 }
 
-/// Returns the note on the smallest difference that can be shown between two points. The difference that two baselines
-/// need says nothing about kernels, so baselines count only if there are no other points.
-pub(crate) fn told_apart<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
-    let judged = records.into_iter().filter(|record| record.place.is_some());
+/// Returns the note on the smallest difference that can be shown between two points. The smallest difference that can
+/// be shown between baselines says nothing about kernels, so baselines count only if there are no other points.
+pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
+    let judged = records.into_iter().filter(|record| record.relative_times.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
     let points = if kernels.is_empty() { baselines } else { kernels };
     let is_noisy = |point: &&Record| resolution([*point]).is_some_and(|[part, _]| part > NOISY);
@@ -404,9 +410,8 @@ pub(crate) fn told_apart<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(is_noisy);
     let below =
         |amount: &str| format!("Differences below {amount} between two points cannot be detected here.");
-    let count = |points: &[&Record]| {
-        points.iter().filter_map(|point| Some(point.place.as_ref()?.together)).collect::<HashSet<_>>().len()
-    };
+    let count =
+        |points: &[&Record]| points.iter().filter_map(|point| rounds_of(point)).collect::<HashSet<_>>().len();
     match (smallest_difference(&fine), smallest_difference(&noisy)) {
         (None, None) => None,
         (Some(amount), None) | (None, Some(amount)) => Some(below(&amount)),
@@ -448,9 +453,10 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
 }
 
 /// Names what the smallest difference between points depends on: "scene", "scene and device", "when the points were
-/// measured". It depends on a property if points that are equal in the other properties show other differences. If the
-/// properties found in this way do not explain all differences, because points of other scenes also have other devices,
-/// for example, all properties in which the points differ are named.
+/// measured". The smallest difference depends on a property if it is not the same for all points that are equal in the
+/// other properties. This test finds nothing if, for example, points of different scenes also have different devices.
+/// If the properties that it finds do not explain why the smallest difference varies, all properties in which the
+/// points differ are named.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
     for point in points {
@@ -461,17 +467,17 @@ fn what_it_depends_on(points: &[&Record]) -> String {
         equal.into_iter().map(|(properties, points)| (properties, shown_resolution(&points))).collect();
     let explain = |named: [bool; 3]| {
         let are_equal = |one: &[String; 3], other: &[String; 3]| {
-            (0..named.len()).all(|place| !named[place] || one[place] == other[place])
+            (0..named.len()).all(|index| !named[index] || one[index] == other[index])
         };
         let is_explained = |(one, range): &([String; 3], Option<[String; 2]>)| {
             shown.iter().all(|(other, others)| range == others || !are_equal(one, other))
         };
         shown.iter().all(is_explained)
     };
-    let without = |left_out: usize| std::array::from_fn(|place| place != left_out);
-    let mut named: [bool; 3] = std::array::from_fn(|place| !explain(without(place)));
+    let without = |left_out: usize| std::array::from_fn(|index| index != left_out);
+    let mut named: [bool; 3] = std::array::from_fn(|index| !explain(without(index)));
     if !explain(named) {
-        let differs = |place: usize| shown.iter().any(|(one, _)| one[place] != shown[0].0[place]);
+        let differs = |index: usize| shown.iter().any(|(one, _)| one[index] != shown[0].0[index]);
         named = std::array::from_fn(differs);
     }
     let of_times = |range: &Option<[String; 2]>| range.as_ref().is_some_and(|[least, most]| least != most);
@@ -487,7 +493,7 @@ fn what_it_depends_on(points: &[&Record]) -> String {
 
 /// Returns whether a measured record has only one launch.
 fn is_look(record: &Record) -> bool {
-    record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
+    record.relative_times.as_ref().is_some_and(|times| times.standing.launches() == 1)
 }
 
 #[cfg(test)]

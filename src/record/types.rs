@@ -1,6 +1,6 @@
 //! The record of a point. `docs/format.md` documents every field.
 
-use super::place::Place;
+use super::relative_times::RelativeTimes;
 use crate::manifest;
 use crate::program::CompiledKernel;
 use crate::sensor::SensorReading;
@@ -161,7 +161,7 @@ pub struct Record {
     /// The record's times relative to those of the records that were measured with it. They are computed when a folder
     /// is read, and not stored.
     #[serde(skip)]
-    pub place: Option<Place>,
+    pub relative_times: Option<RelativeTimes>,
     /// The rule that ended the sampling in the last launch.
     pub stop_reason: Option<String>,
     /// The median time of the primary pass, if passes are separate.
@@ -407,11 +407,11 @@ const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 /// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text. The value
 /// of a newer axis describes what raycl did before the axis existed. Returns no axis for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
-    let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
-    let is_untold = move |(axis, _): &(&str, &str)| {
-        told().any(|(name, _)| name == "traversal") && told().all(|(name, _)| name != *axis)
+    let stated = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
+    let is_unstated = move |(axis, _): &(&str, &str)| {
+        stated().any(|(name, _)| name == "traversal") && stated().all(|(name, _)| name != *axis)
     };
-    told().chain(BEFORE.into_iter().filter(is_untold))
+    stated().chain(BEFORE.into_iter().filter(is_unstated))
 }
 
 #[cfg(test)]

@@ -78,22 +78,23 @@ fn replace(
 /// of a folder above it.
 pub fn refuse_file(folder: &Path) -> Result<()> {
     let leads_nowhere = |path: &Path| path.is_symlink() && matches!(path.try_exists(), Ok(false));
-    let is_in_the_way = |path: &&Path| path.is_file() || leads_nowhere(path);
-    let Some(found) = folder.ancestors().find(is_in_the_way) else { return Ok(()) };
-    let (at, what) = (found.display(), if found.is_file() { "a file" } else { "a link without a target" });
-    Err(Error::input(match found == folder {
+    let is_obstacle = |path: &&Path| path.is_file() || leads_nowhere(path);
+    let Some(obstacle) = folder.ancestors().find(is_obstacle) else { return Ok(()) };
+    let at = obstacle.display();
+    let what = if obstacle.is_file() { "a file" } else { "a link without a target" };
+    Err(Error::input(match obstacle == folder {
         true => format!("'{at}' is {what}; a folder is needed here"),
         false => format!("cannot make {}: '{at}' is {what}", folder.display()),
     }))
 }
 
-/// Fails with this remedy if this process may not create files in a folder. If the folder does not exist, it would have
-/// to be made: then fails if this process may not create files in the closest folder above it that exists.
+/// Fails with this remedy if this process may not create files in a folder. If the folder does not exist, the closest
+/// folder above it that exists is checked instead, since the missing folder would have to be made there.
 pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
-    let Some(found) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
-    may_write(found).map_err(|error| {
-        let reason = format!("the folder '{}' cannot be written to ({})", found.display(), error.kind());
-        let exists = found == or_current(folder);
+    let Some(existing) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
+    may_write(existing).map_err(|error| {
+        let reason = format!("the folder '{}' cannot be written to ({})", existing.display(), error.kind());
+        let exists = existing == or_current(folder);
         let message = if exists { reason } else { format!("cannot make {}: {reason}", folder.display()) };
         Error::input(message).with_help(remedy)
     })
@@ -104,8 +105,9 @@ fn or_current(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
-/// Returns the error of a folder that cannot be made, with this remedy. It is a mistake of the user if the folder's
-/// path names something else or no possible place, or a place in which this process may not make folders.
+/// Returns the error of a folder that cannot be made, with this remedy. The error counts as a mistake of the user in
+/// these cases: something else has this path, no folder can have this path, or this process may not make folders in
+/// that place.
 pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
     use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
     let other = || {
@@ -132,7 +134,7 @@ pub fn own_folder(path: &Path) -> std::io::Result<()> {
 /// accepted.
 pub fn own_file(path: &Path) -> std::io::Result<()> {
     match path.symlink_metadata() {
-        Ok(found) if found.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
+        Ok(metadata) if metadata.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
         Ok(_) => ordinary(path),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         Err(error) => Err(error),
@@ -141,13 +143,14 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
 
 /// Removes the temporary files in a folder of results that nobody has changed for `age`. A process that was killed left
 /// them behind. Files that cannot be removed do no harm.
-pub fn remove_left_overs(folder: &Path, age: Duration) {
+pub fn remove_leftovers(folder: &Path, age: Duration) {
     let is_old = |entry: &DirEntry| {
         let changed = entry.metadata().and_then(|file| file.modified());
-        // The clock of a file server may be ahead of this machine's clock.
+        // The clock of a file server may be ahead of this machine's clock. The file then seems to be from the future,
+        // and its age counts as 0.
         changed.is_ok_and(|changed| changed.elapsed().unwrap_or_default() >= age)
     };
-    // A link may lead out of the folder.
+    // A folder that is a link is left out, since the link may lead out of the folder of results.
     let inner = [IMAGES, "plots", "exports"].map(|name| folder.join(name)).into_iter();
     for folder in inner.filter(|folder| !folder.is_symlink()).chain([folder.to_owned()]) {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -162,8 +165,8 @@ const LINK: &str = "it is a link, which may lead out of the folder";
 
 /// Fails if `path` is a pipe or a device, since reading it may never end.
 pub fn ordinary(path: &Path) -> std::io::Result<()> {
-    let found = path.metadata()?;
-    match found.is_file() || found.is_dir() {
+    let metadata = path.metadata()?;
+    match metadata.is_file() || metadata.is_dir() {
         true => Ok(()),
         false => Err(IoError::new(ErrorKind::InvalidInput, "it is not an ordinary file")),
     }
@@ -215,9 +218,9 @@ mod tests {
             file.set_modified(changed).unwrap();
         }
         let left = || files.map(|name| folder.path().join(name).exists());
-        remove_left_overs(folder.path(), hour);
+        remove_leftovers(folder.path(), hour);
         assert_eq!(left(), [false, false, true, true]);
-        remove_left_overs(folder.path(), Duration::ZERO);
+        remove_leftovers(folder.path(), Duration::ZERO);
         assert_eq!(left(), [false, false, false, true]);
     }
 
@@ -279,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_is_closed_is_the_users_mistake_and_a_full_disk_is_not() {
+    fn a_closed_folder_is_the_users_mistake_and_a_full_disk_is_not() {
         let code = |kind: ErrorKind| cannot_make(Path::new("nowhere/r"), &kind.into(), "").exit_code();
         let kinds = [ErrorKind::PermissionDenied, ErrorKind::ReadOnlyFilesystem, ErrorKind::StorageFull];
         assert_eq!(kinds.map(code), [2, 2, 1]);

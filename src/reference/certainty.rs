@@ -39,10 +39,10 @@ const SKY_NUDGE: f64 = 1e-6;
 /// The angle by which the direction to a sky with a picture is nudged. This angle is larger than `SKY_NUDGE`, because
 /// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
-/// How far rounding may move a hit's place in a texture, relative to the triangle's largest texture coordinate (at
+/// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture coordinate (at
 /// least 1): almost seven rounding errors of single precision. The errors on a device add up to at most six: one of the
 /// first weight (1 minus the other two weights), one of the products of weights and coordinates, two of their sum, and
-/// two of the texel's place, which is the sum times the texture's size, minus a half.
+/// two of the texel's position, which is the sum times the texture's size, minus a half.
 const TEXTURE_SHIFT: f32 = 4e-7;
 
 /// A surface that is this close to a light may or may not occlude the light. This value is relative to the light's
@@ -57,7 +57,7 @@ pub struct Asked<'a> {
     pub frame: &'a PixelFrame,
     /// The distance from a surface at which its shadow rays start.
     pub bias: f64,
-    /// The lights and the sky, as the sample sees them.
+    /// The lights, each at the point that the sample sees, and the sky.
     pub seen: Seen<'a>,
     /// The pixel coordinates of the pixel's centre.
     pub centre: [f64; 2],
@@ -85,7 +85,7 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's place in a texture.
+    /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a texture.
     /// Nudges do not reveal this error if all corners of the triangle have the same texture coordinates, as in models
     /// whose texture is a palette. `reaches` tests whether a light is visible; it is called only once for each light,
     /// since the hit itself stays where it is.
@@ -99,7 +99,7 @@ impl Asked<'_> {
         let Some(mesh) = textured_triangle(&scene.mesh, hit.triangle) else { return };
         let corners = mesh.textures.mapped[0].corners;
         let mut shifted = scene_of(mesh, scene);
-        let largest = corners.as_flattened().iter().fold(1.0_f32, |largest, place| largest.max(place.abs()));
+        let largest = corners.as_flattened().iter().fold(1.0_f32, |largest, value| largest.max(value.abs()));
         let by = TEXTURE_SHIFT * largest;
         let width = Frame::<f64>::new(self.frame).cone_width(ray, hit.t);
         let hit = Hit { triangle: 0, ..*hit };
@@ -108,20 +108,21 @@ impl Asked<'_> {
         let reaches_once = |sight: &Sight<f64>| {
             let earlier: Option<bool> = known.borrow()[sight.light];
             earlier.unwrap_or_else(|| {
-                let found = reaches(sight);
-                known.borrow_mut()[sight.light] = Some(found);
-                found
+                let result = reaches(sight);
+                known.borrow_mut()[sight.light] = Some(result);
+                result
             })
         };
         for [across, down] in [[by, by], [by, -by], [-by, by], [-by, -by]] {
-            let places = corners.map(|[u, v]| [u + across, v + down]);
-            shifted.mesh_mut().textures.mapped[0].corners = places;
+            let shifted_corners = corners.map(|[u, v]| [u + across, v + down]);
+            shifted.mesh_mut().textures.mapped[0].corners = shifted_corners;
             sample.consider(shade(&shifted, &self.seen, (ray, width), &hit, &reaches_once));
         }
     }
 
-    /// Includes in `sample` the values of a hit's radiance if shadow rays end where those end that a device casts from
-    /// a distant light. `radiance` returns the value for shadow rays that end at a given distance from the hit.
+    /// Includes in `sample` the values of a hit's radiance if shadow rays end farther from the hit than usual: as far
+    /// from it as a device ends the shadow rays that it casts from a distant light. `radiance` returns the value for
+    /// shadow rays that end at a given distance from the hit.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -133,7 +134,7 @@ impl Asked<'_> {
             true => ends_before_hit(self.bias, sight, normal),
             false => [self.bias; 2],
         };
-        // Without a distant light, all rays end at the bias, as usual.
+        // If no light is distant, all shadow rays end at the bias, as usual, and no value has to be included.
         if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
             for end in [0, 1] {
                 sample.consider(radiance(&|sight| ends(sight)[end]));
@@ -142,7 +143,8 @@ impl Asked<'_> {
     }
 
     /// Includes in `sample` the values that the radiance of this hit takes under every change except nudges of the
-    /// pixel's ray. `leaning` contains the casters of [`Caster::leaning`].
+    /// pixel's ray. `leaning` contains the casters of [`Caster::leaning`], in which rounding makes all triangles larger
+    /// or all smaller.
     fn change_hit(
         &self,
         sample: &mut PixelSample,
@@ -190,8 +192,8 @@ impl Asked<'_> {
     }
 }
 
-/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from elsewhere. Copies of them
-/// would take time for every pixel.
+/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from elsewhere. Copying the
+/// lights and the sky would take time for every pixel.
 fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     Scene {
         name: String::new(),
@@ -206,8 +208,8 @@ fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     }
 }
 
-/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture. Its mask is left out,
-/// because it does not change the radiance of a hit.
+/// Returns a mesh that consists of one triangle of `mesh`; `None` if the triangle has no texture. The triangle's mask
+/// is left out, because a mask does not change the radiance of a hit.
 fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
     let texture = mesh.textures.list[row.texture? as usize].clone();
@@ -234,7 +236,7 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - Triangles become larger and holes smaller by rounding, and the reverse.
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
-/// - The hit's place in a texture is moved slightly.
+/// - The hit's position in a texture is moved slightly.
 /// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct. Each of them is
 ///   also cast with the changes above, except nudges, because several results can be in doubt at one pixel.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
@@ -249,7 +251,7 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         }
         sample.nudge(reach, caster.radiance(seen, &ray, other.as_ref(), bias));
     };
-    nudges(frame, [x, y]).for_each(|(reach, place)| look_again(caster, reach, place));
+    nudges(frame, [x, y]).for_each(|(reach, position)| look_again(caster, reach, position));
     let leaning = caster.leaning();
     leaning.iter().for_each(|leaning| look_again(leaning, Reach::Near, [x, y]));
     if hit.is_none() && caster.sky_behind().is_some() {
@@ -301,7 +303,7 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
     [(Reach::Wide, WIDE_NUDGE_RADIANS), (Reach::Near, NUDGE_RADIANS)].into_iter().flat_map(
         move |(reach, radians)| {
             let (dx, dy) = (radians * across, radians * down);
-            [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]].map(|place| (reach, place))
+            [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]].map(|position| (reach, position))
         },
     )
 }
@@ -329,16 +331,16 @@ mod tests {
             let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
             let seen = Seen::of(scene, Sample::CENTRE, [x, y]);
             let asked = Asked { caster: &caster, frame: &frame, bias, seen, centre };
-            let Some(found) = quick_sample(&asked, &tree) else { continue };
+            let Some(quick_result) = quick_sample(&asked, &tree) else { continue };
             quick += 1;
             let plain = sample(&asked);
-            assert_eq!(found, plain, "{} at ({x}, {y})", scene.name);
+            assert_eq!(quick_result, plain, "{} at ({x}, {y})", scene.name);
         }
         100 * quick / (size[0] * size[1]) as usize
     }
 
-    /// Returns a triangle whose corners all have the same place in a palette of 1024 texels, given in texels from the
-    /// left edge. The left half of the palette is dark, and the right half is white.
+    /// Returns a triangle whose corners all have the same position in a palette of 1024 texels, given in texels from
+    /// the left edge. The left half of the palette is dark, and the right half is white.
     fn palette(texels: f32) -> Scene {
         let mut scene = fixtures::single_triangle();
         let palette = (0..1024).map(|x| if x < 512 { 0x20_2020 } else { 0xff_ffff });
@@ -362,13 +364,14 @@ mod tests {
             let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
             let frame = scene.camera.pixel_frame(80, 50);
             let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
-            let found =
+            let result =
                 sample(&Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] });
-            assert!(found.hit && found.radiance.x > 0.0);
-            found.near_change / found.radiance.x
+            assert!(result.hit && result.radiance.x > 0.0);
+            result.near_change / result.radiance.x
         };
         // At the edge, a shift by 4e-7 of 1024 texels adds or removes 4e-4 of the difference between the two colours,
-        // whose linear values are 0.014 and 1. A hundredth of the colour is white.
+        // whose linear values are 0.014 and 1. At 511.51 texels, one hundredth of the filtered colour comes from the
+        // white texel.
         let expected = 4e-7 * 1024.0 * (1.0 - 0.014) / (0.014 * 0.99 + 0.01);
         let [edge, inside] = [change(511.51), change(600.5)];
         assert!((edge / expected - 1.0).abs() < 0.1, "{edge}, expected {expected}");
@@ -384,13 +387,13 @@ mod tests {
         let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
         let asked = Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] };
         let (ray, Some(hit)) = caster.look(40.5, 25.5) else { panic!("the triangle is in the middle") };
-        let mut found = PixelSample::of(DVec3::ZERO, true);
+        let mut shifted = PixelSample::of(DVec3::ZERO, true);
         let cast = RefCell::new(Vec::new());
-        asked.shift_texture(&mut found, (&ray, &hit), &|sight| {
+        asked.shift_texture(&mut shifted, (&ray, &hit), &|sight| {
             cast.borrow_mut().push(sight.light);
             true
         });
-        assert!(found.change > 0.0);
+        assert!(shifted.change > 0.0);
         assert_eq!(*cast.borrow(), [0, 1]);
     }
 
@@ -403,8 +406,8 @@ mod tests {
     #[test]
     fn nudges_are_larger_than_usual_only_where_rounding_turns_rays_further() {
         let usual = Camera::PAPER.pixel_frame(320, 200);
-        for place in [[0.5, 0.5], [160.0, 100.0], [160.5, 199.5], [319.5, 100.5], [319.5, 199.5]] {
-            assert_eq!(enlargement(&usual, place), 1.0, "{place:?}");
+        for position in [[0.5, 0.5], [160.0, 100.0], [160.5, 199.5], [319.5, 100.5], [319.5, 199.5]] {
+            assert_eq!(enlargement(&usual, position), 1.0, "{position:?}");
         }
         for [width, height] in [[101_u8, 67], [63, 41], [255, 199]] {
             let frame = wide_camera().pixel_frame(width.into(), height.into());
@@ -465,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
+    fn a_triangle_with_holes_is_neither_hit_nor_blocks_the_light_for_sure() {
         let mut scene = fixtures::figure_4();
         // The triangle and its copy of opposite orientation become holes; the ground is solid.
         fixtures::make_holes(scene.mesh_mut(), 2);

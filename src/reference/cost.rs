@@ -88,9 +88,10 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
     (0..count([width, height])).into_par_iter().map(cost).collect()
 }
 
-/// Returns the column and the row of the pixel with an index. The largest image has more pixels than a `u32` counts.
+/// Returns the column and the row of the pixel with an index. The index is not a `u32`, since the largest image has
+/// more pixels than a `u32` can count.
 pub(super) fn pixel_at(index: usize, width: u32) -> [u32; 2] {
-    [index % width as usize, index / width as usize].map(|place| place as u32)
+    [index % width as usize, index / width as usize].map(|coordinate| coordinate as u32)
 }
 
 /// Counts the tests of an exhaustive search, but finds hits with a tree, which is faster.
@@ -113,7 +114,7 @@ impl Finder<f64> for InOrder<'_> {
             first = Some(first.map_or(hit.triangle, |known| known.min(hit.triangle)));
             ray.far
         });
-        self.tally.tests.fetch_add(first.map_or(self.count, |place| place + 1), Ordering::Relaxed);
+        self.tally.tests.fetch_add(first.map_or(self.count, |index| index + 1), Ordering::Relaxed);
         first.is_some()
     }
 }
@@ -160,7 +161,7 @@ mod tests {
         fn any(&self, ray: &Ray<f64>) -> bool {
             let hits = |corners: &[glam::DVec3; 3]| moller_trumbore(ray, *corners, Culling::None).is_some();
             let first = self.corners.iter().position(hits);
-            let tests = first.map_or(self.corners.len(), |place| place + 1);
+            let tests = first.map_or(self.corners.len(), |index| index + 1);
             self.tally.tests.fetch_add(tests as u32, Ordering::Relaxed);
             first.is_some()
         }

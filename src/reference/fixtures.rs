@@ -35,7 +35,7 @@ pub(crate) fn pyramid_lower() -> Scene {
     Scene { shadow_bias: 1e-2, ..pyramid("pyramid lower", vec3(3.0, 0.95, -1.5)) }
 }
 
-/// Small triangles anywhere in front of the camera, each with its own normals.
+/// Small triangles at random positions in front of the camera, each with its own normals.
 pub(crate) fn random(triangles: usize, seed: u64) -> Scene {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut vector = move |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));

@@ -34,7 +34,8 @@ pub fn with_half_light(
         let own = at(whole, index);
         let behind = background * (1.0 - f64::from(hit_shares[index]));
         let [x, y] = [index % whole.width as usize, index / whole.width as usize];
-        let ratio = interpolated(own, [place_in_half(x, across), place_in_half(y, down)], halves, &ratios);
+        let ratio =
+            interpolated(own, [position_in_half(x, across), position_in_half(y, down)], halves, &ratios);
         (behind + (own - behind) * ratio).as_vec3().to_array()
     };
     let pixels = (0..whole.pixels.len()).into_par_iter().map(pixel).collect();
@@ -43,7 +44,7 @@ pub fn with_half_light(
 
 /// Returns where the centre of pixel `at` lies in the half picture, whose own pixels have their centres at whole
 /// numbers. `half` and `whole` are the numbers of pixels of the half picture and of the whole picture along this axis.
-fn place_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
+fn position_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
 
@@ -129,8 +130,8 @@ mod tests {
         }
         let inner = |index: usize| (4..11).contains(&(index % 17)) && (4..7).contains(&(index / 17));
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 63] };
-        let found = with_half_light(&whole, &[1.0; 17 * 13], &halves, BACKGROUND);
-        for (index, pixel) in found.pixels.iter().enumerate().filter(|(index, _)| inner(*index)) {
+        let picture = with_half_light(&whole, &[1.0; 17 * 13], &halves, BACKGROUND);
+        for (index, pixel) in picture.pixels.iter().enumerate().filter(|(index, _)| inner(*index)) {
             assert!(close(*pixel, DVec3::splat(0.8 * 15.0 / 16.0)), "{index}: {pixel:?}");
         }
     }
@@ -149,10 +150,10 @@ mod tests {
         side(&mut unoccluded, [0.9, 0.3]);
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
-        let found = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
+        let picture = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
         // At the border, only the small weight `least`, which every pixel gets, mixes the two sides.
-        assert!(close(found.pixels[6], DVec3::splat(0.9)) && close(found.pixels[9], DVec3::ZERO));
-        assert!(found.pixels[7][0] > 0.89 && found.pixels[8][0] < 0.01, "{:?}", &found.pixels[6..10]);
+        assert!(close(picture.pixels[6], DVec3::splat(0.9)) && close(picture.pixels[9], DVec3::ZERO));
+        assert!(picture.pixels[7][0] > 0.89 && picture.pixels[8][0] < 0.01, "{:?}", &picture.pixels[6..10]);
     }
 
     #[test]
@@ -161,13 +162,13 @@ mod tests {
         let mut shares = [1.0; 16];
         (shares[5], shares[6]) = (0.0, 0.5);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
-        let found = with_half_light(&whole, &shares, &halves, BACKGROUND);
+        let picture = with_half_light(&whole, &shares, &halves, BACKGROUND);
         let halved = |share: f64| {
             let behind = BACKGROUND * (1.0 - share);
             behind + (DVec3::splat(0.5) - behind) * 0.5
         };
-        assert!(close(found.pixels[0], DVec3::splat(0.25)), "{:?}", found.pixels[0]);
-        assert!(close(found.pixels[5], halved(0.0)) && close(found.pixels[6], halved(0.5)));
+        assert!(close(picture.pixels[0], DVec3::splat(0.25)), "{:?}", picture.pixels[0]);
+        assert!(close(picture.pixels[5], halved(0.0)) && close(picture.pixels[6], halved(0.5)));
     }
 
     #[test]
@@ -180,8 +181,8 @@ mod tests {
         }
         let hit_shares = [1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &hit_shares };
-        let found = with_half_light(&whole, &[1.0; 32], &halves, BACKGROUND);
-        assert!((0..4).all(|x| (found.pixels[x][0] - 0.1).abs() < 1e-3), "{:?}", &found.pixels[..8]);
+        let picture = with_half_light(&whole, &[1.0; 32], &halves, BACKGROUND);
+        assert!((0..4).all(|x| (picture.pixels[x][0] - 0.1).abs() < 1e-3), "{:?}", &picture.pixels[..8]);
     }
 
     #[test]
@@ -192,17 +193,17 @@ mod tests {
         unoccluded.pixels.fill([0.5, 0.0, 0.0]);
         lit.pixels.fill([0.1, 0.0, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
-        let found = with_half_light(&whole, &[1.0; 16], &halves, BACKGROUND);
-        assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
+        let picture = with_half_light(&whole, &[1.0; 16], &halves, BACKGROUND);
+        assert!(close(picture.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", picture.pixels[5]);
     }
 
     /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half picture covers
-    /// two pixels of the whole picture along each axis. Their centres lie a quarter of the larger pixel's side before
-    /// and after its centre. If both pictures have an odd number of pixels along an axis, their middle pixels have the
-    /// same centre.
+    /// two pixels of the whole picture along each axis. The centres of these two pixels lie before and after the larger
+    /// pixel's centre, at a distance of a quarter of the larger pixel's side. If both pictures have an odd number of
+    /// pixels along an axis, their middle pixels have the same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
-        assert_eq!([0, 1, 2, 3].map(|at| place_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);
-        assert_eq!(place_in_half(2, (3, 5)), 1.0, "the middle stays the middle");
+        assert_eq!([0, 1, 2, 3].map(|at| position_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);
+        assert_eq!(position_in_half(2, (3, 5)), 1.0, "the middle stays the middle");
     }
 }

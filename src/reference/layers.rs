@@ -43,28 +43,28 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
     // Each of the two searches builds a tree, and frees it before the other one starts: trees of large meshes take
     // gigabytes.
     let costs: Vec<Cost> = cost::in_tree(scene, size, culling)?;
-    let found = found(scene, size, culling);
+    let hits = pixel_hits(scene, size, culling);
     let object = |triangle: u32| object_of(object_starts, triangle);
     Ok(Layers {
         size,
-        depth: found.iter().map(|hit| hit.map_or(f32::INFINITY, |(depth, ..)| depth)).collect(),
-        normal: found.iter().map(|hit| hit.map_or([0.0; 3], |(_, normal, _)| normal)).collect(),
-        triangle: found.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| triangle)).collect(),
-        object: found.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| object(triangle))).collect(),
+        depth: hits.iter().map(|hit| hit.map_or(f32::INFINITY, |(depth, ..)| depth)).collect(),
+        normal: hits.iter().map(|hit| hit.map_or([0.0; 3], |(_, normal, _)| normal)).collect(),
+        triangle: hits.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| triangle)).collect(),
+        object: hits.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| object(triangle))).collect(),
         tests: costs.iter().map(|cost| cost.tests).collect(),
         nodes: costs.iter().map(|cost| cost.nodes).collect(),
     })
 }
 
 /// The depth, the normal and the triangle of a hit.
-type Found = (f32, [f32; 3], u32);
+type PixelHit = (f32, [f32; 3], u32);
 
 /// Returns what the ray of each pixel hits; `None` for rays that hit nothing.
-fn found(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<Found>> {
+fn pixel_hits(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<PixelHit>> {
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
     let forward = scene.camera.forward.as_dvec3();
-    let look = |index: usize| -> Option<Found> {
-        let [x, y] = cost::pixel_at(index, size[0]).map(|place| f64::from(place) + 0.5);
+    let look = |index: usize| -> Option<PixelHit> {
+        let [x, y] = cost::pixel_at(index, size[0]).map(|coordinate| f64::from(coordinate) + 0.5);
         let (ray, hit) = caster.look(x, y);
         let hit = hit?;
         let normal = normal_at(&scene.mesh, &hit);
@@ -98,17 +98,17 @@ mod tests {
     fn a_triangle_before_the_ground() {
         // Triangle 0 lies in z = -2; triangles 2 and 3 are the ground, y = -1, whose normal points up.
         let scene = fixtures::figure_4();
-        let found = layers(&scene, &[0, 1, 2], [80, 80], Culling::None).unwrap();
+        let layers = layers(&scene, &[0, 1, 2], [80, 80], Culling::None).unwrap();
         let at = |x: usize, y: usize| y * 80 + x;
         let middle = at(40, 40);
-        assert!((found.depth[middle] - 2.0).abs() < 1e-6 && found.object[middle] < 2);
+        assert!((layers.depth[middle] - 2.0).abs() < 1e-6 && layers.object[middle] < 2);
         let ground = at(70, 75);
-        assert_eq!((found.object[ground], found.normal[ground]), (2, [0.0, 1.0, 0.0]));
-        assert!(found.triangle[ground] == 2 || found.triangle[ground] == 3);
+        assert_eq!((layers.object[ground], layers.normal[ground]), (2, [0.0, 1.0, 0.0]));
+        assert!(layers.triangle[ground] == 2 || layers.triangle[ground] == 3);
         let sky = at(2, 2);
-        assert_eq!((found.triangle[sky], found.object[sky]), (NOTHING, NOTHING));
-        assert!(found.depth[sky].is_infinite() && found.normal[sky] == [0.0; 3]);
-        assert!(found.tests[middle] > 0 && found.nodes[middle] > 0);
+        assert_eq!((layers.triangle[sky], layers.object[sky]), (NOTHING, NOTHING));
+        assert!(layers.depth[sky].is_infinite() && layers.normal[sky] == [0.0; 3]);
+        assert!(layers.tests[middle] > 0 && layers.nodes[middle] > 0);
     }
 
     /// A ray goes through the middle of its pixel: of two pixels, each sees its own half of the view.

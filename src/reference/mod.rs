@@ -5,7 +5,6 @@
 //! 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
 //! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` do the same.
 
-pub mod beam;
 pub mod cast;
 pub mod certainty;
 pub mod cost;
@@ -18,6 +17,7 @@ pub mod layers;
 pub mod leaning;
 pub mod pixel_sample;
 pub mod ray;
+pub mod ray_packet;
 pub mod real;
 pub mod shade;
 pub mod shadow_end;
@@ -92,7 +92,7 @@ pub struct Doubt {
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],
-    /// The greatest value of each channel under the same nudges.
+    /// The greatest value of each channel under the pixel's nudges, except wide ones.
     pub high: [f32; 3],
 }
 
@@ -117,9 +117,9 @@ pub fn reference_of(
     for sample in of_pixel {
         scene.camera = scene.camera.of_sample(sample);
         let wanted = |(_, pixel): &(_, &usize)| count(**pixel) > sample.earlier;
-        let (places, some): (Vec<usize>, Vec<usize>) = pixels.iter().enumerate().filter(wanted).unzip();
-        let found = samples(&scene, &tree, *sample, size, &some);
-        places.into_iter().zip(found).for_each(|(place, found)| all[place].add(&found));
+        let (indices, some): (Vec<usize>, Vec<usize>) = pixels.iter().enumerate().filter(wanted).unzip();
+        let added = samples(&scene, &tree, *sample, size, &some);
+        indices.into_iter().zip(added).for_each(|(index, added)| all[index].add(&added));
     }
     let cast = |pixel| count(pixel).min(of_pixel.len() as u32);
     all.iter_mut().zip(pixels).for_each(|(sum, pixel)| sum.divide(f64::from(cast(*pixel))));
@@ -186,13 +186,13 @@ fn samples(
     let frame = scene.camera.pixel_frame(size[0], size[1]);
     let bias = f64::from(scene.shadow_bias);
     let at = |&pixel: &usize| {
-        let place = [pixel % width, pixel / width];
+        let position = [pixel % width, pixel / width];
         let asked = Asked {
             caster: &caster,
             frame: &frame,
             bias,
-            seen: Seen::of(scene, of_pixel, place.map(|place| place as u32)),
-            centre: place.map(|place| place as f64 + 0.5),
+            seen: Seen::of(scene, of_pixel, position.map(|coordinate| coordinate as u32)),
+            centre: position.map(|coordinate| coordinate as f64 + 0.5),
         };
         quick_sample(&asked, tree).unwrap_or_else(|| sample(&asked))
     };

@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sample_remembers_changes_both_ways_and_adds_up() {
+    fn a_sample_remembers_changes_in_both_directions_and_adds_up() {
         let mut one = PixelSample::of(DVec3::splat(1.0), true);
         one.consider(DVec3::splat(0.25));
         one.consider(DVec3::splat(1.5));

@@ -29,10 +29,10 @@ fn steps_of_block(means: &Radiance, exposure: f32, start: [u32; 2]) -> f64 {
 /// Pixels beyond the image repeat those at its border.
 fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 4] {
     let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
-    let place = inside(y, means.height) * means.width as usize + inside(x, means.width);
+    let index = inside(y, means.height) * means.width as usize + inside(x, means.width);
     let shown = |channel: f32| 255.0 * (f64::from(exposure) * f64::from(channel)).clamp(0.0, 1.0).sqrt();
-    let [red, green, blue] = means.pixels[place].map(shown);
-    [red, green, blue, 255.0 * means.coverage.get(place).map_or(0.0, |alpha| f64::from(*alpha))]
+    let [red, green, blue] = means.pixels[index].map(shown);
+    [red, green, blue, 255.0 * means.coverage.get(index).map_or(0.0, |alpha| f64::from(*alpha))]
 }
 
 fn largest_difference(a: [f64; 4], b: [f64; 4]) -> f64 {

@@ -5,7 +5,9 @@ use glam::DVec3;
 
 /// The rounding error of a hit's distance from a light, relative to this distance: four roundings.
 const ROUNDING_AT_DISTANCE: f64 = 5e-7;
-/// Up to this inverse of the light's cosine at the surface, the gap grows with it.
+/// The gap between a shadow ray's end and the hit grows in proportion to 1 / cosine, where the cosine is that of the
+/// angle between the light's direction and the surface's normal. From this value of 1 / cosine on, the gap does not
+/// grow further.
 const MOST_PER_COSINE: f64 = 50.0;
 
 /// Returns the distances from a hit at which devices end a shadow ray that they cast from a light.
@@ -19,8 +21,9 @@ pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2]
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }
 
-/// Returns the ends for a light at this distance, which the surface sees at this cosine. Light from behind the surface
-/// does not reach it.
+/// Returns the two distances of [`ends_before_hit`] for a light at `distance` from the hit. `cosine` is the cosine of
+/// the angle between the light's direction and the surface's normal. Both distances are the bias if the cosine is not
+/// positive, since light from behind the surface does not reach it.
 pub fn ends(bias: f64, distance: f64, cosine: f64) -> [f64; 2] {
     let largest = ROUNDING_AT_DISTANCE * distance * MOST_PER_COSINE;
     if cosine <= 0.0 || largest <= bias {
@@ -45,27 +48,27 @@ mod tests {
             (2e5, 0.01, 5.0),
             (1e5, -1.0, 1e-3),
         ] {
-            let [found, farthest] = ends(1e-3, distance, cosine);
+            let [gap, farthest] = ends(1e-3, distance, cosine);
             let rounding = if cosine > 0.0 && distance > 40.0 { 2.5e-5 * distance } else { 0.0 };
-            assert!((farthest - found - rounding).abs() < 1e-9, "{distance} {cosine}: {farthest}");
-            assert!((found / expected - 1.0).abs() < 1e-9, "{distance} {cosine}: {found}");
+            assert!((farthest - gap - rounding).abs() < 1e-9, "{distance} {cosine}: {farthest}");
+            assert!((gap / expected - 1.0).abs() < 1e-9, "{distance} {cosine}: {gap}");
         }
     }
 
     #[test]
-    fn devices_end_their_rays_at_the_same_place() {
+    fn devices_end_their_rays_at_the_same_distance() {
         let kernel = "__kernel void gaps(__global float *out) {\n\
                       const int at = get_global_id(0);\n\
                       const float distance = pow(10.0f, (float)(at / 8));\n\
                       out[at] = distance * gap_before_hit(1e-3f / distance, exp2((float)(at % 8)));\n}\n";
         let options = "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0";
         let device = Alone::of(["", kernel], &["common/width.cl", "common/shadow_end.cl"], options);
-        let found: Vec<f32> = device.results(56, |found| device.kernel("gaps", 56).arg(found).build());
-        for (at, found) in found.into_iter().enumerate() {
+        let gaps: Vec<f32> = device.results(56, |gaps| device.kernel("gaps", 56).arg(gaps).build());
+        for (at, gap) in gaps.into_iter().enumerate() {
             let (distance, per_cosine) = (10_f64.powi(at as i32 / 8), 2_f64.powi(at as i32 % 8));
             let [expected, _] = ends(1e-3, distance, per_cosine.recip());
-            let found = f64::from(found);
-            assert!((found / expected - 1.0).abs() < 1e-5, "{distance} {per_cosine}: {found}");
+            let gap = f64::from(gap);
+            assert!((gap / expected - 1.0).abs() < 1e-5, "{distance} {per_cosine}: {gap}");
         }
     }
 }

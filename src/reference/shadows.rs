@@ -1,8 +1,8 @@
 //! Finds the lights that reach all points near a hit. For each light, a single search that starts
 //! at the light is enough.
 
-use super::beam::Beam;
 use super::certainty::AT_LIGHT;
+use super::ray_packet::RayPacket;
 use super::shadow_end::ends;
 use super::soft::Seen;
 use super::tree::Tree;
@@ -47,9 +47,9 @@ impl<'a> Shadows<'a> {
         // The sky has no entry in `known`, since it is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;
         known.unwrap_or_else(|| {
-            let found = self.find(light);
-            self.known.borrow_mut()[light] = Some(found);
-            found
+            let result = self.find(light);
+            self.known.borrow_mut()[light] = Some(result);
+            result
         })
     }
 
@@ -58,7 +58,7 @@ impl<'a> Shadows<'a> {
         self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }
 
-    /// Searches from the light, where all shadow rays meet.
+    /// Searches from the light, from which all shadow rays start.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
         let Points { triangle, centre, normal, spread } = self.points;
@@ -66,16 +66,17 @@ impl<'a> Shadows<'a> {
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
         let [_, end] = ends(self.bias, distance, -off.dot(normal) / distance);
-        // The factor allows for other distances and cosines at the other points.
+        // The factor 1.1 allows for the other points, at which the light's distance and cosine differ from those at the
+        // centre.
         let end = 1.1 * end.max(2.0 * self.bias);
         let [least, most] = [distance - spread - end, distance + spread - 0.5 * self.bias];
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }
-        let beam = Beam::new(position, off / distance, 1.1 * spread / distance).from_light(centre);
-        let stopped =
-            beam.is_stopped_on_the_way_here(self.tree, triangle, [at_light, least], [-at_light, most])?;
-        Some(!stopped)
+        let packet = RayPacket::new(position, off / distance, 1.1 * spread / distance).from_light(centre);
+        let blocked =
+            packet.is_blocked_towards_origin(self.tree, triangle, [at_light, least], [-at_light, most])?;
+        Some(!blocked)
     }
 }
 
@@ -111,22 +112,25 @@ mod tests {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
             Shadows::new(&seen, &tree, Points { triangle, centre, normal: DVec3::Y, spread }, 1e-3).find(0)
         };
-        // The points lie on the ground, from far outside the triangle's shadow to its centre.
+        // The points lie on the ground, on a line from far outside the triangle's shadow to the shadow's centre.
         let light = scene.lights[0].position.as_dvec3();
         let corners = scene.mesh.corners(&scene.mesh.triangles[0]).map(|corner| corner.as_dvec3());
         let off = (corners[0] + corners[1] + corners[2]) / 3.0 - light;
         let shadow = light + off * ((-1.0 - light.y) / off.y);
-        let mut found = std::collections::HashSet::new();
+        let mut results = std::collections::HashSet::new();
         for step in 0..600 {
             let centre = DVec3::new(3.0, -1.0, 1.0).lerp(shadow, f64::from(step) / 600.0);
             let spread = 0.004 * centre.distance(light);
             let of_all = find(centre, spread);
-            found.insert(of_all);
-            for way in (0..16).map(|way| DVec3::new(f64::from(way).cos(), 0.0, f64::from(way).sin())) {
-                let one = find(centre + 0.99 * spread * way, 1e-9);
-                assert!(of_all.is_none() || one.is_none() || one == of_all, "at {centre}, towards {way}");
+            results.insert(of_all);
+            for direction in (0..16).map(|i| DVec3::new(f64::from(i).cos(), 0.0, f64::from(i).sin())) {
+                let one = find(centre + 0.99 * spread * direction, 1e-9);
+                assert!(
+                    of_all.is_none() || one.is_none() || one == of_all,
+                    "at {centre}, towards {direction}"
+                );
             }
         }
-        assert_eq!(found.len(), 3, "open, in shadow and at its border: {found:?}");
+        assert_eq!(results.len(), 3, "open, in shadow and at its border: {results:?}");
     }
 }

@@ -14,21 +14,21 @@ fn pixel(scene: &Scene, size: [u32; 2], [x, y]: [u32; 2]) -> Vec3 {
     Vec3::from_array(image.pixels[(y * size[0] + x) as usize])
 }
 
-fn assert_near(found: Vec3, expected: Vec3) {
-    assert!((found - expected).abs().max_element() < 2e-7 * expected.max_element(), "{found} {expected}");
+fn assert_near(actual: Vec3, expected: Vec3) {
+    assert!((actual - expected).abs().max_element() < 2e-7 * expected.max_element(), "{actual} {expected}");
 }
 
 #[test]
 fn the_single_triangle_seen_straight_on() {
     // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The
     // expected radiance follows from the shading formulas, which were evaluated outside this program.
-    let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
-    assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
+    let actual = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
+    assert_near(actual, vec3(0.023589239, 0.018874577, 0.000015931));
 }
 
 #[test]
 fn a_texture_tints_the_material() {
-    let found = |lambertian: Vec3, texel: Option<u32>| {
+    let colour = |lambertian: Vec3, texel: Option<u32>| {
         let mut scene = fixtures::single_triangle();
         let mesh = scene.mesh_mut();
         mesh.materials[0] = Material::lambertian(lambertian);
@@ -41,20 +41,20 @@ fn a_texture_tints_the_material() {
         pixel(&scene, [1, 1], [0, 0])
     };
     let own = vec3(0.8, 0.5, 0.2);
-    assert_near(found(own, Some(0xff_ffff)), found(own, None));
+    assert_near(colour(own, Some(0xff_ffff)), colour(own, None));
     // The texel is yellow: it takes away the blue light.
-    assert_near(found(own, Some(0x00_ffff)), found(vec3(0.8, 0.5, 0.0), None));
+    assert_near(colour(own, Some(0x00_ffff)), colour(vec3(0.8, 0.5, 0.0), None));
 }
 
 #[test]
 fn the_lit_ground_of_figure_4() {
     // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is (0, 4,
     // 7/3): its squared length is 193/9, its cosine is 4 / sqrt(193/9), and nothing blocks the light.
-    let found = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
+    let actual = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
     let square = 193.0_f64 / 9.0;
     let pi = std::f64::consts::PI;
     let expected = 10.0 / (4.0 * pi * square) * 0.8 / pi * 4.0 / square.sqrt();
-    assert_near(found, Vec3::splat(expected as f32));
+    assert_near(actual, Vec3::splat(expected as f32));
 }
 
 #[test]
@@ -62,8 +62,8 @@ fn the_shadow_of_figure_4() {
     // The light's ray through (-1, -0.8, -2), a point of the triangle, hits the ground at (-1.105, -1,
     // -2.158). The eye sees that point below the triangle's edge, along (-0.512, -0.463, -1): pixel (19.5,
     // 58.5) of 80.
-    let found = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
-    assert_eq!(found, Vec3::ZERO);
+    let actual = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
+    assert_eq!(actual, Vec3::ZERO);
 }
 
 #[test]
@@ -136,24 +136,24 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
     // The triangle's left edge along x = 0 divides an image of odd width into halves.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
-    let found = reference(&scene, [9, 5], Culling::None);
-    for (index, certain) in found.certain.iter().enumerate() {
+    let reference = reference(&scene, [9, 5], Culling::None);
+    for (index, certain) in reference.certain.iter().enumerate() {
         assert_eq!(*certain, index % 9 != 4, "pixel {index}");
     }
     // Five pixels lie on the edge.
-    assert_eq!(found.hits_range[1] - found.hits_range[0], 5);
-    assert!((found.hits_range[0]..=found.hits_range[1]).contains(&found.hits));
+    assert_eq!(reference.hits_range[1] - reference.hits_range[0], 5);
+    assert!((reference.hits_range[0]..=reference.hits_range[1]).contains(&reference.hits));
 }
 
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-    // The strip lies from half a microradian to five microradians beside the ray; wide nudges, of ten microradians,
-    // go past it.
+    // The strip lies from half a microradian to five microradians beside the ray. Wide nudges turn the ray by ten
+    // microradians, past the strip.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
-    let found = reference(&scene, [9, 5], Culling::None);
-    assert_eq!((found.hits, found.certain[2 * 9 + 4]), (0, false));
-    assert!(found.hits_range[0] == 0 && found.hits_range[1] > 0, "{:?}", found.hits_range);
+    let reference = reference(&scene, [9, 5], Culling::None);
+    assert_eq!((reference.hits, reference.certain[2 * 9 + 4]), (0, false));
+    assert!(reference.hits_range[0] == 0 && reference.hits_range[1] > 0, "{:?}", reference.hits_range);
 }
 
 #[test]
@@ -165,8 +165,9 @@ fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
             vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
         scene.mesh_mut().normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface, so that the light is not faint
         scene.lights[0].position = vec3(0.0, 9.0, -2.0 + height);
-        let found = reference(&scene, [401, 251], Culling::None);
-        let lit = found.radiance.pixels.iter().zip(&found.certain).filter(|(pixel, _)| **pixel != [0.0; 3]);
+        let reference = reference(&scene, [401, 251], Culling::None);
+        let pixels = reference.radiance.pixels.iter().zip(&reference.certain);
+        let lit = pixels.filter(|(pixel, _)| **pixel != [0.0; 3]);
         lit.filter(|(_, certain)| !**certain).count()
     };
     assert!(uncertain(1e-4) > 10);
@@ -191,7 +192,8 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
 }
 
 /// The first of two coincident triangles is dark, and the second one is lit. A device may show either of them. Rounding
-/// also decides whether a triangle that touches the light blocks it, or, without a bias, the second triangle itself.
+/// also decides whether the light is blocked: by a triangle that touches the light or, if there is no shadow bias, by
+/// the second triangle itself.
 #[test]
 fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
     let (lit, size) = (fixtures::single_triangle(), [80, 50]);
@@ -261,12 +263,10 @@ fn some_pixels_are_those_of_all() {
     };
     let some = of(700);
     assert_eq!((some.judged, all.judged), (700, 4000));
-    let lit = |found: &&usize| some.radiance.pixels[**found] != [0.0; 3];
-    let places: Vec<usize> = (0..4000).collect();
-    let found: Vec<_> = places.iter().filter(lit).collect();
-    assert!(
-        found.len() > 500 && found.iter().all(|&&at| some.radiance.pixels[at] == all.radiance.pixels[at])
-    );
+    let is_lit = |index: &&usize| some.radiance.pixels[**index] != [0.0; 3];
+    let indices: Vec<usize> = (0..4000).collect();
+    let lit: Vec<_> = indices.iter().filter(is_lit).collect();
+    assert!(lit.len() > 500 && lit.iter().all(|&&at| some.radiance.pixels[at] == all.radiance.pixels[at]));
     assert_eq!(of(9000), all);
 }
 
@@ -279,8 +279,8 @@ fn the_papers_scenes_are_certain_almost_everywhere() {
         fixtures::pyramid_lower(),
         fixtures::sphere(24),
     ] {
-        let found = reference(&scene, [160, 100], Culling::None);
-        let uncertain = found.certain.iter().filter(|certain| !**certain).count();
+        let reference = reference(&scene, [160, 100], Culling::None);
+        let uncertain = reference.certain.iter().filter(|certain| !**certain).count();
         assert!(uncertain <= 160, "{}: {uncertain} uncertain pixels", scene.name);
     }
 }
@@ -289,8 +289,8 @@ fn the_papers_scenes_are_certain_almost_everywhere() {
 fn a_pixel_is_uncertain_where_a_level_silhouette_passes_through_its_centre() {
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(-9.0, 0.0, -2.0), vec3(9.0, 0.0, -2.0), vec3(0.0, 9.0, -2.0)];
-    let found = reference(&scene, [8, 5], Culling::None);
-    assert!(found.certain[16..24].iter().all(|certain| !certain), "{:?}", found.certain);
+    let reference = reference(&scene, [8, 5], Culling::None);
+    assert!(reference.certain[16..24].iter().all(|certain| !certain), "{:?}", reference.certain);
 }
 
 #[test]
@@ -332,8 +332,8 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }
 
-/// A device that casts shadow rays from a light 100,000 away ends them 0.05 before the hit. Whether it meets an
-/// occluder that is nearer to the hit depends on where its rays start.
+/// If a light is 100,000 units away, a device that casts shadow rays from the light ends them 0.05 units before the
+/// hit. Only devices that cast shadow rays from the hit then find an occluder that is nearer to the hit.
 #[test]
 fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
     let certain = |distance: f32, gap: f32| {
@@ -345,8 +345,8 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
         let mut behind = (*scene.mesh).clone();
         behind.positions.iter_mut().for_each(|corner| corner.z -= gap);
         scene.mesh_mut().append(behind);
-        let found = reference(&scene, [1, 1], Culling::None);
-        (found.certain[0], found.radiance.pixels[0] == [0.0; 3])
+        let reference = reference(&scene, [1, 1], Culling::None);
+        (reference.certain[0], reference.radiance.pixels[0] == [0.0; 3])
     };
     for (distance, gap, expected) in [
         (1e5, 0.02, false),

@@ -113,18 +113,18 @@ impl Tree {
         let mut count = self.nodes.first().map_or(0, |root| usize::from(entry(root, far) < f64::INFINITY));
         while count > 0 && far > ray.near {
             count -= 1;
-            let (place, entered) = open[count];
+            let (index, entered) = open[count];
             if entered > far * (1.0 + PADDING) {
                 continue;
             }
-            match self.nodes[place].children {
+            match self.nodes[index].children {
                 Children::Leaf { first, end } => {
                     for triangle in &self.triangles[first as usize..end as usize] {
                         far = visitor(triangle, far);
                     }
                 }
                 Children::Inner { right } => {
-                    let children = [place + 1, place + right as usize]
+                    let children = [index + 1, index + right as usize]
                         .map(|child| (child, entry(&self.nodes[child], far)));
                     let [near, other] = children;
                     let order = if near.1 <= other.1 { [other, near] } else { [near, other] };
@@ -146,7 +146,7 @@ const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis. A node may be split at the borders between bins.
 const BINS: usize = 16;
 
-/// Builds the nodes over a part of the triangles. `base` is the place of the part's first triangle among all triangles.
+/// Builds the nodes over a part of the triangles. `base` is the index of the part's first triangle among all triangles.
 /// `level` is the number of levels from the root to the part's node.
 fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
@@ -187,11 +187,11 @@ fn centre(t: &Indexed) -> DVec3 {
     a + b + c
 }
 
-/// Splits a part in two non-empty parts, along the axis on which centres spread most, and returns the number of
-/// triangles in the first of them. The split is where a ray is expected to test the fewest triangles (the surface area
-/// heuristic over bins of centres; I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007).
-/// From the level `LEVELS_BY_COST` on, or if all centres are in one bin, the two parts have nearly equal numbers of
-/// triangles.
+/// Splits a part into two non-empty parts along the axis along which the triangles' centres are spread most, and
+/// returns the number of triangles in the first of the two parts. The split is where a ray is expected to test the
+/// fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On fast Construction of SAH-based
+/// Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin, the two
+/// parts have nearly equal numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -210,7 +210,7 @@ fn split(part: &mut [Indexed], level: usize) -> usize {
 }
 
 /// Returns the first bin of the right part for the cheapest split. The cost of a split is the sum, over both parts, of
-/// the box's area times the number of triangles. `None` if all triangles are in one bin.
+/// the box's area times the number of triangles. Returns `None` if all triangles are in one bin.
 fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
     let mut bins = [(Bounds::NONE, 0_usize); BINS];
     for t in part {
@@ -231,9 +231,9 @@ fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> 
 /// Moves triangles for which `is_left` is true to the front, and returns their number.
 fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize {
     let mut left = 0;
-    for place in 0..part.len() {
-        if is_left(&part[place]) {
-            part.swap(left, place);
+    for index in 0..part.len() {
+        if is_left(&part[index]) {
+            part.swap(left, index);
             left += 1;
         }
     }
@@ -280,8 +280,8 @@ impl Finder<f64> for Tree {
         let end = if ray.to_light { ray.origin + ray.direction * ray.far } else { ray.origin };
         let around = margin(self.reach(ray.origin).max(self.reach(end)));
         self.walk(ray, around, |indexed, far| {
-            let found = larger_hit(ray, indexed.triangle, indexed.corners(), self.culling);
-            found.map_or(far, &mut *visitor)
+            let larger = larger_hit(ray, indexed.triangle, indexed.corners(), self.culling);
+            larger.map_or(far, &mut *visitor)
         });
     }
 }

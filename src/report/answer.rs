@@ -28,10 +28,10 @@ pub struct Answer {
     pub interval: String,
     /// The speed-ups of the best point over the serial baselines and over the best naive point.
     pub speedups: Vec<Speedup>,
-    /// The name that the best naive point has in speed-ups, if this point is itself the fastest. It then has no
-    /// speed-up.
+    /// If the best point of the preset `naive` is itself the fastest: its name, as it is written in speed-ups of other
+    /// groups. Otherwise `None`.
     pub naive_wins: Option<String>,
-    /// The certainty of the result: "clear", "tie" or "unsure".
+    /// The certainty of the result in one word: "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
@@ -123,12 +123,12 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
     over.filter_map(|other| speedup(best, other)).collect()
 }
 
-/// Returns the best naive point of a group.
+/// Returns the fastest point of the preset `naive` in a group.
 fn naive<'a>(group: &Group<'a>) -> Option<&'a Record> {
     group.best_where(|record| record.preset.as_deref() == Some("naive"))
 }
 
-/// Returns the name that a record has in speed-ups over it.
+/// Returns the name of the point of `record` in speed-ups of another point over this point.
 fn over(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),
@@ -177,7 +177,7 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
             ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
         }
         1 => {
-            // Of a point that has no rank or no time, nobody knows whether it takes longer.
+            // It is not known whether a point without a rank or without a time takes longer.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),
                 (_, 1) => ("No other point has a rank", false),
@@ -225,8 +225,8 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to
-/// 78 times as fast as the best naive point". If a speed-up is known for some comparisons only, their number follows.
-/// Returns an empty text if no speed-up is known.
+/// 78 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner, the
+/// number of these groups follows. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
@@ -333,9 +333,9 @@ mod tests {
         let one = of(&records);
         assert_eq!(one.sureness, "unsure");
         assert!(one.sure.ends_with("Points without a rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);
-        let told: Vec<_> =
-            one.speedups.iter().map(|told| (told.factor.as_str(), told.range.as_str())).collect();
-        assert_eq!(told, [("?", "not enough samples (n = 1)"), ("?", "not enough samples (n = 3)")]);
+        let actual: Vec<_> =
+            one.speedups.iter().map(|speedup| (speedup.factor.as_str(), speedup.range.as_str())).collect();
+        assert_eq!(actual, [("?", "not enough samples (n = 1)"), ("?", "not enough samples (n = 3)")]);
         assert_eq!(headline(&[one]), "wide is the fastest");
         let faster = Record { median_ms: Some(9.0), ..slow.clone() };
         assert_eq!(of(&[faster, records[2].clone()]).sureness, "unsure");
@@ -349,7 +349,7 @@ mod tests {
         let (naive, wide) = (measured("gpu", "naive", 8, 41.0), measured("gpu", "wide", 4, 11.0));
         let refused = infeasible("gpu", "naive", 8, "work-group: too large");
         let few = few("gpu", "naive", 8, 20.0, 3);
-        let told = |records: &[&Record]| {
+        let sureness_of = |records: &[&Record]| {
             let records: Vec<Record> = records.iter().map(|record| (*record).clone()).collect();
             let one = answers(&groups(&judged(records))).remove(0);
             (one.sureness, one.sure)
@@ -361,13 +361,13 @@ mod tests {
             (vec![&few], "unsure", "No other point has a rank"),
             (vec![&naive], "clear", "Every other point with a rank takes longer"),
         ] {
-            let (found, sure) = told(&[&[&wide][..], &others].concat());
-            assert_eq!(found, sureness, "{words}");
+            let (actual, sure) = sureness_of(&[&[&wide][..], &others].concat());
+            assert_eq!(actual, sureness, "{words}");
             assert!(sure.starts_with(&format!("{words}; {rests}")), "{sure}");
         }
         let one_launch = Record { sample_launches: vec![0; 10], ..wide.clone() };
-        let (found, sure) = told(&[&one_launch]);
-        assert!(found == "unsure" && sure.contains("There was only one launch"), "{found}: {sure}");
+        let (actual, sure) = sureness_of(&[&one_launch]);
+        assert!(actual == "unsure" && sure.contains("There was only one launch"), "{actual}: {sure}");
     }
 
     #[test]
@@ -375,9 +375,9 @@ mod tests {
         let zero = few("gpu", "naive", 8, 0.0, 30);
         for records in [vec![zero.clone()], vec![zero, measured("gpu", "wide", 4, 11.0)]] {
             let one = answers(&groups(&judged(records))).remove(0);
-            let told = format!("{}. {}", headline(std::slice::from_ref(&one)), one.sure);
-            assert!(told.contains("naive at 8 x 8 (times below the timer's resolution)"), "{told}");
-            assert!(!told.contains("samples to rank") && !told.contains("too few"), "{told}");
+            let text = format!("{}. {}", headline(std::slice::from_ref(&one)), one.sure);
+            assert!(text.contains("naive at 8 x 8 (times below the timer's resolution)"), "{text}");
+            assert!(!text.contains("samples to rank") && !text.contains("too few"), "{text}");
         }
     }
 
@@ -413,8 +413,8 @@ mod tests {
                 both.map(|record| Record { scene: scene.into(), ..record })
             };
             let records: Vec<_> = ["room", "table"].into_iter().zip(serial_ms).flat_map(of).collect();
-            let told = headline(&answers(&groups(&judged(records))));
-            assert!(told.ends_with("; it is 12 to 40 times as fast as serial-f32"), "{told}");
+            let text = headline(&answers(&groups(&judged(records))));
+            assert!(text.ends_with("; it is 12 to 40 times as fast as serial-f32"), "{text}");
         }
     }
 
@@ -428,14 +428,14 @@ mod tests {
                 .map(|record| Record { scene: scene.into(), ..record })
                 .collect::<Vec<_>>()
         };
-        let told = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
+        let headline_of = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
         let [slow, fast, bare] = [of("room", 15.0, true), of("table", 5.0, true), of("chair", 15.0, false)];
-        let both = told(&[slow.clone(), fast.clone()]);
+        let both = headline_of(&[slow.clone(), fast.clone()]);
         let itself = "1.5 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself \
                       the fastest)";
         assert!(both.contains("; the winners are 40 to 80 times as fast as serial-f32, "), "{both}");
         assert!(both.ends_with(itself), "{both}");
-        let two = told(&[slow, bare]);
+        let two = headline_of(&[slow, bare]);
         assert!(two.contains("40 times as fast as serial-f32 (in 1 of 2 comparisons), 1.5 times"), "{two}");
         assert!(two.ends_with("as the best naive point"), "{two}");
     }

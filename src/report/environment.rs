@@ -11,8 +11,8 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// The version of the raycl that made the run, and how to build this raycl again from its commit, or why this is
-    /// impossible.
+    /// The version of raycl that made the run, and the commands that build this version again from its commit, or the
+    /// reason why it cannot be built again.
     pub program: String,
     /// The config's text.
     pub config: String,
@@ -99,7 +99,7 @@ fn command(environment: &Value) -> String {
         .filter(|argument| !["--resume", "--retry-failed"].contains(argument))
         .enumerate()
         // raycl's own path differs between machines, so the command begins with the name alone.
-        .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
+        .map(|(index, argument)| if index == 0 { "raycl".to_owned() } else { quote(argument) })
         .collect();
     quoted.join(" ")
 }
@@ -136,14 +136,14 @@ pub fn programs(records: &[Record]) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     for record in records.iter().filter(|record| !record.is_baseline()) {
         let same = |known: &Program| known.name == record.name && known.strategy == record.strategy;
-        let place = programs.iter().position(same).unwrap_or_else(|| {
+        let index = programs.iter().position(same).unwrap_or_else(|| {
             let (name, strategy) = (record.name.clone(), record.strategy.clone());
             programs.push(Program { name, strategy, hashes: Vec::new() });
             programs.len() - 1
         });
-        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[place].hashes.contains(hash))
+        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[index].hashes.contains(hash))
         {
-            programs[place].hashes.push(hash.clone());
+            programs[index].hashes.push(hash.clone());
         }
     }
     programs
@@ -180,12 +180,12 @@ mod tests {
 
     #[test]
     fn a_program_is_built_again_from_its_commit_if_it_has_one() {
-        let told = |revision: Option<&str>| {
+        let text = |revision: Option<&str>| {
             program(&serde_json::json!({"raycl_version": "1", "git_revision": revision}))
         };
-        assert_eq!(told(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
-        assert!(told(Some("abc-dirty")).contains("with uncommitted changes"));
-        assert_eq!(told(None), "raycl 1, the commit from which it was built is unknown");
+        assert_eq!(text(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
+        assert!(text(Some("abc-dirty")).contains("with uncommitted changes"));
+        assert_eq!(text(None), "raycl 1, the commit from which it was built is unknown");
     }
 
     #[test]

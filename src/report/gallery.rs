@@ -62,9 +62,9 @@ struct File {
 /// Reads a file of a folder; `None` if the path, after links are followed, leads out of the folder or is not an
 /// ordinary file.
 fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
-    let found = folder.join(path).canonicalize().ok()?;
-    let inside = found.starts_with(folder.canonicalize().ok()?);
-    inside.then(|| reader::bytes(&found, reader::Kind::Shown).ok())?
+    let resolved = folder.join(path).canonicalize().ok()?;
+    let inside = resolved.starts_with(folder.canonicalize().ok()?);
+    inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
 }
 
 impl Pictures {
@@ -110,9 +110,10 @@ impl Pictures {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, the uncertain pixels, the cost of rays, every strategy's picture,
-    /// and this picture's differences from the reference. Each record's pictures come from the record's own folder. If
-    /// several folders have the same picture under the same name, it is shown once.
+    /// Returns every scene's pictures: the reference, the uncertain pixels, the cost of rays (triangle tests and tree
+    /// nodes), every strategy's picture, and the differences of each strategy's picture from the reference. Each
+    /// record's pictures come from the record's own folder. If several folders have the same picture under the same
+    /// name, the picture is shown only once.
     pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
@@ -121,8 +122,8 @@ impl Pictures {
             let from =
                 origins.label(record).map_or(String::new(), |label| format!(" From the folder {label}."));
             let size = by(record.image_size);
-            let place = scenes.iter().position(|scene| scene.name == record.scene && scene.size == size);
-            let place = place.unwrap_or_else(|| {
+            let index = scenes.iter().position(|scene| scene.name == record.scene && scene.size == size);
+            let index = index.unwrap_or_else(|| {
                 scenes.push(Scene {
                     name: record.scene.clone(),
                     size,
@@ -132,10 +133,10 @@ impl Pictures {
                 scenes.len() - 1
             });
             for (path, kind, caption) in pictures_of(record) {
-                let content = (place, path.clone(), self.file(folder, &path).map(|file| file.hash));
+                let content = (index, path.clone(), self.file(folder, &path).map(|file| file.hash));
                 if !shown.contains(&content) {
                     shown.push(content);
-                    scenes[place].pictures.push(self.picture(folder, &path, kind, caption + &from));
+                    scenes[index].pictures.push(self.picture(folder, &path, kind, caption + &from));
                 }
             }
         }
@@ -172,7 +173,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
                 "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At these pixels, an image's value must lie in the range of the values that these changes yield."
             ),
         ),
-        (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
+        (&record.tests_image, format!("cost: triangles, {}", traversal(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
@@ -192,7 +193,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
 }
 
 /// Describes how the rays of a record's strategy find triangles.
-fn way(record: &Record) -> &'static str {
+fn traversal(record: &Record) -> &'static str {
     if record.tests_every_triangle() { "without a tree" } else { "with a tree" }
 }
 
@@ -221,16 +222,16 @@ mod tests {
 
     /// Returns a folder with pictures of these names, each of 400 x 100 pixels.
     fn folder(names: &[&str]) -> tempfile::TempDir {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         for name in names {
-            image::RgbImage::new(400, 100).save(place.path().join(name)).unwrap();
+            image::RgbImage::new(400, 100).save(folder.path().join(name)).unwrap();
         }
-        place
+        folder
     }
 
     #[test]
     fn each_picture_of_a_scene_is_shown_once_and_the_reference_first() {
-        let place = folder(&["reference.png", "naive.png", "wide.png"]);
+        let folder = folder(&["reference.png", "naive.png", "wide.png"]);
         let with = |name: &str, scene: &str, image: &str| Record {
             scene: scene.into(),
             image: Some(image.into()),
@@ -244,7 +245,7 @@ mod tests {
             Record { image_size: [80, 50], ..with("naive", "teapot", "naive.png") },
             Record { image: None, reference_image: None, ..with("naive", "room", "") },
         ];
-        let path = place.path().to_owned();
+        let path = folder.path().to_owned();
         let folders = [Folder { path, records: records.to_vec(), ..Folder::default() }];
         let scenes = Pictures::default().gallery(&records, &Origins::of(&folders));
         let shown = |scene: &Scene| scene.pictures.iter().map(|one| one.path.clone()).collect::<Vec<_>>();
@@ -258,11 +259,11 @@ mod tests {
     }
 
     /// Returns the gallery of two folders, in which scenes with these hashes have the same name. The folders' pictures
-    /// have the same names too. The references are equal, and the pictures of `naive` are not.
+    /// have the same names too. The two references are equal, but the two pictures of `naive` differ.
     fn of_two_folders(hashes: [&str; 2]) -> Vec<Scene> {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let folder = |label: &str, hash: &str, grey: u8| {
-            let path = place.path().join(label);
+            let path = parent.path().join(label);
             std::fs::create_dir(&path).unwrap();
             for (name, grey) in [("reference.png", 7), ("naive.png", grey)] {
                 image::RgbImage::from_pixel(3, 2, image::Rgb([grey; 3])).save(path.join(name)).unwrap();
@@ -318,20 +319,20 @@ mod tests {
 
     #[test]
     fn a_picture_is_there_only_if_it_lies_in_the_folder() {
-        let place = folder(&["a.png"]);
+        let folder = folder(&["a.png"]);
         let elsewhere = tempfile::tempdir().unwrap();
         image::RgbImage::new(4, 1).save(elsewhere.path().join("b.png")).unwrap();
         let outside = elsewhere.path().join("b.png").display().to_string();
         let mut pictures = Pictures::default();
         let has = [Some("a.png"), Some("b.png"), Some(outside.as_str()), Some("../a.png"), None]
-            .map(|path| pictures.has(place.path(), path));
-        assert_eq!(has, [true, false, false, false, false], "{}", place.path().display());
+            .map(|path| pictures.has(folder.path(), path));
+        assert_eq!(has, [true, false, false, false, false], "{}", folder.path().display());
     }
 
     #[test]
     fn a_thumbnail_keeps_the_pictures_shape() {
-        let place = folder(&["a.png"]);
-        let address = Pictures::default().thumbnail(place.path(), "a.png").unwrap();
+        let folder = folder(&["a.png"]);
+        let address = Pictures::default().thumbnail(folder.path(), "a.png").unwrap();
         let bytes = STANDARD.decode(address.strip_prefix("data:image/png;base64,").unwrap()).unwrap();
         let small = image::load_from_memory(&bytes).unwrap();
         assert_eq!((small.width(), small.height()), (THUMBNAIL, THUMBNAIL / 4));
@@ -339,17 +340,18 @@ mod tests {
 
     #[test]
     fn a_damaged_picture_has_no_thumbnail() {
-        let place = folder(&["a.png"]);
-        std::fs::write(place.path().join("b.png"), crate::image::ODD_PALETTE).unwrap();
+        let folder = folder(&["a.png"]);
+        std::fs::write(folder.path().join("b.png"), crate::image::ODD_PALETTE).unwrap();
         let mut pictures = Pictures::default();
-        let has = |name: &str| pictures.thumbnail(place.path(), name).is_some();
+        let has = |name: &str| pictures.thumbnail(folder.path(), name).is_some();
         assert_eq!(["a.png", "b.png"].map(has), [true, false]);
     }
 
     #[test]
     fn a_picture_of_tests_says_whether_rays_walk_a_tree() {
-        let of =
-            |strategy: &str| way(&Record { strategy: strategy.into(), ..measured("gpu", "naive", 8, 1.0) });
+        let of = |strategy: &str| {
+            traversal(&Record { strategy: strategy.into(), ..measured("gpu", "naive", 8, 1.0) })
+        };
         assert_eq!(["traversal=exhaustive", "traversal=bvh"].map(of), ["without a tree", "with a tree"]);
     }
 }

@@ -9,25 +9,25 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// Returns, for every device, a plot over triangles if its records have several numbers of triangles, and a plot over
-/// pixels if they have several image sizes.
+/// Returns up to two plots of times for every device. One is over the number of triangles, if the device's records have
+/// several such numbers. The other is over the number of pixels, if the records have several image sizes.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
-    let of_device = |(place, device): (usize, &str)| {
+    let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
-        let triangles = with_triangles(&own, looks, device, place);
-        triangles.into_iter().chain(with_pixels(&own, looks, device, place)).collect::<Vec<_>>()
+        let triangles = with_triangles(&own, looks, device, index);
+        triangles.into_iter().chain(with_pixels(&own, looks, device, index)).collect::<Vec<_>>()
     };
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
 /// Plots times over the number of triangles, at the image size with the most scenes.
-fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
+fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
     let labels = Labels {
         title: format!("Time against the number of triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
-        file: numbered("triangles", place),
+        file: numbered("triangles", index),
         besides: " The scenes differ in more than the number of triangles, and these other differences also affect the times.",
     };
     plot(&same, looks, labels, |group| {
@@ -36,13 +36,13 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
 }
 
 /// Plots times over the number of pixels, for the scene with the most image sizes.
-fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
+fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
     let labels = Labels {
         title: format!("Time against the number of pixels, {scene}: {device}"),
         x: "pixels in the image",
-        file: numbered("pixels", place),
+        file: numbered("pixels", index),
         besides: "",
     };
     plot(&same, looks, labels, |group| group.image_size.iter().map(|side| f64::from(*side)).product())
@@ -119,10 +119,10 @@ fn caption(fits: &[(String, Fit)]) -> String {
 
 /// Returns the number of different values of x.
 fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
-    let mut places: Vec<f64> = marks.map(|mark| mark.x).filter(|x| *x > 0.0).collect();
-    places.sort_by(f64::total_cmp);
-    places.dedup();
-    places.len()
+    let mut values: Vec<f64> = marks.map(|mark| mark.x).filter(|x| *x > 0.0).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values.len()
 }
 
 /// Returns the exponent of the power law closest to points (x, y), and its standard error; `None` for fewer
@@ -203,15 +203,15 @@ mod tests {
     #[test]
     fn a_power_law_is_found_with_its_error() {
         let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
-        let fit = Fit::of(&marks(&exact)).expect("three places");
+        let fit = Fit::of(&marks(&exact)).expect("three values of x");
         assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.error < 1e-6, "{fit:?}");
-        // Computed by hand: log10 y = 0, 1, 3 over log10 x = 0, 1, 2 has the slope 1.5 and the
-        // residuals 1/6, -1/3, 1/6.
-        let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three places");
+        // The expected values were calculated without this code: a line fitted to log10 y = 0, 1, 3 over log10 x = 0,
+        // 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
+        let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three values of x");
         assert!((bent.exponent - 1.5).abs() < 1e-12, "{bent:?}");
         assert!((bent.error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0]])), None);
-        assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two places");
+        assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two values of x");
         let mut few = marks(&exact);
         few[2].interval = None;
         assert_eq!(Fit::of(&few), None, "only two values on the x axis have enough samples");
@@ -260,7 +260,7 @@ mod tests {
         let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
         let series =
             Series { name: "naive".into(), look: Look::default(), joined: false, marks: marks(&exact) };
-        let line = Fit::of(&series.marks).expect("three places").line(&series);
+        let line = Fit::of(&series.marks).expect("three values of x").line(&series);
         assert!(line.joined && line.look.dashed && line.name.is_empty());
         let ends: Vec<_> = line.marks.iter().map(|mark| [mark.x, mark.y]).collect();
         assert_eq!(ends.len(), 2);
@@ -291,11 +291,17 @@ mod tests {
         let plots = growth(&groups, &Looks::of(&groups));
         let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
         assert_eq!(names, ["triangles", "pixels", "triangles-2", "pixels-2"]);
-        let told = |plot: &Plot, parts: &[&str]| {
+        let assert_contains = |plot: &Plot, parts: &[&str]| {
             parts.iter().for_each(|part| assert!(plot.svg.contains(part), "{part} is not in {}", plot.svg));
         };
-        told(&plots[2], &["Time against the number of triangles, at 800 x 500: b", "triangles in the scene"]);
-        told(&plots[3], &["Time against the number of pixels, terrain-1000: b", "pixels in the image"]);
+        assert_contains(
+            &plots[2],
+            &["Time against the number of triangles, at 800 x 500: b", "triangles in the scene"],
+        );
+        assert_contains(
+            &plots[3],
+            &["Time against the number of pixels, terrain-1000: b", "pixels in the image"],
+        );
         assert!(plots[2].caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plots[2].caption);
         assert!(plots[2].caption.ends_with("these other differences also affect the times."));
         assert!(plots[3].caption.contains("too few different values for a fit"), "{}", plots[3].caption);

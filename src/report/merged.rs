@@ -20,7 +20,7 @@ pub struct Origins<'a> {
     folders: &'a [Folder],
     labels: Vec<String>,
     /// For each point of the merged records, the index of the folder that its record comes from.
-    places: HashMap<String, usize>,
+    folder_indices: HashMap<String, usize>,
 }
 
 impl<'a> Origins<'a> {
@@ -28,24 +28,24 @@ impl<'a> Origins<'a> {
     pub fn of(folders: &'a [Folder]) -> Self {
         let labels = labels(folders);
         let all = labelled(folders, &labels);
-        let points = |(place, records): (usize, &Vec<Record>)| -> Vec<(String, usize)> {
-            records.iter().map(|record| (point(record), place)).collect()
+        let points = |(index, records): (usize, &Vec<Record>)| -> Vec<(String, usize)> {
+            records.iter().map(|record| (point(record), index)).collect()
         };
-        // If several folders have a point, the later one counts, as in `merged`.
-        let places = all.iter().enumerate().flat_map(points).collect();
-        Self { folders, labels, places }
+        // If several folders have a point, the last of these folders is stored, since `merged` uses its record.
+        let folder_indices = all.iter().enumerate().flat_map(points).collect();
+        Self { folders, labels, folder_indices }
     }
 
     /// Returns the path of a merged record's folder; `None` if the record is not one of the merged ones.
     pub fn folder(&self, record: &Record) -> Option<&'a Path> {
-        let place = *self.places.get(&point(record))?;
-        Some(self.folders[place].path.as_path())
+        let index = *self.folder_indices.get(&point(record))?;
+        Some(self.folders[index].path.as_path())
     }
 
     /// Returns the label of a merged record's folder if there are several folders.
     pub fn label(&self, record: &Record) -> Option<&str> {
-        let place = self.places.get(&point(record)).filter(|_| self.folders.len() > 1)?;
-        Some(self.labels[*place].as_str())
+        let index = self.folder_indices.get(&point(record)).filter(|_| self.folders.len() > 1)?;
+        Some(self.labels[*index].as_str())
     }
 }
 
@@ -131,14 +131,14 @@ mod tests {
         Folder { label: label.into(), records, ..Folder::default() }
     }
 
-    fn places(folders: &[Folder]) -> Vec<(String, String)> {
+    fn scenes_and_devices(folders: &[Folder]) -> Vec<(String, String)> {
         merged(folders).into_iter().map(|record| (record.scene, record.device)).collect()
     }
 
     #[test]
     fn the_same_point_measured_in_another_way_stands_side_by_side() {
         let devices = |folders: &[Folder]| -> Vec<_> {
-            places(folders).into_iter().map(|(_, device)| device).collect()
+            scenes_and_devices(folders).into_iter().map(|(_, device)| device).collect()
         };
         let old = || folder("old", "driver 1", None);
         assert_eq!(devices(&[old(), folder("new", "driver 2", None)]), ["gpu (old)", "host", "gpu (new)"]);
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn scenes_of_one_name_and_two_contents_stand_side_by_side() {
         let (one, other) = (folder("one", "a", Some("1")), folder("other", "b", Some("2")));
-        let scenes: Vec<_> = places(&[one, other]).into_iter().map(|(scene, _)| scene).collect();
+        let scenes: Vec<_> = scenes_and_devices(&[one, other]).into_iter().map(|(scene, _)| scene).collect();
         assert_eq!(scenes, ["teapot (one)", "teapot (one)", "teapot (other)", "teapot (other)"]);
     }
 
@@ -156,8 +156,8 @@ mod tests {
     fn a_scene_has_one_name_even_if_folders_call_it_differently() {
         let mut other = folder("other", "b", Some("1"));
         other.records.iter_mut().for_each(|record| record.scene = "pot".into());
-        let found = places(&[folder("one", "a", Some("1")), other]);
-        assert!(found.iter().all(|(scene, _)| scene == "teapot"), "{found:?}");
+        let actual = scenes_and_devices(&[folder("one", "a", Some("1")), other]);
+        assert!(actual.iter().all(|(scene, _)| scene == "teapot"), "{actual:?}");
     }
 
     #[test]
@@ -168,15 +168,15 @@ mod tests {
             (host.key, host.name, host.strategy) = (key.into(), "serial".into(), "serial-f32".into());
             folder
         };
-        let found = merged(&[with("one", "1"), with("two", "2")]);
-        let hosts: Vec<_> = found.iter().filter(|record| record.is_baseline()).collect();
+        let records = merged(&[with("one", "1"), with("two", "2")]);
+        let hosts: Vec<_> = records.iter().filter(|record| record.is_baseline()).collect();
         let names: Vec<_> = hosts.iter().map(|host| (host.name.as_str(), host.strategy.as_str())).collect();
         assert_eq!(names, [("serial (one)", "serial-f32 (one)"), ("serial (two)", "serial-f32 (two)")]);
         assert!(hosts.iter().all(|host| host.device == crate::record::HOST));
     }
 
     #[test]
-    fn folders_of_one_name_are_told_apart_by_their_paths() {
+    fn folders_of_one_name_are_distinguished_by_their_paths() {
         let at = |label: &str, path: &str| Folder { path: path.into(), ..folder(label, "a", None) };
         let labels = labels(&[at("a", "x/a"), at("a", "y/a"), at("b", "y/b")]);
         assert_eq!(labels, ["x/a", "y/a", "b"]);

@@ -34,7 +34,7 @@ struct Page<'a> {
 struct View {
     id: String,
     name: String,
-    /// Facts about the kernel, with their names.
+    /// Properties of the kernel, such as its registers: pairs of name and value.
     facts: Vec<(&'static str, String)>,
     /// A note on how instructions are assigned to rows, and on whether the timed program has the
     /// same instructions.
@@ -81,9 +81,9 @@ pub fn microscope_page(
     kernels: &[CompiledKernel],
 ) -> Result<String> {
     let lines: Vec<&str> = microscope.source.lines().collect();
-    let views = microscope.listings.iter().enumerate().map(|(place, listing)| {
+    let views = microscope.listings.iter().enumerate().map(|(index, listing)| {
         let kernel = kernels.iter().find(|kernel| kernel.name == listing.kernel);
-        view(place, listing, kernel, &lines)
+        view(index, listing, kernel, &lines)
     });
     let page = Page {
         style: format!("{STYLE}{OWN_STYLE}"),
@@ -113,10 +113,10 @@ pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     Some(words.into_iter().map(quote).collect::<Vec<_>>().join(" "))
 }
 
-fn view(place: usize, listing: &Listing, kernel: Option<&CompiledKernel>, lines: &[&str]) -> View {
+fn view(index: usize, listing: &Listing, kernel: Option<&CompiledKernel>, lines: &[&str]) -> View {
     let kinds: Vec<Kind> = listing.counts.iter().map(|(kind, _)| kind).collect();
     View {
-        id: format!("view-{place}"),
+        id: format!("view-{index}"),
         name: format!("{}: {}", listing.kernel, listing.made_by),
         facts: facts(listing, kernel),
         note: note(listing),

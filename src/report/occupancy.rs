@@ -71,8 +71,8 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
 const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
     work-groups are resident. The prediction is compared with the measured speed instead.";
 
-/// Says for which multiprocessor the occupancy is predicted, and from which registers. Of `all` points, `assumed` have
-/// a kernel whose number of registers is unknown.
+/// Describes the multiprocessor for which the occupancy is predicted, and the source of the numbers of registers from
+/// which it is predicted. Of `all` points, `assumed` have a kernel whose number of registers is unknown.
 fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String {
     match compute_capability {
         Some(cc) if assumed == 0 => format!(
@@ -178,10 +178,11 @@ mod tests {
         assert_eq!(ranks([5.0, 1.0, 5.0, 9.0, 5.0].into_iter()), [2.0, 0.0, 2.0, 4.0, 2.0]);
         let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
         assert_eq!(spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(3.0, 3.0)]), None, "too few");
-        // Computed by hand: the ranks of x are 0, 1.5, 1.5, 3, and the ranks of y are 0, 1, 2, 3. The products of their
-        // deviations from the mean rank add up to 4.5, and the squares of the deviations add up to 4.5 and 5.
-        let found = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
-        assert!(found.is_some_and(|found| (found - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{found:?}");
+        // The expected correlation was calculated without this code. The ranks of x are 0, 1.5, 1.5, 3, and the ranks
+        // of y are 0, 1, 2, 3. The products of their deviations from the mean rank add up to 4.5. The squares of the
+        // deviations add up to 4.5 for x, and to 5 for y.
+        let actual = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
+        assert!(actual.is_some_and(|actual| (actual - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{actual:?}");
     }
 
     #[test]

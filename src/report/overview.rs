@@ -8,7 +8,8 @@ use crate::record::{Group, HOST, Record, by, interval, median};
 use std::collections::HashMap;
 
 /// Up to this number of devices, each pair of devices has its own plot. The number of pairs grows with the square of
-/// the number of devices, so if there are more devices, each one is compared with the first one only.
+/// the number of devices, so if there are more devices, each one is compared only with the device that has the most
+/// times.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
 /// A device, and its records, sorted by rank within each group.
@@ -17,7 +18,7 @@ type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 /// Plots the best time of every strategy and baseline, scene by scene, for every device that has several scenes or
 /// image sizes.
 pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
-    let plot = |(place, device): (usize, &str)| {
+    let plot = |(index, device): (usize, &str)| {
         let shown: Vec<_> =
             groups.iter().filter(|group| group.device == device || group.device == HOST).collect();
         let mut columns: Vec<(&str, [u32; 2])> = Vec::new();
@@ -43,13 +44,13 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
             series,
         };
         let caption = "Each strategy is shown at its own best local size; lower is faster. The baselines on the host are included.";
-        Some(Plot::of(numbered("scenes", place), caption, &chart))
+        Some(Plot::of(numbered("scenes", index), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
 }
 
-pub(super) fn numbered(name: &str, place: usize) -> String {
-    if place == 0 { name.to_owned() } else { format!("{name}-{}", place + 1) }
+pub(super) fn numbered(name: &str, index: usize) -> String {
+    if index == 0 { name.to_owned() } else { format!("{name}-{}", index + 1) }
 }
 
 fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
@@ -112,8 +113,8 @@ pub(super) fn best_of_each(
 }
 
 /// Plots one device's times against another device's times, for the points that both measured. Each pair of devices has
-/// its own plot. Of more than `MOST_WITH_ALL_PAIRS` devices, only each pair with the device that has the most times is
-/// plotted; a note then says so.
+/// its own plot. If there are more than `MOST_WITH_ALL_PAIRS` devices, only pairs that include the device with the most
+/// times are plotted, and the function also returns a note about this.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
     // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
     let of = |device| -> OfDevice<'_> {
@@ -128,8 +129,8 @@ pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>,
     }
     let compared = if has_all_pairs { all.len() } else { 1 };
     let mut plots = Vec::new();
-    for (place, one) in all.iter().enumerate().take(compared) {
-        for other in &all[place + 1..] {
+    for (index, one) in all.iter().enumerate().take(compared) {
+        for other in &all[index + 1..] {
             plots.extend(pair(looks, one, other, plots.len()));
         }
     }
@@ -149,7 +150,7 @@ fn pair(
     looks: &Looks,
     (one, records): &OfDevice<'_>,
     (other, other_records): &OfDevice<'_>,
-    place: usize,
+    index: usize,
 ) -> Option<Plot> {
     let point =
         |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);
@@ -183,7 +184,7 @@ fn pair(
     let caption = format!(
         "Each dot is a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster."
     );
-    (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
+    (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", index), caption, &chart))
 }
 
 #[cfg(test)]
@@ -197,7 +198,7 @@ mod tests {
         // The times of the two launches (worker processes) are far apart (10 and 15 ms), so the
         // interval is wide. Three samples are too few for an interval.
         let wide = |device: &str| {
-            let samples = (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 15.0 }));
+            let samples = (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 15.0 }));
             Record { device: device.into(), ..sampled("naive", samples) }
         };
         let none = |device: &str| few(device, "naive", 8, 10.0, 3);
@@ -292,7 +293,7 @@ mod tests {
             image_size: [width, 500],
             ..measured(device, "naive", 8, 1.0)
         };
-        let told = |records: Vec<Record>| {
+        let plots_of = |records: Vec<Record>| {
             let records = judged(records);
             let groups = groups(&records);
             scenes(&groups, &Looks::of(&groups))
@@ -300,14 +301,14 @@ mod tests {
                 .map(|plot| (plot.name, plot.svg))
                 .collect::<Vec<_>>()
         };
-        let plots = told(vec![of("teapot", "a", 800), of("teapot", "b", 800), of("room", "b", 800)]);
+        let plots = plots_of(vec![of("teapot", "a", 800), of("teapot", "b", 800), of("room", "b", 800)]);
         assert_eq!(plots.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["scenes-2"]);
         assert!(
             plots[0].1.contains("scene, at 800 x 500") && plots[0].1.contains(">room<"),
             "{}",
             plots[0].1
         );
-        let plots = told(vec![of("teapot", "a", 800), of("teapot", "a", 400)]);
+        let plots = plots_of(vec![of("teapot", "a", 800), of("teapot", "a", 400)]);
         assert_eq!(plots[0].0, "scenes");
         assert!(
             plots[0].1.contains("scene and image size") && plots[0].1.contains(">teapot 400x500<"),

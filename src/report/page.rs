@@ -51,7 +51,7 @@ pub struct View {
     /// has the most triangles.
     first: bool,
     title: String,
-    /// Notes from reading the group's scene.
+    /// Notes that raycl made when it read the group's scene.
     notes: Vec<String>,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
@@ -147,7 +147,8 @@ impl Page {
     }
 }
 
-/// Returns a small version of the picture that a group's best point cast; `None` without a winner or its picture.
+/// Returns a small version of the picture that a group's best point cast. Returns `None` if the group has no winner, or
+/// if the winner's picture is missing.
 fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) -> Option<String> {
     let best = group.ranking().winners.first().copied()?;
     pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
@@ -231,8 +232,8 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
         (failed, "point failed", "points failed"),
     ];
     let named = facts.map(|(n, one, many)| (n.to_string(), if n == 1 { one } else { many }.to_owned()));
-    let always = |place: usize| place < 4;
-    let shown = named.into_iter().enumerate().filter(|(place, (n, _))| always(*place) || n != "0");
+    let always = |index: usize| index < 4;
+    let shown = named.into_iter().enumerate().filter(|(index, (n, _))| always(*index) || n != "0");
     shown.map(|(_, fact)| fact).collect()
 }
 
@@ -242,11 +243,11 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
     let mut views: Vec<View> = kernels
         .clone()
         .enumerate()
-        .map(|(place, (group, file))| one_view(place, group, file, groups, looks, folders))
+        .map(|(index, (group, file))| one_view(index, group, file, groups, looks, folders))
         .collect();
     let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
-    let largest = kernels.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(place, _)| place);
-    if let Some(view) = largest.and_then(|place| views.get_mut(place)) {
+    let largest = kernels.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(index, _)| index);
+    if let Some(view) = largest.and_then(|index| views.get_mut(index)) {
         view.first = true;
     }
     views
@@ -254,7 +255,7 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
 
 /// Returns the view of a group; `file` is the group's part of the names of its plots' files.
 fn one_view(
-    place: usize,
+    index: usize,
     group: &Group<'_>,
     file: &str,
     groups: &[Group<'_>],
@@ -275,7 +276,7 @@ fn one_view(
     let rows = kernels.map(|record| row(record, best, wins(record)));
     let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
     View {
-        id: format!("view-{place}"),
+        id: format!("view-{index}"),
         first: false,
         title: group_title(group),
         notes: scene_notes(group),
@@ -294,7 +295,7 @@ fn one_view(
     }
 }
 
-/// Returns the notes from reading a group's scene, without repetitions.
+/// Returns the notes that raycl made when it read a group's scene, without repetitions.
 fn scene_notes(group: &Group<'_>) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for note in group.records.iter().flat_map(|record| &record.scene_notes) {

@@ -53,7 +53,8 @@ pub fn published() -> Vec<Published> {
     CSV.lines().skip(1).filter_map(parse).collect()
 }
 
-/// The paper's curves: figure, name of the series, raycl's scene, raycl's preset.
+/// The paper's curves. Each entry has the number of the figure, the name of the series in the figure, and the scene and
+/// the preset with which raycl repeats the series.
 pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (6, "Teapot (1026)", "teapot", "naive"),
     (6, "Gourd (650)", "gourd", "naive"),

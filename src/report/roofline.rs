@@ -21,14 +21,14 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
     let mut peaks: Vec<(String, Peak)> = Vec::new();
     let mut unreadable: Vec<(String, &Folder, String)> = Vec::new();
     for (label, folder) in labels(folders).into_iter().zip(folders) {
-        match Peak::kept_in(&folder.path) {
-            Ok(kept) => {
-                peaks.extend(kept.into_iter().map(|peak| (format!("{} ({label})", peak.device), peak)));
+        match Peak::stored_in(&folder.path) {
+            Ok(of_folder) => {
+                peaks.extend(of_folder.into_iter().map(|peak| (format!("{} ({label})", peak.device), peak)));
             }
             Err(error) => unreadable.push((label, folder, format!("{error}; {}.", error.remedy()))),
         }
     }
-    let of_device = |(place, device): (usize, &str)| {
+    let of_device = |(index, device): (usize, &str)| {
         let own = groups.iter().filter(|group| group.device == device);
         let records: Vec<(&Group<'_>, &Record)> = own
             .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
@@ -42,7 +42,7 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         };
         let own = unreadable.iter().filter(|(label, folder, _)| has(label, folder));
         let unreadable: Vec<String> = own.map(|(_, _, reason)| reason.clone()).collect();
-        roofline(&records, looks, device, (peak, &unreadable), numbered("roofline", place))
+        roofline(&records, looks, device, (peak, &unreadable), numbered("roofline", index))
     };
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
 }
@@ -126,8 +126,8 @@ fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     [low / 2.0, high * 2.0]
 }
 
-/// Returns the roofs as lines. At x operations per byte, the height of a roof is x times the memory's bytes
-/// per second, but at most the rate of multiply-adds.
+/// Returns the roofs (the upper bounds on the rate of operations) as lines. At x operations per byte, the height of a
+/// roof is x times the memory's bytes per second, but at most the rate of multiply-adds.
 fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     let fma = peak.fma_per_s.median;
     let memories = [
@@ -135,7 +135,7 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
         ("roof: __local memory", peak.local_bytes_per_s.median),
     ];
     let known = memories.into_iter().filter(|(_, bytes_per_s)| *bytes_per_s > 0.0 && fma > 0.0);
-    let roof = |(place, (name, bytes_per_s)): (usize, (&str, f64))| {
+    let roof = |(index, (name, bytes_per_s)): (usize, (&str, f64))| {
         let tip = format!(
             "{name}\n{} GB/s, up to {} Gfma/s",
             significant(BILLIONS * bytes_per_s, 3),
@@ -145,7 +145,7 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
             |x: f64| Mark { x, y: BILLIONS * fma.min(x * bytes_per_s), interval: None, tip: tip.clone() };
         Series {
             name: name.to_owned(),
-            look: Look { dashed: true, number: looks.look(name).number + place },
+            look: Look { dashed: true, number: looks.look(name).number + index },
             joined: true,
             marks: [low, fma / bytes_per_s, high].map(mark).to_vec(),
         }
@@ -214,7 +214,7 @@ mod tests {
         for part in ["Not shown: 1 point.", "so the plot has no roofs. `raycl peak"] {
             assert!(without.caption.contains(part), "{}", without.caption);
         }
-        let place = tempfile::tempdir().unwrap();
+        let temporary = tempfile::tempdir().unwrap();
         let figure = |rate: f64| Figure::of(&[rate]);
         let peak = Peak {
             device: "a gpu".into(),
@@ -223,8 +223,8 @@ mod tests {
             local_bytes_per_s: figure(8e12),
             ..Peak::default()
         };
-        Peak::write(&[peak], &place.path().join(crate::peak::FILE)).unwrap();
-        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
+        Peak::write(&[peak], &temporary.path().join(crate::peak::FILE)).unwrap();
+        let folder = Folder { path: temporary.path().to_owned(), ..Folder::default() };
         let with = &plots(records, &[folder])[0];
         for part in ["1000 GB/s, up to 4000 Gfma/s", "8000 GB/s", ">roof: __local memory<"] {
             assert!(with.svg.contains(part), "{part}: {}", with.svg);
@@ -233,17 +233,20 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_rates_that_cannot_be_read_is_told_in_the_caption() {
-        let place = tempfile::tempdir().unwrap();
-        std::fs::write(place.path().join(crate::peak::FILE), "no rates").unwrap();
+    fn a_file_of_rates_that_cannot_be_read_is_named_in_the_caption() {
+        let temporary = tempfile::tempdir().unwrap();
+        std::fs::write(temporary.path().join(crate::peak::FILE), "no rates").unwrap();
         let records = vec![record("naive", Some(1e9))];
-        let folder = Folder { path: place.path().to_owned(), records: records.clone(), ..Folder::default() };
+        let folder =
+            Folder { path: temporary.path().to_owned(), records: records.clone(), ..Folder::default() };
         let caption = &plots(records.clone(), &[folder])[0].caption;
-        let told = format!("The plot has no roofs: {}/peak.json does not contain", place.path().display());
-        assert!(caption.contains(&told) && caption.contains("; delete the file; then"), "{caption}");
+        let expected =
+            format!("The plot has no roofs: {}/peak.json does not contain", temporary.path().display());
+        assert!(caption.contains(&expected) && caption.contains("; delete the file; then"), "{caption}");
         assert!(!caption.contains("were not measured"), "{caption}");
-        // A folder without records of the device has no rates of it either.
-        let other = Folder { path: place.path().to_owned(), ..Folder::default() };
+        // A folder without records of the device has no peak rates of it, so the caption does not mention this folder's
+        // unreadable file.
+        let other = Folder { path: temporary.path().to_owned(), ..Folder::default() };
         let caption = &plots(records, &[other])[0].caption;
         assert!(caption.contains("were not measured"), "{caption}");
     }
@@ -252,11 +255,12 @@ mod tests {
     fn coordinates_follow_from_the_record() {
         let records = judged(vec![record("naive", Some(1e9))]);
         let group = &groups(&records)[0];
-        let found = mark(group, &records[0]).unwrap();
-        assert_eq!((found.x, found.y), (15.0 / 60.0, 15.0));
+        let actual = mark(group, &records[0]).unwrap();
+        assert_eq!((actual.x, actual.y), (15.0 / 60.0, 15.0));
     }
 
-    /// The process that writes a report may not know the files of the strategy's values.
+    /// The process that writes a report may lack the kernel files that implement the strategy's values, so the record
+    /// must state the numbers.
     #[test]
     fn a_record_states_the_operations_and_bytes_of_its_test() {
         let private = record("private", Some(1e9));
@@ -272,10 +276,10 @@ mod tests {
         assert!(own.strategy.contains("intersector=mine"), "{}", own.strategy);
         let records = judged(vec![own]);
         let group = &groups(&records)[0];
-        let found = mark(group, &records[0]).unwrap();
-        assert_eq!((found.x, found.y), (0.5, 7.0));
-        let told = "7 operations per test; 14.0 B of the triangle from __local memory";
-        assert!(found.tip.ends_with(told), "{}", found.tip);
+        let actual = mark(group, &records[0]).unwrap();
+        assert_eq!((actual.x, actual.y), (0.5, 7.0));
+        let expected = "7 operations per test; 14.0 B of the triangle from __local memory";
+        assert!(actual.tip.ends_with(expected), "{}", actual.tip);
     }
 
     #[test]
@@ -294,7 +298,7 @@ mod tests {
         };
         let roofs = roofs(&peak, [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
-        let corners = |place: usize| roofs[place].marks.iter().map(corner).collect::<Vec<_>>();
+        let corners = |index: usize| roofs[index].marks.iter().map(corner).collect::<Vec<_>>();
         // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes allow 250
         // operations. The rate of multiply-adds is 4000.
         assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);

@@ -14,8 +14,8 @@ const ROOM: usize = 12;
 /// A group, and its records that have a rank, fastest first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 
-/// Returns two heat maps: the strategies by device, and the losses by device. Returns no heat map
-/// if there is a single device.
+/// Returns two heat maps. One shows how fast each strategy is on each device. The other shows how much time is lost on
+/// each device by using another device's best strategy. Returns no heat map if there is a single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -151,7 +151,8 @@ mod tests {
         assert!(side_by_side(&groups(&none)).iter().all(|plot| !plot.svg.contains("class=\"mark\"")));
     }
 
-    /// In half of its launches, one point is slow. Times are compared launch by launch, not by their medians.
+    /// In half of its launches, one point is slow. The two points are compared by their times in each launch, not by
+    /// the medians of all their times.
     #[test]
     fn ratios_are_those_of_all_other_views() {
         let mut uneven = measured("gpu", "wide", 1, 2.0);

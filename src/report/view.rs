@@ -11,7 +11,7 @@ use super::words::{Looks, group_title, size_name, tip, title};
 use crate::measure::Ranking;
 use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, ratio, word};
 
-/// The image size in the paper's figures; the paper's times are only shown at this size.
+/// The image size in the paper's figures; the paper's times are shown only in plots of images of this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
 /// The largest number of characters of a word in a cell.
 const LONGEST_CODE: usize = 8;
@@ -46,12 +46,12 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
 /// the points that the paper published, if there are any.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
-    let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);
+    let x_of = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|index| index as f64);
     let mut series = Vec::new();
     for strategy in names(group) {
         let records = group.records.iter().filter(|record| record.name == strategy);
         let marks = records.filter_map(|record| {
-            let (x, y) = (place(record.local_size?)?, median(record)?);
+            let (x, y) = (x_of(record.local_size?)?, median(record)?);
             Some(Mark { x, y, interval: interval(record), tip: tip(record) })
         });
         let marks: Vec<_> = marks.collect();
@@ -64,7 +64,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
             });
         }
     }
-    let published = if paper { published(group, looks, &place) } else { Vec::new() };
+    let published = if paper { published(group, looks, &x_of) } else { Vec::new() };
     if series.is_empty() {
         return None;
     }
@@ -91,7 +91,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
 }
 
 /// Returns the paper's curves for a group's scene and strategies.
-fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
+fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
     if group.image_size != PAPER_SIZE {
         return Vec::new();
     }
@@ -99,7 +99,7 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
         let (figure, points) = paper::curve(group.scene, strategy)?;
         let marks = points.into_iter().filter_map(|(block, ms)| {
             let tip = format!("{strategy} at {block} x {block}\npublished {}\npaper, Figure {figure}: one value, no interval", duration(ms));
-            Some(Mark { x: place([block; 2])?, y: ms, interval: None, tip })
+            Some(Mark { x: x_of([block; 2])?, y: ms, interval: None, tip })
         });
         let look = Look { dashed: true, ..looks.look(strategy) };
         Some(Series { name: format!("{strategy}, paper"), look, joined: true, marks: marks.collect() })
@@ -117,8 +117,8 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let mut rows = Vec::new();
     for strategy in names(group) {
         let cell = |size: &[u32; 2]| {
-            let mut found = group.records.iter().filter(|record| record.name == strategy);
-            let Some(record) = found.find(|record| record.local_size == Some(*size)) else {
+            let mut records = group.records.iter().filter(|record| record.name == strategy);
+            let Some(record) = records.find(|record| record.local_size == Some(*size)) else {
                 return Cell::Empty;
             };
             let wins = winners.iter().any(|winner| winner.key == record.key);
@@ -161,7 +161,7 @@ fn code(record: &Record) -> String {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            // Of "work-group" and "largest buffer", the last part says more.
+            // The last part is used: in "work-group" and "largest buffer", it says more than the first part.
             let last = word.rsplit([' ', '-']).next().unwrap_or_default();
             if (1..=LONGEST_CODE).contains(&last.chars().count()) {
                 last.to_owned()
@@ -239,8 +239,8 @@ mod tests {
             let plot = lines(&groups[0], &Looks::of(&groups), Kind::Log, "lines", true).unwrap();
             let is_dashed = plot.svg.contains("stroke-dasharray=\"5 4\"") && plot.svg.contains("dot hollow");
             assert_eq!(plot.caption.contains("the paper's published points"), is_dashed, "{}", plot.svg);
-            // The paper has times at more local sizes than the two that were measured, but only times at these two are
-            // drawn. The third hollow marker is in the legend.
+            // The paper has times at more local sizes than the two that were measured. Only the times at these two
+            // sizes are drawn, each with a hollow marker; the third hollow marker is in the legend.
             assert_eq!(plot.svg.matches("dot hollow").count(), if is_dashed { 3 } else { 0 });
             is_dashed
         };
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn a_sample_is_shown_as_a_percentage_above_the_median() {
-        let record = sampled("naive", (0..5).map(|place| (0, if place == 4 { 12.0 } else { 10.0 })));
+        let record = sampled("naive", (0..5).map(|index| (0, if index == 4 { 12.0 } else { 10.0 })));
         let deviations = strip_row(&record).unwrap().deviations.into_iter();
         assert_eq!(deviations.map(f64::round).collect::<Vec<_>>(), [0.0, 0.0, 0.0, 0.0, 20.0]);
     }
@@ -315,8 +315,8 @@ mod tests {
         ] {
             let record = Record { outcome, ..infeasible("gpu", "naive", 8, "first\nsecond") };
             assert_eq!(code(&record), expected);
-            let told = meaning(&record);
-            assert!(told.starts_with(means) && told.ends_with(": first"), "{told}");
+            let text = meaning(&record);
+            assert!(text.starts_with(means) && text.ends_with(": first"), "{text}");
         }
         let of = |reason: &str| code(&infeasible("gpu", "naive", 8, reason));
         for (reason, expected) in [

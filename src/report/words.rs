@@ -50,8 +50,8 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// Formats an image size that is not the paper's: "200 x 125". Where a page about the paper names no size, the paper's
-/// size is meant.
+/// Formats an image size that is not the paper's: "200 x 125". If a page about the paper names no image size, the size
+/// is that of the paper's figures.
 pub fn other_size(image_size: [u32; 2]) -> Option<String> {
     (image_size != PAPER_SIZE).then(|| by(image_size))
 }
@@ -103,7 +103,8 @@ pub fn made(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// Returns, in brackets, the rule that ended the sampling of a point; empty if the rule was not recorded.
+/// Returns, in brackets, the reason why the sampling of a point stopped. Returns an empty text if the reason was not
+/// recorded.
 fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }

@@ -255,11 +255,11 @@ mod tests {
         let mut scenes: Vec<(&Case, Scene)> = Vec::new();
         for case in cases.iter().filter(is_small) {
             let is_own = |(other, _): &(&Case, Scene)| (&other.scene, &other.set) == (&case.scene, &case.set);
-            let place = scenes.iter().position(is_own).unwrap_or_else(|| {
+            let index = scenes.iter().position(is_own).unwrap_or_else(|| {
                 scenes.push((case, case.scene(&path).unwrap()));
                 scenes.len() - 1
             });
-            let task = case.task(&scenes[place].1);
+            let task = case.task(&scenes[index].1);
             assert!(case.is_of_its_kinds(&task), "{}: {task:?}", case.name);
         }
     }

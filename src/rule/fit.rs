@@ -25,10 +25,10 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     let mut loss = loss_of(&of_class, constants, watertight);
     for _ in 0..ROUNDS {
         let before = constants;
-        for place in 0..constants.of(&Task::default(), 1).len() {
-            for value in places(&of_class, constants, (place, watertight)) {
+        for index in 0..constants.of(&Task::default(), 1).len() {
+            for value in values_to_try(&of_class, constants, (index, watertight)) {
                 let mut moved = constants;
-                *moved.of(&Task::default(), 1)[place].1 = value;
+                *moved.of(&Task::default(), 1)[index].1 = value;
                 let moved_loss = loss_of(&of_class, moved, watertight);
                 if moved_loss < loss - GAIN {
                     (constants, loss) = (moved, moved_loss);
@@ -52,13 +52,17 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the values to try for a constant: one value with few digits between every two neighbouring cases, and also
-/// 0 and infinity, which are below and above the values of all cases.
-fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
+/// Returns the values to try for a constant: one value with few digits between the values of every two neighbouring
+/// cases, and also 0 and infinity, which are below and above the values of all cases.
+fn values_to_try(
+    sweeps: &[&Sweep],
+    mut constants: Constants,
+    (index, watertight): (usize, bool),
+) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for sweep in sweeps {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
-        seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[place].2));
+        seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[index].2));
     }
     seen.sort_unstable_by(f64::total_cmp);
     // No value is placed between cases that are nearly equal.
@@ -126,14 +130,14 @@ mod tests {
     use super::super::Measured;
     use super::*;
 
-    /// Triangles, pixels, and the time of each strategy.
+    /// A case: its numbers of triangles and of pixels, and the time of each strategy.
     type CaseTimes<'a> = (usize, usize, &'a [(&'a str, f64)]);
 
     fn sweep(cases: &[CaseTimes<'_>]) -> Sweep {
         let measured = |&(triangles, pixels, times): &CaseTimes<'_>| Measured {
             name: format!("{triangles} in {pixels}"),
             task: Task::covering(triangles, pixels),
-            least_ms: times.iter().map(|(way, ms)| ((*way).to_owned(), *ms)).collect(),
+            least_ms: times.iter().map(|(name, ms)| ((*name).to_owned(), *ms)).collect(),
         };
         Sweep {
             device: "a test's".to_owned(),

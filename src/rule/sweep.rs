@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::launch::{Caster, Queue, Refused, Session};
 use crate::program::Sources;
 use crate::scene::Scene;
-use crate::strategy::{Class, Constants, Task, Way};
+use crate::strategy::{Candidate, Class, Constants, Task};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -58,7 +58,7 @@ pub struct Measured {
 #[derive(Clone, Debug)]
 pub struct Verdict {
     /// The chosen candidate.
-    pub choice: Way,
+    pub choice: Candidate,
     /// The choice's time in milliseconds; `None` if the choice was not measured, since the device or the host refused
     /// it.
     pub choice_ms: Option<f64>,
@@ -77,7 +77,7 @@ impl Measured {
     /// Returns the rule's choice with these constants on a device with this many compute units; `None` if
     /// nothing was measured.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
-        let choice = constants.way(&self.task, compute_units);
+        let choice = constants.choice(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
         let choice_ms = self.least_ms.get(choice.name()).copied();
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
@@ -90,11 +90,12 @@ impl Measured {
         let queue = Queue::open(device)?;
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
         let mut casters = Vec::new();
-        for way in Class::of(limits).ways().into_iter().filter(|way| may_be_fastest(*way, &task)) {
-            let (strategy, local_size) = way.strategy(limits, task.watertight)?;
+        let candidates = Class::of(limits).candidates().into_iter();
+        for candidate in candidates.filter(|candidate| may_be_fastest(*candidate, &task)) {
+            let (strategy, local_size) = candidate.strategy(limits, task.watertight)?;
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
-                Ok(caster) => casters.push((way, caster, f64::INFINITY)),
+                Ok(caster) => casters.push((candidate, caster, f64::INFINITY)),
                 // The candidate gets no time, which shows that the device or the host refused it.
                 Err(Refused::Device(_) | Refused::Host(_)) => {}
                 Err(refused) => return Err(refused.into_error(&device.info)),
@@ -106,19 +107,19 @@ impl Measured {
             .map(|(_, caster, _)| caster.cast().and_then(|_| frames_of_sample(caster)).map_err(failed))
             .collect::<Result<_>>()?;
         for round in 0..rounds {
-            for place in order(round, casters.len()) {
-                let (_, caster, least_ms) = &mut casters[place];
-                *least_ms = least_ms.min(caster.cast_batch(frames[place]).map_err(failed)?.frame_ms);
+            for index in order(round, casters.len()) {
+                let (_, caster, least_ms) = &mut casters[index];
+                *least_ms = least_ms.min(caster.cast_batch(frames[index]).map_err(failed)?.frame_ms);
             }
         }
-        let least_ms = casters.iter().map(|(way, _, ms)| (way.name().to_owned(), *ms)).collect();
+        let least_ms = casters.iter().map(|(candidate, _, ms)| (candidate.name().to_owned(), *ms)).collect();
         Ok(Self { name: case.name.clone(), task, least_ms })
     }
 }
 
 /// Returns whether a candidate may be the fastest for a task. Other candidates are not measured.
-fn may_be_fastest(way: Way, task: &Task) -> bool {
-    way != Way::Exhaustive || task.triangles <= MOST_TESTED
+fn may_be_fastest(candidate: Candidate, task: &Task) -> bool {
+    candidate != Candidate::Exhaustive || task.triangles <= MOST_TESTED
 }
 
 /// Returns the order in which a round measures the candidates.
@@ -152,14 +153,14 @@ mod tests {
         let constants = class.constants(false).expect("constants");
         // With a million triangles, the rule never chooses exhaustive casting.
         let task = Task::covering(1_000_000, 400_000);
-        let choice = constants.way(&task, 2);
+        let choice = constants.choice(&task, 2);
         let verdict = |times: &[(&str, f64)]| {
             let least_ms = times.iter().map(|(name, ms)| ((*name).to_owned(), *ms)).collect();
             Measured { name: "a".into(), task, least_ms }.verdict(constants, 2)
         };
-        let found = verdict(&[("exhaustive", 3.0), (choice.name(), 6.0), ("another", 4.0)]).expect("times");
-        assert_eq!((found.choice, found.choice_ms), (choice, Some(6.0)));
-        assert_eq!((found.best.clone(), found.ratio()), (("exhaustive".to_owned(), 3.0), 2.0));
+        let slower = verdict(&[("exhaustive", 3.0), (choice.name(), 6.0), ("another", 4.0)]).expect("times");
+        assert_eq!((slower.choice, slower.choice_ms), (choice, Some(6.0)));
+        assert_eq!((slower.best.clone(), slower.ratio()), (("exhaustive".to_owned(), 3.0), 2.0));
         let refused = verdict(&[("exhaustive", 3.0)]).expect("times");
         assert_eq!((refused.choice_ms, refused.ratio()), (None, f64::INFINITY));
         assert!(verdict(&[]).is_none());
@@ -177,10 +178,12 @@ mod tests {
 
     #[test]
     fn of_many_triangles_all_candidates_but_the_exhaustive_one_are_measured() {
-        let measured = |way, triangles| may_be_fastest(way, &Task { triangles, ..Task::default() });
-        assert_eq!([2000, 2001].map(|triangles| measured(Way::Exhaustive, triangles)), [true, false]);
-        for way in Class::TilesInVectors.ways().into_iter().filter(|way| *way != Way::Exhaustive) {
-            assert!(measured(way, 1_000_000), "{}", way.name());
+        let measured =
+            |candidate, triangles| may_be_fastest(candidate, &Task { triangles, ..Task::default() });
+        assert_eq!([2000, 2001].map(|triangles| measured(Candidate::Exhaustive, triangles)), [true, false]);
+        let candidates = Class::TilesInVectors.candidates().into_iter();
+        for candidate in candidates.filter(|candidate| *candidate != Candidate::Exhaustive) {
+            assert!(measured(candidate, 1_000_000), "{}", candidate.name());
         }
     }
 }

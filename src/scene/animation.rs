@@ -6,7 +6,7 @@ mod wire;
 
 use super::assemble::{Assembled, assemble};
 use super::document::{Document, KEYS};
-use super::kept::Kept;
+use super::frame_cache::FrameCache;
 use super::overrides::{self, PATHS};
 use super::wire::{SceneWire, Whole};
 use super::{Scene, Shot};
@@ -21,9 +21,9 @@ use toml::Table;
 use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 
-/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a
-/// copy of the scene file's table in which the frame's values have been set. A frame reuses data of the previous frame:
-/// files that both frames use are not read again, and both frames share a mesh that stays the same.
+/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a copy
+/// of the scene file's TOML table, in which the frame's values have been set. A frame reuses data of the previous
+/// frame: files that both frames use are not read again, and both frames share a mesh that stays the same.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,
@@ -34,7 +34,7 @@ pub struct Animation {
     table: Table,
     tracks: Vec<Track>,
     shot: Shot,
-    kept: Kept,
+    cache: FrameCache,
 }
 
 impl fmt::Debug for Animation {
@@ -56,12 +56,12 @@ impl Animation {
         let mut table: Table = document.text.parse().map_err(|error| document.misread(&error))?;
         table.remove("animation");
         let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
-        Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
+        Ok(Self { frames, frames_per_second, document, table, tracks, shot, cache: FrameCache::default() })
     }
 
-    /// Checks for each of these frames that the scene file, with the frame's values, describes a scene. If the
-    /// background of frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise, none
-    /// of them may be transparent. No files of meshes or pictures are read.
+    /// Checks for each frame in `frames` that the scene file, with the frame's values, describes a scene. If the
+    /// background of frame 1 is transparent, the backgrounds of all frames in `frames` must be transparent too;
+    /// otherwise, none of them may be transparent. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///
@@ -80,13 +80,14 @@ impl Animation {
         })
     }
 
-    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS) contains all pictures among them. Meshes of
-    /// later frames are not read if they cannot name pictures.
+    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS), the list of the files that were read, contains
+    /// the pictures of all frames. A frame after the first is read only if a track that can name pictures has a value
+    /// that begins at this frame.
     pub(crate) fn find_files(&mut self) {
-        // The file of frame 1 has been read.
+        // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
         for frame in steps.into_iter().filter(|frame| *frame > 1) {
-            // A mistake in a frame is told when this frame is rendered.
+            // An error is ignored here, since it is reported again when the frame is rendered.
             let _ = self.assemble(frame, &mut Vec::new());
         }
     }
@@ -113,8 +114,8 @@ impl Animation {
         let (table, document, wire) = self.read(frame)?;
         let changes =
             |track: &Track| ["object", "crease"].iter().any(|key| track.path.get_ref().starts_with(key));
-        self.kept.begin(&table, self.tracks.iter().any(changes));
-        assemble(&document, wire, self.shot, &mut self.kept, notes)
+        self.cache.begin(&table, self.tracks.iter().any(changes));
+        assemble(&document, wire, self.shot, &mut self.cache, notes)
     }
 
     /// Parses the scene file with the values of a frame.
@@ -127,7 +128,7 @@ impl Animation {
         }
     }
 
-    /// Returns the scene file's table after these tracks have set their values for a frame.
+    /// Returns the scene file's table after the tracks `tracks` have set their values for a frame.
     fn table(&self, frame: u32, tracks: &[Track]) -> Result<Table> {
         let mut table = self.table.clone();
         for track in tracks {
@@ -163,27 +164,29 @@ impl Animation {
             match from_text::<SceneWire>(&document.text) {
                 // With this track, the document is valid again.
                 Ok(_) => wrong = None,
-                Err(found) => wrong = wrong.or(Some((track, document, found))),
+                Err(error) => wrong = wrong.or(Some((track, document, error))),
             }
         }
-        let Some((track, document, found)) = wrong else {
-            // The scene file was valid before any track was applied, so this is a fault of raycl.
+        let Some((track, document, error)) = wrong else {
+            // The scene file was valid before any track was applied, and no track made it invalid. The error is
+            // therefore a mistake in raycl.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
             );
             return Error::fault(message);
         };
-        // A line's number in this text is not that of the file's line.
+        // The message names the frame, and no line of this text: the text was formatted again, so its lines have other
+        // numbers than the file's lines.
         let name = format!("{} at frame {frame}", document.name);
-        let told = toml_error(&name, &document.text, &found, KEYS);
-        let starts = |with: &[&str]| with.iter().any(|start| found.message().starts_with(start));
+        let shown = toml_error(&name, &document.text, &error, KEYS);
+        let starts = |with: &[&str]| with.iter().any(|start| error.message().starts_with(start));
         let of_path = starts(&["unknown field", "missing field"]);
         let span = if of_path { track.path.span() } else { track.value_span(frame) };
-        let message = format!("`{}` at frame {frame}: {told}", track.path.get_ref());
+        let message = format!("`{}` at frame {frame}: {shown}", track.path.get_ref());
         let label = if of_path { "this path" } else { "the invalid value is computed from this value" };
         let is_whole = starts(&["invalid type: floating point"]);
-        let remedy = if is_whole { STEPS.to_owned() } else { told.remedy().to_owned() };
+        let remedy = if is_whole { STEPS.to_owned() } else { shown.remedy().to_owned() };
         self.document.error(span, message, label).with_help(remedy)
     }
 }
@@ -195,8 +198,9 @@ fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result
     let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
     let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
     let is_replaced = tracks.iter().any(|track| track.path.get_ref() == "camera");
-    let is_placed = !is_replaced && file.get("camera").is_some_and(|camera| camera.get("position").is_some());
-    if !is_placed && !tracks.iter().any(Track::places_camera) {
+    let has_position =
+        !is_replaced && file.get("camera").is_some_and(|camera| camera.get("position").is_some());
+    if !has_position && !tracks.iter().any(Track::sets_camera_position) {
         return Ok(());
     }
     let message = format!("a track of `{}` beside `camera.position`", angle.path.get_ref());
@@ -212,8 +216,8 @@ mod tests {
     use glam::Vec3;
     use toml::Value;
 
-    /// Writes a scene file with a triangle and with an animation of three frames, which has these tracks. Returns the
-    /// file's folder, the scene of frame 1, and the animation.
+    /// Writes a scene file with a triangle and with an animation of three frames, which has the tracks `tracks`.
+    /// Returns the file's folder, the scene of frame 1, and the animation.
     fn animated(tracks: &str) -> (tempfile::TempDir, Scene, Animation) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
@@ -301,10 +305,10 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             load_scene_with(&path, settings).map(|loaded| loaded.scene.camera)
         };
-        let place = "position = [0, 0, 9]";
+        let position = "position = [0, 0, 9]";
         let moved = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 9], [0, 9, 0]]\n";
         let replaced = "[[animation.track]]\npath = \"camera.position.1\"\nvalues = [1, 2]\n";
-        for text in [file(place, ""), file("", moved), file("", replaced)] {
+        for text in [file(position, ""), file("", moved), file("", replaced)] {
             let Error::Input(error) = load(&text, &[]).unwrap_err() else { panic!("no input error") };
             assert_eq!(error.message, "a track of `camera.azimuth_degrees` beside `camera.position`");
             assert_eq!(error.label, "does nothing here");
@@ -315,14 +319,14 @@ mod tests {
         let after = |camera: &str| {
             let values = format!("values = [{{ {camera} }}, {{ {camera} }}]");
             let whole = format!("[[animation.track]]\npath = \"camera\"\n{values}\n[[animation.track]]");
-            file(place, "").replace("[[animation.track]]", &whole)
+            file(position, "").replace("[[animation.track]]", &whole)
         };
         assert_ne!(load(&after("look_at = [0, 0, 0]"), &[]).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
-        assert!(load(&after(place), &[]).is_err(), "the track sets a position");
+        assert!(load(&after(position), &[]).is_err(), "the track sets a position");
         // A value of an option replaces the camera of the file.
         let eye = Value::Array([0, 0, 9].map(Value::from).to_vec());
         let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];
-        assert!(load(&file(place, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
+        assert!(load(&file(position, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
         assert_eq!(load(&file("", ""), &set("position", eye)).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
     }
 
@@ -339,9 +343,10 @@ mod tests {
         assert_eq!(animation.check(3..=3).unwrap_err().to_string(), expected, "the first frame differs");
     }
 
-    /// Frame 1 is part of the file itself, so a mistake that the file has without its tracks is told like any other.
+    /// raycl builds frame 1 when it loads the file. A mistake that the file also has without its tracks is therefore
+    /// reported with its line in the file, and without the number of a frame.
     #[test]
-    fn places_in_frame_1_are_lines_of_the_file_and_tracks_are_told_only_beside_their_mistake() {
+    fn locations_in_frame_1_are_lines_of_the_file_and_tracks_are_named_only_beside_their_mistake() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         let object = "[[object]]\nvertices = [[0, 0, -2], [1, 0, -2], [0, 1, -2]]\nfaces = [[0, 1, 2]]\n";
@@ -362,9 +367,9 @@ mod tests {
         let blind = "path = \"camera.position\"\nvalues = [[0, 0, 0], [0, 0, 3]]\n";
         write(&format!("{camera}{track}{turning}[[animation.track]]\n{blind}"));
         let error = load_scene(&path).unwrap_err();
-        let told = format!("changed: {}:14: track `camera.position` at frame 1", path.display());
+        let end = format!("changed: {}:14: track `camera.position` at frame 1", path.display());
         assert!(error.in_a_line().starts_with(&format!("{}:6: the camera", path.display())), "{error:?}");
-        assert!(error.remedy().ends_with(&told), "{}", error.remedy());
+        assert!(error.remedy().ends_with(&end), "{}", error.remedy());
 
         write(&format!(
             "{camera}{track}{}",
@@ -372,12 +377,12 @@ mod tests {
         ));
         let loaded = load_scene(&path).unwrap();
         let error = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err();
-        let told = format!("{}:6: at frame 3: the camera is at", path.display());
-        assert!(error.in_a_line().starts_with(&told), "{}", error.in_a_line());
+        let start = format!("{}:6: at frame 3: the camera is at", path.display());
+        assert!(error.in_a_line().starts_with(&start), "{}", error.in_a_line());
     }
 
     #[test]
-    fn a_value_that_is_wrong_in_a_frame_is_told_with_its_track() {
+    fn a_value_that_is_wrong_in_a_frame_is_reported_with_its_track() {
         let track = "[[animation.track]]\npath = \"light.0.power\"\nvalues = [1, -3]\n";
         let (_folder, _, animation) = animated(track);
         animation.check(1..=1).unwrap();
@@ -401,15 +406,15 @@ mod tests {
         let help = &error.help;
         assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
 
-        // An option changes another value, or the value of the keyframe.
+        // An option sets either another value of the scene, or the value of the second keyframe.
         let path = folder.path().join("a.toml");
         let middle = Value::Array([0, 0, 0].map(Value::from).to_vec());
-        let places = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];
+        let locations = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];
         let settings = [("display.exposure", Value::from(10)), ("animation.track.0.values.1", middle)];
-        for ((key, value), place) in settings.into_iter().zip(places) {
+        for ((key, value), location) in settings.into_iter().zip(locations) {
             let loaded = load_scene_with(&path, &[(key.to_owned(), value)]).unwrap();
             let error = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err();
-            let expected = format!("; {place}: track `camera.position` at frame 3");
+            let expected = format!("; {location}: track `camera.position` at frame 3");
             assert!(error.remedy().ends_with(&expected), "{}", error.remedy());
         }
 

@@ -10,7 +10,7 @@ mod tests;
 use super::document::Document;
 use super::enclosed::encloses;
 use super::files::{self, FileLight, Placement};
-use super::kept::Kept;
+use super::frame_cache::FrameCache;
 use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
 use super::wire::{BackgroundWire, LightWire, SceneWire};
@@ -45,13 +45,13 @@ pub(super) fn assemble(
     document: &Document,
     wire: SceneWire,
     shot: Shot,
-    kept: &mut Kept,
+    cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Assembled> {
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
-    let Joined { mut mesh, seen, mut starts } = kept.joined(|kept| join(document, &wire, kept, notes))?;
+    let Joined { mut mesh, seen, mut starts } = cache.joined(|cache| join(document, &wire, cache, notes))?;
     if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
         Arc::make_mut(&mut mesh).textures = Textures::default();
     }
@@ -61,18 +61,18 @@ pub(super) fn assemble(
     let base = base_camera(&wire.camera, &mesh, ball, &seen, shot, notes);
     let camera = camera(document, &wire.camera, base, ball)?;
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
-    check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
+    check_camera(&camera).map_err(|error| document.located(eye, error, "this camera"))?;
     if wire.two_sided.unwrap_or(document.bare) {
         turn_normals(Arc::make_mut(&mut mesh), around, &camera, shot);
     }
-    let bounds = kept.bounds(&mesh);
+    let bounds = cache.bounds(&mesh);
     notes.extend(too_small(document, bounds));
     let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(bounds), |bias| bias.0);
     let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let orbit = Orbit {
         centre: around.map_or(DVec3::ZERO, |ball| ball.centre),
         up: wire.camera.upright(),
-        radius: around.map_or(1.0, |ball| ball.place().1),
+        radius: around.map_or(1.0, |ball| ball.centre_and_radius().1),
         with_lights: document.bare && !has_light,
     };
     let around = ball.filter(|_| document.bare && shot.dressed && !has_light);
@@ -82,7 +82,7 @@ pub(super) fn assemble(
         None => lights(document, &wire, &seen, &camera, ball, notes),
     };
     let seen_from = (wire.camera.upright(), wire.background.is_none());
-    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, kept, notes)).transpose()?;
+    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, notes)).transpose()?;
     // If the user sets a background, the picture will probably be combined with another picture, so no ground is added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
@@ -90,7 +90,7 @@ pub(super) fn assemble(
         starts.push(mesh.triangles.len() as u32);
         Arc::make_mut(&mut mesh).append(ground);
     }
-    let brightness = Brightness::of(&mesh, kept.bounds(&mesh), lights.len(), shadow_bias);
+    let brightness = Brightness::of(&mesh, cache.bounds(&mesh), lights.len(), shadow_bias);
     check_lights(document, &wire, &lights, &brightness)?;
     let display = display(&wire);
     let scene = Scene {
@@ -152,7 +152,12 @@ pub(super) struct Joined {
     starts: Vec<u32>,
 }
 
-fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<String>) -> Result<Joined> {
+fn join(
+    document: &Document,
+    wire: &SceneWire,
+    cache: &mut FrameCache,
+    notes: &mut Vec<String>,
+) -> Result<Joined> {
     let (mut mesh, mut seen, mut starts) = (Mesh::default(), Seen::default(), Vec::new());
     let crease = wire.crease.map(|crease| crease.0);
     for (number, object) in wire.object.iter().enumerate() {
@@ -163,7 +168,7 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
             }
             Ok(file)
         };
-        let file = kept.mesh(number, made)?;
+        let file = cache.mesh(number, made)?;
         let file = objects::placed(document, object.get_ref(), file);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
@@ -174,7 +179,7 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
             return Err(document.error(object.span(), message, "this object exceeds the limit"));
         }
         check_positions(&file.mesh)
-            .map_err(|error| document.place(object.span(), error, "of this object"))?;
+            .map_err(|error| document.located(object.span(), error, "of this object"))?;
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
@@ -207,7 +212,7 @@ fn lights(
 ) -> Vec<Light> {
     let lights = match (&wire.light, ball.filter(|_| document.bare)) {
         (None, Some(ball)) if !seen.lights.is_empty() => {
-            files::lights_of_file(&seen.lights, ball.place(), framing::key_at(ball))
+            files::lights_of_file(&seen.lights, ball.centre_and_radius(), framing::key_at(ball))
         }
         (None, Some(ball)) if wire.sky.is_none() => framing::lights(camera, ball),
         (lights, _) => lights.iter().flatten().map(light).collect(),
@@ -230,10 +235,10 @@ fn check_lights(
     brightness: &Brightness,
 ) -> Result<()> {
     for (wire, light) in wire.light.iter().flatten().zip(lights) {
-        check_light(light).map_err(|error| document.place(wire.position.span(), error, "this light"))?;
+        check_light(light).map_err(|error| document.located(wire.position.span(), error, "this light"))?;
         brightness
             .check(light)
-            .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
+            .map_err(|error| document.located(wire.power.span(), error, "too much for single precision"))?;
     }
     Ok(())
 }
@@ -268,7 +273,7 @@ fn light(wire: &LightWire) -> Light {
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
-    /// Notes that are shown only if this camera is used.
+    /// Notes that are shown only if the camera of the mesh's file is used.
     camera_notes: Vec<String>,
     lights: Vec<FileLight>,
 }

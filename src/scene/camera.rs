@@ -190,8 +190,8 @@ mod tests {
 
     #[test]
     fn a_cone_is_as_wide_as_a_pixel_at_each_depth_and_narrower_for_one_of_several_samples() {
-        let place = Vec3::new(3.0, -2.0, 5.0);
-        let camera = Camera::looking_at(place, Vec3::ZERO, Vec3::Y, 40.0, false).unwrap();
+        let position = Vec3::new(3.0, -2.0, 5.0);
+        let camera = Camera::looking_at(position, Vec3::ZERO, Vec3::Y, 40.0, false).unwrap();
         let width = |camera: &Camera| {
             let frame = camera.pixel_frame(80, 50);
             frame.cone.dot(frame.direction(80.0, 0.0) * 7.0)

@@ -23,7 +23,8 @@ impl Scene {
         for triangle in self.mesh.triangles.iter().step_by(step) {
             let corners = self.mesh.corners(triangle).map(|corner| projection.in_camera(corner.as_dvec3()));
             let Some([low, high]) = projection.bounds(corners) else { continue };
-            // A picture's edge at a multiple of a cell's size belongs to one cell only.
+            // The right and the bottom edge of the picture have the coordinate 1, and belong to the last column and the
+            // last row of cells.
             let [first, last] =
                 [low, high].map(|at| (at * CELLS as f64).min(DVec2::splat(CELLS as f64 - 1.0)));
             for row in &mut covered[first.y as usize..=last.y as usize] {
@@ -53,7 +54,8 @@ impl Projection {
         Self { eye: frame.eye, axes, least_depth: frame.z_near.max(LEAST_DEPTH) }
     }
 
-    /// Returns a point relative to the camera: to the right, down and forward.
+    /// Returns the coordinates of a point relative to the camera, along the camera's axes to the right, down and
+    /// forward.
     fn in_camera(&self, point: DVec3) -> DVec3 {
         let from_eye = point - self.eye;
         DVec3::from_array(self.axes.map(|axis| axis.dot(from_eye)))
@@ -88,8 +90,8 @@ mod tests {
     use crate::scene::{Mesh, Scene, load_scene_with};
     use std::path::Path;
 
-    /// Returns the triangle of `scenes/triangle.toml` with other corners. The camera is at the origin and looks along
-    /// -z, with a field of view of 90 degrees across the width.
+    /// Returns the scene of `scenes/triangle.toml`, whose triangle gets the corners `corners`. The camera is at the
+    /// origin and looks along -z, with a field of view of 90 degrees across the width.
     fn triangle(corners: [[f32; 3]; 3]) -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let scene = load_scene_with(&path, &[]).unwrap().scene;
@@ -102,11 +104,11 @@ mod tests {
     #[test]
     fn a_triangle_counts_for_the_cells_of_its_bounding_rectangle() {
         let cells = |corners| triangle(corners).covered_share([64, 64]) * 256.0;
-        // Columns 8 and 9, and rows 6 and 7.
+        // The triangle covers the cells in the columns 8 and 9 and in the rows 6 and 7.
         assert_eq!(cells([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.24, -1.0]]), 4.0);
-        // The same triangle, twice as large and twice as far away.
+        // This triangle is twice as large and twice as far away, so it covers the same cells.
         assert_eq!(cells([[0.02, 0.02, -2.0], [0.48, 0.02, -2.0], [0.02, 0.48, -2.0]]), 4.0);
-        // The right edge of the picture cuts the triangle: columns 14 and 15, and row 8.
+        // The right edge of the picture cuts this triangle, which covers the columns 14 and 15 of row 8.
         assert_eq!(cells([[0.76, -0.01, -1.0], [5.0, -0.01, -1.0], [0.76, -0.02, -1.0]]), 2.0);
         assert_eq!(cells([[1.1, 0.0, -1.0], [5.0, 0.0, -1.0], [1.1, 0.5, -1.0]]), 0.0, "beside the picture");
         assert_eq!(cells([[0.0, 0.0, 1.0], [0.2, 0.0, 1.0], [0.0, 0.2, 1.0]]), 0.0, "behind the eye");
@@ -119,8 +121,9 @@ mod tests {
         // 2, so it covers the columns from the left edge to the right edge, and the rows from 12 down.
         let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
         assert_eq!(floor.covered_share([64, 64]), 0.25);
-        // A needle from a point behind the eye to a point of depth 1 below the axis. The needle is cut at the camera's
-        // z_near of 0.1, where it is 0.91 times this depth below the axis: it covers one column, and the rows 8 to 15.
+        // This triangle is a needle that begins behind the eye, and ends at depth 1 below the camera's axis. The needle
+        // is cut at the camera's z_near of 0.1. There, its distance below the axis is 0.91 times the depth. The needle
+        // covers one column, and the rows 8 to 15.
         let needle = triangle([[0.0, 0.0, 9.0], [0.0, -0.1, -1.0], [0.001, -0.1, -1.0]]);
         assert_eq!(needle.covered_share([64, 64]) * 256.0, 8.0);
     }

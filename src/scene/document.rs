@@ -5,7 +5,7 @@ use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
 use crate::reader::{self, Kind, NotUtf8};
-use crate::toml_error::{expectation, told};
+use crate::toml_error::{expectation, mistake};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -33,9 +33,10 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
-    /// The frame of an animation that the text describes; 1 for a document that is not one frame.
+    /// The number of the animation's frame that the text describes; 1 if the text is that of the whole scene file.
     frame: u32,
-    /// The values that were set, and the file's own text; `None` if no values were set.
+    /// The values that options, a config or tracks have set in the text, and the file's own text; `None` if no values
+    /// were set.
     changed: Option<Changed>,
     /// The path and the open file of a mesh that is given without a scene file; `None` for a scene file, and after the
     /// mesh is read. The file stays open until then, because a pipe cannot be opened twice.
@@ -92,8 +93,8 @@ impl Document {
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// Returns the error for a file that is not TOML and does not have the extension .toml, so that its format is
-    /// probably unsupported; `None` for any other file.
+    /// Returns the error for a file that is not TOML and does not have the extension .toml: raycl probably does not
+    /// support its format. Returns `None` for any other file.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -131,10 +132,10 @@ impl Document {
         }
     }
 
-    /// Returns the place of a part of the text: `FILE:LINE`, or the setting from which the part comes; only the file's
-    /// name if neither is known.
-    pub fn place_of(&self, span: &Range<usize>) -> String {
-        self.origin(span).place(&self.name, self.original())
+    /// Returns the location of a part of the text: `FILE:LINE`, or the setting from which the part comes; only the
+    /// file's name if neither is known.
+    pub fn location_of(&self, span: &Range<usize>) -> String {
+        self.origin(span).location(&self.name, self.original())
     }
 
     /// Returns `FILE:LINE` of the file's last line.
@@ -142,21 +143,22 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// Adds the names of all settings, and of tracks that may have caused the mistake, to the remedy of an error whose
-    /// mistake lies in no setting and in no track, but in the part `span` of the text.
+    /// Adds names to the remedy of an error: the names of all settings, and of the tracks that may have caused the
+    /// mistake. The mistake lies in the part `span` of the text, and not in a value that a setting or a track has set.
     pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
-        // Frame 1 is built before all other frames, so only tracks can make another frame wrong. In frame 1, the file
-        // itself can be wrong: then tracks of other parts of the scene have nothing to do with the mistake.
+        // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make another frame invalid, so
+        // all tracks are named. In frame 1, the file itself may be wrong: then tracks of other parts of the scene have
+        // nothing to do with the mistake.
         let near = (self.frame == 1).then_some(span);
-        let told = self.changed.as_ref().and_then(|changed| changed.told(&self.text, near));
-        let Some(told) = told else { return error };
-        let remedy = format!("{}; {told}", error.remedy());
+        let summary = self.changed.as_ref().and_then(|changed| changed.summary(&self.text, near));
+        let Some(summary) = summary else { return error };
+        let remedy = format!("{}; {summary}", error.remedy());
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame, with this text. The text contains the values `tracks`, which tracks set for
-    /// the frame. If this document has opened the file of a mesh and not read it yet, the new document takes over the
-    /// open file.
+    /// Returns the document of one frame, with the text `text`. This text contains the values `tracks`, which tracks
+    /// set for the frame. If this document has opened the file of a mesh and not read it yet, the new document takes
+    /// over the open file.
     pub fn at_frame(&self, frame: u32, text: String, tracks: Vec<TrackValue>) -> Self {
         let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
         let (file, original) = (self.name.clone(), self.original().to_owned());
@@ -174,34 +176,34 @@ impl Document {
 
     /// Returns the error for a text that is not a scene.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
-        let told = told(error);
+        let mistake = mistake(error);
         let expected = || {
             let expected = expectation(error).unwrap_or(PERMITTED);
             let is_key = error.message().starts_with("unknown field");
             format!("{expected}{}", if is_key { ", but found another key" } else { "" })
         };
         let span = error.span().unwrap_or(0..0);
-        let found = match self.origin(&span) {
+        let located = match self.origin(&span) {
             // The setting is the user's own text, so the message may quote its value.
             Origin::Setting(setting) => {
-                return error_in(&setting, &told.message).with_help(told.remedy(KEYS));
+                return error_in(&setting, &mistake.message).with_help(mistake.remedy(KEYS));
             }
-            Origin::File(span) if self.quotes => told.in_file(&self.name, self.original(), span, KEYS),
+            Origin::File(span) if self.quotes => mistake.in_file(&self.name, self.original(), span, KEYS),
             Origin::File(span) => {
                 Error::withheld(&self.name, line_of(self.original(), span.start), &expected())
             }
             Origin::Unknown if self.quotes => {
-                Error::input(format!("{}: {}", self.name, told.message)).with_help(told.remedy(KEYS))
+                Error::input(format!("{}: {}", self.name, mistake.message)).with_help(mistake.remedy(KEYS))
             }
             Origin::Unknown => {
                 Error::input(format!("{}: expected {}", self.name, expected())).with_help(KEYS)
             }
         };
-        self.with_settings(&span, found)
+        self.with_settings(&span, located)
     }
 
     /// Adds a location in this document to an error that has no location.
-    pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
+    pub fn located(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
 
@@ -219,7 +221,7 @@ impl Document {
             true => message.into(),
             false => format!("expected {expected}"),
         };
-        let found = match self.origin(&span) {
+        let located = match self.origin(&span) {
             Origin::Setting(setting) => return error_in(&setting, message).with_help(KEYS),
             Origin::File(span) if self.quotes => {
                 let message = self.at_this_frame(message);
@@ -232,7 +234,7 @@ impl Document {
                 Error::input(format!("{}: {}", self.name, self.at_this_frame(message))).with_help(KEYS)
             }
         };
-        self.with_settings(&span, found)
+        self.with_settings(&span, located)
     }
 }
 
@@ -290,8 +292,12 @@ mod tests {
         }
     }
 
-    /// Loads a file with this text. Returns the notes on the file, or the message of the error.
-    fn told(name: &str, text: &str, is_in_folder: bool) -> std::result::Result<Vec<String>, String> {
+    /// Loads a file with the text `text`. Returns the notes on the file, or the message of the error.
+    fn notes_or_error(
+        name: &str,
+        text: &str,
+        is_in_folder: bool,
+    ) -> std::result::Result<Vec<String>, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
@@ -306,47 +312,50 @@ mod tests {
     fn a_file_of_another_type_than_its_name_says_is_noted() {
         let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
         for name in ["a.obj", "a", "a.OBJ"] {
-            assert_eq!(told(name, obj, true), Ok(vec![]), "{name}");
+            assert_eq!(notes_or_error(name, obj, true), Ok(vec![]), "{name}");
         }
         let note = "a.stl: read as an OBJ mesh, because of its contents and despite its name";
-        assert_eq!(told("a.stl", obj, true), Ok(vec![note.to_owned()]));
+        assert_eq!(notes_or_error("a.stl", obj, true), Ok(vec![note.to_owned()]));
         let scene = "[[object]]\nshape = \"sphere\"\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
         let note = "a.obj: read as a scene (TOML), because of its contents and despite its name";
-        let notes = told("a.obj", scene, true).unwrap();
+        let notes = notes_or_error("a.obj", scene, true).unwrap();
         assert!(notes.contains(&note.to_owned()), "{notes:?}");
         // If the contents do not show the format, the name determines it.
         let unclear = format!("Notes of the maker\n{obj}");
-        assert!(told("a.obj", &unclear, true).is_ok());
+        assert!(notes_or_error("a.obj", &unclear, true).is_ok());
     }
 
     #[test]
-    fn text_that_is_nothing_that_raycl_reads_is_told_unless_its_name_says_toml() {
+    fn text_that_is_nothing_that_raycl_reads_is_reported_unless_its_name_says_toml() {
         let text = "nothing known\n";
-        let other = told("a.xyz", text, true).unwrap_err();
+        let other = notes_or_error("a.xyz", text, true).unwrap_err();
         assert!(other.starts_with("a.xyz:1: neither a scene (TOML) nor a mesh: "), "{other}");
-        assert_eq!(told("a.xyz", text, false).unwrap_err(), "a.xyz:1: neither a scene (TOML) nor a mesh");
-        let toml = told("a.toml", text, true).unwrap_err();
+        assert_eq!(
+            notes_or_error("a.xyz", text, false).unwrap_err(),
+            "a.xyz:1: neither a scene (TOML) nor a mesh"
+        );
+        let toml = notes_or_error("a.toml", text, true).unwrap_err();
         assert!(!toml.contains("neither"), "{toml}");
-        let unknown_key = told("a.xyz", "[[object]]\nsecret = 1\n", true).unwrap_err();
+        let unknown_key = notes_or_error("a.xyz", "[[object]]\nsecret = 1\n", true).unwrap_err();
         assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
     }
 
     /// A file in another folder may belong to somebody else, so its text is not quoted.
     #[test]
-    fn a_mistake_in_another_folders_file_is_told_without_its_text() {
+    fn a_mistake_in_another_folders_file_is_reported_without_its_text() {
         let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n";
         let may = "expected a key or value that a scene may have there";
         for (text, expected) in [
             (format!("{object}faces = [[0, 1]]\n"), format!("a.toml:3: {may}")),
             (object.to_owned(), format!("a.toml:2: {may} (these vertices are in no face)")),
         ] {
-            assert_eq!(told("a.toml", &text, false).unwrap_err(), expected, "{text}");
-            assert!(!told("a.toml", &text, true).unwrap_err().contains("may have there"), "{text}");
+            assert_eq!(notes_or_error("a.toml", &text, false).unwrap_err(), expected, "{text}");
+            assert!(!notes_or_error("a.toml", &text, true).unwrap_err().contains("may have there"), "{text}");
         }
-        let unknown = told("a.toml", &format!("{object}secret = 1\n"), false).unwrap_err();
+        let unknown = notes_or_error("a.toml", &format!("{object}secret = 1\n"), false).unwrap_err();
         assert!(unknown.starts_with("a.toml:3: expected one of `mesh`, "), "{unknown}");
         assert!(unknown.ends_with(", but found another key") && !unknown.contains("secret"), "{unknown}");
-        let number = told("a.toml", &format!("{object}flat = 1\n"), false).unwrap_err();
+        let number = notes_or_error("a.toml", &format!("{object}flat = 1\n"), false).unwrap_err();
         assert!(number.starts_with("a.toml:3: expected ") && !number.contains("another key"), "{number}");
     }
 }

@@ -1,6 +1,7 @@
 //! Tests whether surfaces lie all around the eye, as in a room. If they do, more rays hit something, and shadow rays
 //! are longer, than if the eye is in front of an object. Therefore other strategies are fastest
-//! (`src/strategy/fastest.rs`). On a turntable, such an eye sees the inner sides of surfaces (`assemble.rs`).
+//! (`src/strategy/fastest.rs`). On a turntable, an eye with surfaces all around it sees the inner sides of these
+//! surfaces (`assemble.rs`).
 
 use super::{Mesh, Scene};
 use glam::Vec3;

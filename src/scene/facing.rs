@@ -6,18 +6,19 @@ use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of samples across a picture: enough to tell whether most of a surface faces away, or only little
-/// of it.
+/// Number of samples (rays that are tested) across a picture: enough to tell whether most of a surface faces away, or
+/// only little of it.
 const ACROSS: usize = 48;
 /// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its depth along the camera's forward axis, and whether it faces away. The depth
-/// is infinite if there is no surface.
+/// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's forward axis,
+/// and whether the surface faces away. The depth is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
-/// Returns a note if most of the visible surface faces away, in images with this ratio of width to height. `is_turned`
-/// is true if raycl has already reversed either all normals of the scene or none.
+/// Returns a note if most of the visible surface faces away, in images whose width divided by their height is `aspect`.
+/// `is_turned` is true for a scene on a turntable with `two_sided`: raycl has then already reversed either all normals
+/// of the scene or none.
 pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     let remedy = match is_turned {
@@ -32,7 +33,7 @@ pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String
     })
 }
 
-/// Returns whether most of the visible surface faces away, in images with this ratio of width to height.
+/// Returns whether most of the visible surface faces away, in images whose width divided by their height is `aspect`.
 pub(super) fn is_averted(mesh: &Mesh, camera: &Camera, aspect: f64) -> bool {
     averted_part(mesh, camera, aspect).is_some_and(|part| part > MOST)
 }
@@ -92,9 +93,9 @@ impl Grid {
             let ray = self.corner + self.step[0] * (x as f64 + 0.5) + self.step[1] * (y as f64 + 0.5);
             let sides = faces.map(|face| face.dot(ray) * volume.signum());
             let distance = volume / plane.dot(ray);
-            let place = &mut nearest[y * self.size[0] + x];
-            if sides.iter().all(|side| *side >= 0.0) && distance > self.z_near && distance < place.0 {
-                *place = (distance, averted);
+            let sample = &mut nearest[y * self.size[0] + x];
+            if sides.iter().all(|side| *side >= 0.0) && distance > self.z_near && distance < sample.0 {
+                *sample = (distance, averted);
             }
         }
     }
@@ -111,12 +112,12 @@ impl Grid {
         }
         let range = |axis: usize| {
             let step = self.step[axis];
-            let place = |corner: DVec3| {
+            let position = |corner: DVec3| {
                 (corner / corner.dot(self.forward) - self.corner).dot(step) / step.length_squared()
             };
-            let places = corners.map(place);
-            let [low, high] = [f64::min, f64::max].map(|f| places.into_iter().reduce(f).unwrap_or(0.0));
-            let clamped = |place: f64| place.clamp(0.0, self.size[axis] as f64) as usize;
+            let positions = corners.map(position);
+            let [low, high] = [f64::min, f64::max].map(|f| positions.into_iter().reduce(f).unwrap_or(0.0));
+            let clamped = |position: f64| position.clamp(0.0, self.size[axis] as f64) as usize;
             clamped(low.floor())..clamped(high.ceil())
         };
         Some([range(0), range(1)])

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 /// Largest number of notes of one kind that are shown, since a mesh may name any number of files.
 const SHOWN: usize = 3;
 
-/// What all notes of one kind are about.
+/// The subjects of all notes of one kind, such as the names of files that cannot be read.
 #[derive(Default)]
 pub(in crate::scene) struct FewNotes(HashSet<String>);
 
@@ -19,8 +19,8 @@ impl FewNotes {
         }
     }
 
-    /// Returns a note with the number of notes that are not shown. `what` names what each of them is about, such as
-    /// "texture".
+    /// Returns a note with the number of notes that are not shown. `what` is the word for the subject of each note,
+    /// such as "texture".
     pub fn rest(&self, what: &str) -> Option<String> {
         let count = self.0.len().saturating_sub(SHOWN);
         (count > 0).then(|| format!("{} cannot be used either", counted(count, &format!("more {what}"))))
@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn the_first_three_different_notes_are_shown_and_the_others_counted() {
-        let told = |count: usize| {
+        let notes_of = |count: usize| {
             let (mut few, mut notes) = (FewNotes::default(), Vec::new());
             (0..2 * count).for_each(|number| {
                 few.add(format!("file {}", number / 2), format!("note {}", number / 2), &mut notes);
@@ -41,9 +41,9 @@ mod tests {
             notes.extend(few.rest("texture"));
             notes
         };
-        assert_eq!(told(0), [""; 0]);
-        assert_eq!(told(3), ["note 0", "note 1", "note 2"]);
-        assert_eq!(told(4), ["note 0", "note 1", "note 2", "1 more texture cannot be used either"]);
-        assert_eq!(told(1_000)[3], "997 more textures cannot be used either");
+        assert_eq!(notes_of(0), [""; 0]);
+        assert_eq!(notes_of(3), ["note 0", "note 1", "note 2"]);
+        assert_eq!(notes_of(4), ["note 0", "note 1", "note 2", "1 more texture cannot be used either"]);
+        assert_eq!(notes_of(1_000)[3], "997 more textures cannot be used either");
     }
 }

@@ -17,7 +17,8 @@ const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
 /// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the
-/// origin: eight to sixteen times the smallest difference between two numbers of type f32.
+/// origin. This radius is eight to sixteen times the difference between neighbouring numbers of type f32 at this
+/// distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is open if the sum of its area vectors (normal times area) is longer than this fraction of its area.
 const OPEN_PART: f64 = 0.1;
@@ -29,10 +30,12 @@ const WALL_DEPTH: f64 = 1.0 / 16.0;
 const LEAST_WALLS: f64 = 3.0;
 /// The walls of a mesh face outwards if at least this fraction of their area does.
 const OUTWARDS_PART: f64 = 0.9;
-/// There are bodies between the walls if the surfaces there have at least this fraction of the mesh's area.
+/// There are bodies (such as furniture) between the walls if the surfaces between the walls have at least this fraction
+/// of the mesh's area.
 const BODIES_PART: f64 = 0.02;
-/// The sum of the area vectors of bodies is at most this fraction of their area. For a cube that stands on the floor
-/// without a base, the fraction is a fifth. For a recessed part of a shell, it is larger.
+/// The length of the sum of the bodies' area vectors is at most this fraction of the bodies' area. For a cube that
+/// stands on the floor and has no bottom face, the fraction is a fifth. For a recessed part of a shell, the fraction is
+/// larger.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's normal is
 /// less than this.
@@ -68,11 +71,11 @@ impl Ball {
     }
 
     /// Returns the ball's centre and radius.
-    pub fn place(&self) -> (DVec3, f64) {
+    pub fn centre_and_radius(&self) -> (DVec3, f64) {
         (self.centre, self.radius)
     }
 
-    /// Returns whether the mesh is a room with an open side.
+    /// Returns whether the mesh is open in a horizontal direction, such as a room without its front wall.
     pub fn is_open(&self) -> bool {
         self.opening.is_some()
     }
@@ -179,7 +182,7 @@ struct Areas {
     /// area is positive if it faces outwards. Therefore the areas of rough surfaces, and of the opposite sides of
     /// bodies, cancel.
     low_walls: DVec3,
-    /// The same for the sides with the greatest x, y and z.
+    /// The areas, projected and summed like `low_walls`, of the walls at the sides with the greatest x, y and z.
     high_walls: DVec3,
     /// The area vectors of the triangles that lie at no side of the bounding box.
     inner_vector: DVec3,
@@ -193,7 +196,7 @@ impl Areas {
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns the summands of one triangle of a mesh with this bounding box.
+    /// Returns what one triangle adds to the sums of a mesh with the bounding box from `low` to `high`.
     fn of([a, b, c]: [DVec3; 3], [low, high]: [DVec3; 2]) -> Self {
         let vector = (b - a).cross(c - a);
         let area = vector.length();
@@ -237,7 +240,7 @@ impl Areas {
     fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let size = high - low;
         let sides = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
-        // The areas are doubled, so walls cover at least half of a side that counts.
+        // The areas are doubled, so a side counts as a wall if walls cover more than half of the side.
         let is_wall = [self.low_walls, self.high_walls].map(|walls| walls.abs().cmpgt(sides));
         let [at_low, at_high] = is_wall.map(|is_wall| DVec3::select(is_wall, DVec3::ONE, DVec3::ZERO));
         let outwards = at_low * self.low_walls.max(DVec3::ZERO) + at_high * self.high_walls.max(DVec3::ZERO);

@@ -48,18 +48,18 @@ mod tests {
     #[test]
     fn every_file_of_a_scene_is_added_even_if_it_is_missing() {
         let folder = tempfile::tempdir().unwrap();
-        let place = |name: &str| folder.path().canonicalize().unwrap().join(name);
-        std::fs::create_dir(place("part")).unwrap();
-        std::fs::write(place("scene.toml"), "[[object]]\nmesh = \"part/a.obj\"\n").unwrap();
-        std::fs::write(place("part/a.mtl"), "newmtl wood\nmap_Kd wood.png\n").unwrap();
+        let path = |name: &str| folder.path().canonicalize().unwrap().join(name);
+        std::fs::create_dir(path("part")).unwrap();
+        std::fs::write(path("scene.toml"), "[[object]]\nmesh = \"part/a.obj\"\n").unwrap();
+        std::fs::write(path("part/a.mtl"), "newmtl wood\nmap_Kd wood.png\n").unwrap();
         let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
         let mesh = format!("mtllib a.mtl\nusemtl wood\n{corners}f 1/1 2/1 3/1\n");
-        std::fs::write(place("part/a.obj"), mesh).unwrap();
-        let _ = load_scene(&place("part/../scene.toml"));
+        std::fs::write(path("part/a.obj"), mesh).unwrap();
+        let _ = load_scene(&path("part/../scene.toml"));
         for name in ["scene.toml", "part/a.obj", "part/a.mtl", "part/wood.png"] {
-            assert!(INPUTS.contains(&place(name)), "{name}");
+            assert!(INPUTS.contains(&path(name)), "{name}");
         }
-        assert!(!INPUTS.contains(&place("part/other.png")));
-        assert!(INPUTS.folders().is_superset(&BTreeSet::from([place(""), place("part")])));
+        assert!(!INPUTS.contains(&path("part/other.png")));
+        assert!(INPUTS.folders().is_superset(&BTreeSet::from([path(""), path("part")])));
     }
 }

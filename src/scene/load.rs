@@ -3,7 +3,7 @@
 use super::animation::Animation;
 use super::assemble::{Assembled, assemble};
 use super::document::Document;
-use super::kept::Kept;
+use super::frame_cache::FrameCache;
 use super::setting::Setting;
 use super::wire::SceneWire;
 use super::{Orbit, Scene, facing};
@@ -50,15 +50,16 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// A shot for square pictures, which also suits all pictures that are wider than high.
+    /// The description of square pictures, which also suits all pictures that are wider than high.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show which of
-/// the two it is; if they are unclear, its extension does. A mesh without a scene file is seen with the camera and the
-/// lights of its own file. If that file has no camera, the mesh is seen from the right, above and in front (a room is
-/// seen through its open side), and is visible as a whole in images that are at least as wide as high. If the file has
-/// no lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
+/// the two it is; if the contents are unclear, the file's extension decides. A mesh without a scene file is seen with
+/// the camera and the lights of its own file. If that file has no camera, the mesh is seen from the right, above and in
+/// front (a room is seen through its open side), and is visible as a whole in images that are at least as wide as high.
+/// If the file has no lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the
+/// viewer.
 ///
 /// # Errors
 ///
@@ -79,8 +80,8 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     load(path, &settings, Shot::SQUARE, true)
 }
 
-/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: a mesh without a scene file is
-/// framed to fill them.
+/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: raycl places the camera so that a
+/// mesh without a scene file fills these pictures.
 ///
 /// # Errors
 ///
@@ -115,7 +116,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let turned = wire.two_sided.unwrap_or(document.bare);
     let (assembled, animation) = match wire.animation.take() {
-        None => (assemble(&document, wire, shot, &mut Kept::default(), &mut notes)?, None),
+        None => (assemble(&document, wire, shot, &mut FrameCache::default(), &mut notes)?, None),
         Some(of_file) => {
             let mut animation = Animation::of(document, of_file, shot)?;
             (animation.assemble(1, &mut notes)?, Some(animation))
@@ -123,7 +124,8 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     };
     let Assembled { scene, orbit, starts, dressed } = assembled;
     scene.validate()?;
-    // On a turntable, normals that are turned may still face away: all of them are reversed, or none.
+    // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals of the
+    // scene or none.
     notes.extend((!turned || shot.turns).then(|| facing::note(&scene, shot.aspect, turned)).flatten());
     Ok(Loaded {
         scene,

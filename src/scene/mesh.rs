@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// A mesh with fewer triangles than this is processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
-/// One triangle of a [`Mesh`], as indices into its sets.
+/// One triangle of a [`Mesh`], as indices into the mesh's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {
     /// The indices of the triangle's corners in `Mesh::positions`.

@@ -30,7 +30,7 @@ impl Textures {
     /// mask, its texels are weighted by their alpha.
     pub(super) fn add_levels(&mut self) {
         let picture = |number: u32| Arc::as_ptr(&self.list[number as usize].texels);
-        // Whether each picture's texels are weighted by alpha.
+        // The value of a picture in this map is true if the picture's texels are weighted by alpha.
         let mut pictures: HashMap<_, bool> =
             self.mapped.iter().filter_map(|row| row.texture).map(|number| (picture(number), false)).collect();
         for mask in self.mapped.iter().filter_map(|row| row.mask) {
@@ -52,8 +52,8 @@ impl Textures {
 }
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A ray cone
-/// as wide as this side covers one texel if it meets the triangle at a right angle. Zero if the triangle has no area or
-/// no texture.
+/// as wide as this side covers one texel if it meets the triangle at a right angle. Returns zero if the triangle has no
+/// area or no texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -73,8 +73,8 @@ fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]>
     while size != [1, 1] {
         // Each level is made from the unrounded values of the previous one, so that rounding errors do not add up.
         lights = match lights.is_empty() {
-            true => halved(size, |place| light_of(texels[place], by_alpha)),
-            false => halved(size, |place: usize| lights[place]),
+            true => halved(size, |index| light_of(texels[index], by_alpha)),
+            false => halved(size, |index: usize| lights[index]),
         };
         levels.par_extend(lights.par_iter().map(|light| texel_of(*light, by_alpha)));
         size = size.map(half);
@@ -120,13 +120,13 @@ impl Covered {
     }
 }
 
-/// Returns the texels that texel `place` of the next level covers. If the number of texels is odd,
+/// Returns the texels that texel `index` of the next level covers. If the number of texels is odd,
 /// a texel that lies in two texels of the next level is divided between them.
-fn covered(side: u32, place: u32) -> Covered {
+fn covered(side: u32, index: u32) -> Covered {
     // Lengths are in units in which all coordinates are whole numbers: a texel of this level is `next` units long, and
     // a texel of the next level is `side` units long.
     let next = half(side);
-    let (start, end) = (place * side, (place + 1) * side);
+    let (start, end) = (index * side, (index + 1) * side);
     let first = start / next;
     let share =
         |texel: u32| end.min((texel + 1) * next).saturating_sub(start.max(texel * next)) as f32 / side as f32;
@@ -162,7 +162,7 @@ mod tests {
     use glam::Vec3;
 
     fn random_texels(count: u32) -> Vec<u32> {
-        (0..count).map(|place| place.wrapping_mul(2_654_435_761) ^ 0x5bd1_e995).collect()
+        (0..count).map(|index| index.wrapping_mul(2_654_435_761) ^ 0x5bd1_e995).collect()
     }
 
     fn texture(size: [u32; 2], texels: &Arc<[u32]>, least_alpha: u16) -> Texture {
@@ -197,19 +197,19 @@ mod tests {
             }
             // Before rounding, a level has the mean of the picture, up to the error of single
             // precision.
-            let half = halved(size, |place| lights[place]);
+            let half = halved(size, |index| lights[index]);
             assert!(are_close(mean(&half), mean(&lights), 1e-6), "{size:?}");
         }
     }
 
     #[test]
     fn a_texel_of_a_level_is_the_mean_of_the_area_that_it_covers() {
-        let shares = |side, place| covered(side, place).texels().collect::<Vec<_>>();
+        let shares = |side, index| covered(side, index).texels().collect::<Vec<_>>();
         assert_eq!(shares(4, 1), [(2, 0.5), (3, 0.5)]);
         assert_eq!(shares(5, 0), [(0, 0.4), (1, 0.4), (2, 0.2)]);
         assert_eq!(shares(5, 1), [(2, 0.2), (3, 0.4), (4, 0.4)]);
         assert_eq!((shares(3, 0).len(), shares(1, 0)), (3, vec![(0, 1.0)]));
-        // Black and white: the mean is in linear light, so it is displayed as 188.
+        // Two texels are black and two are white. The mean is computed in linear light, so it is displayed as 188.
         let all = with_levels([2, 2], &[0xff00_0000, 0xffff_ffff, 0xffff_ffff, 0xff00_0000], false);
         assert_eq!(all[4..], [0xffbc_bcbc]);
     }
@@ -219,7 +219,7 @@ mod tests {
         let (green, clear) = (0xff00_ff00, 0x0000_00ff);
         let of = |texels: [u32; 4], by_alpha| with_levels([2, 2], &texels, by_alpha)[4];
         assert_eq!(of([green, clear, clear, clear], true), 0x4000_ff01);
-        // Without a mask, alpha has no meaning.
+        // If a picture is not used as a mask, alpha does not change the weights of its texels.
         assert_eq!(of([green, clear, clear, clear], false), 0x4000_89e1);
         // If all texels are transparent, a colour remains.
         assert_eq!(of([clear; 4], true), clear);

@@ -13,9 +13,9 @@ mod enclosed;
 mod facing;
 mod few_notes;
 mod files;
+mod frame_cache;
 mod framing;
 mod inputs;
-mod kept;
 mod load;
 mod material;
 mod mesh;
@@ -252,7 +252,8 @@ mod tests {
     #[test]
     fn a_displayed_colour_is_the_radiance_of_the_middle_of_its_step() {
         let display = Display { exposure: 2.0, gamma: 2.0 };
-        // Half of 255 is 127.5, the middle of the step 127.
+        // Displayed values are rounded down, so the middle of the values that are displayed as 127 is 127.5, which is
+        // half of 255.
         assert_eq!(display.radiance_of([0, 127, 255]), Vec3::new(0.0, 0.125, 0.5));
         assert_eq!(Display { exposure: 0.0, ..display }.radiance_of([0, 127, 255]), Vec3::ZERO);
         assert_eq!(Display::default(), Display { exposure: 15.0, gamma: 2.2 }, "as in the paper");

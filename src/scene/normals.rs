@@ -52,11 +52,23 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     if !turned.contains(&true) {
         return;
     }
-    let count = mesh.normals.len() as u32;
-    mesh.normals.extend_from_within(..);
-    mesh.normals[count as usize..].iter_mut().for_each(|normal| *normal = -*normal);
-    for (triangle, _) in mesh.triangles.iter_mut().zip(turned).filter(|(_, turned)| *turned) {
-        triangle.normals = triangle.normals.map(|index| index + count);
+    reverse_normals_of(mesh, &turned);
+}
+
+/// Reverses the normals of the triangles for which `turned` is true. Other triangles may share these normals, so
+/// reversed copies are appended, one of each normal that a turned triangle has.
+fn reverse_normals_of(mesh: &mut Mesh, turned: &[bool]) {
+    // The index of each normal's reversed copy, or MISSING if there is no copy.
+    let mut copies = vec![MISSING; mesh.normals.len()];
+    for (triangle, _) in mesh.triangles.iter_mut().zip(turned).filter(|(_, turned)| **turned) {
+        triangle.normals = triangle.normals.map(|index| {
+            let copy = &mut copies[index as usize];
+            if *copy == MISSING {
+                *copy = mesh.normals.len() as u32;
+                mesh.normals.push(-mesh.normals[index as usize]);
+            }
+            *copy
+        });
     }
 }
 
@@ -193,6 +205,21 @@ mod tests {
         for triangle in front {
             assert!(mesh.corner_normals(triangle).iter().all(|n| n.z > 0.0));
         }
+    }
+
+    #[test]
+    fn a_normal_is_copied_once_and_only_if_a_turned_triangle_has_it() {
+        // Three triangles share the first two normals.
+        let normals = [0.0, 0.1, 0.2, 0.3, 0.4].map(|x| Vec3::new(x, 0.0, 1.0));
+        let triangle = |index: u32| Triangle { positions: [0; 3], normals: [0, 1, index], material: 0 };
+        let mut mesh =
+            Mesh { normals: normals.to_vec(), triangles: (2..5).map(triangle).collect(), ..Mesh::default() };
+        reverse_normals_of(&mut mesh, &[false, false, true]);
+        let indices: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.normals).collect();
+        assert_eq!(indices, [[0, 1, 2], [0, 1, 3], [5, 6, 7]]);
+        assert_eq!(mesh.normals[5..], [0, 1, 4].map(|index: usize| -normals[index]));
+        reverse_normals_of(&mut mesh, &[true, true, false]);
+        assert_eq!(mesh.normals.len(), 8 + 4);
     }
 
     #[test]

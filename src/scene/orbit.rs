@@ -24,17 +24,17 @@ impl Orbit {
             return (scene.camera, scene.lights.clone());
         }
         let turn = DQuat::from_axis_angle(self.up, part * std::f64::consts::TAU);
-        let place = |position: Vec3| (turn * (position.as_dvec3() - self.centre) + self.centre).as_vec3();
+        let rotated = |position: Vec3| (turn * (position.as_dvec3() - self.centre) + self.centre).as_vec3();
         let direction = |axis: Vec3| (turn * axis.as_dvec3()).as_vec3();
         let camera = &scene.camera;
         let turned = Camera {
-            position: place(camera.position),
+            position: rotated(camera.position),
             right: direction(camera.right),
             up: direction(camera.up),
             forward: direction(camera.forward),
             ..*camera
         };
-        let moved = |light: &Light| Light { position: place(light.position), ..*light };
+        let moved = |light: &Light| Light { position: rotated(light.position), ..*light };
         let lights = scene.lights.iter().map(|light| if self.with_lights { moved(light) } else { *light });
         (turned, lights.collect())
     }

@@ -11,7 +11,7 @@ pub(super) const PATHS: &str = "a path is names and indices joined by dots: came
 /// The camera's keys for views of the whole scene from an angle.
 const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
-const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
+const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. If a setting is an angle of the
@@ -21,7 +21,7 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     for setting in settings {
         let Setting { path, value, .. } = setting;
         if is_angle(path) {
-            unplace_camera(document);
+            remove_pose_and_fov(document);
         }
         set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
     }
@@ -34,28 +34,28 @@ pub(super) fn is_angle(path: &str) -> bool {
 }
 
 /// Returns whether a value at this path sets the camera's position, or a part of it.
-pub(super) fn places_camera(path: &str, value: &Value) -> bool {
+pub(super) fn sets_camera_position(path: &str, value: &Value) -> bool {
     match path.split_once('.') {
         None => path == "camera" && value.get("position").is_some(),
         Some((table, key)) => table == "camera" && key.split('.').next() == Some("position"),
     }
 }
 
-/// Refuses an angle if another setting places the camera, since one of the two would have no effect.
+/// Refuses an angle if another setting sets the camera's position, since one of the two would have no effect.
 fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path));
-    let place = settings.iter().find(|setting| places_camera(&setting.path, &setting.value));
-    let Some((angle, place)) = angle.zip(place) else { return Ok(()) };
+    let position = settings.iter().find(|setting| sets_camera_position(&setting.path, &setting.value));
+    let Some((angle, position)) = angle.zip(position) else { return Ok(()) };
     let message =
-        format!("this angle and '{}' both place the camera, so one of them has no effect", place.origin);
+        format!("this angle and '{}' both place the camera, so one of them has no effect", position.origin);
     Err(angle.error(message).with_help("leave out the angle or the other value"))
 }
 
 /// Removes the camera's position, direction and field of view, and the tracks that animate them or replace the whole
 /// camera.
-fn unplace_camera(document: &mut Table) {
+fn remove_pose_and_fov(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
-        PLACE_OF_CAMERA.iter().for_each(|key| drop(camera.remove(*key)));
+        POSE_AND_FOV.iter().for_each(|key| drop(camera.remove(*key)));
     }
     let tracks = document.get_mut("animation").and_then(|animation| animation.get_mut("track"));
     if let Some(tracks) = tracks.and_then(Value::as_array_mut) {
@@ -67,7 +67,7 @@ fn unplace_camera(document: &mut Table) {
 /// direction or field of view.
 fn moves_camera(path: &str) -> bool {
     let mut names = path.split('.');
-    let moves = |name: &str| PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name);
+    let moves = |name: &str| POSE_AND_FOV.contains(&name) || ANGLES.contains(&name);
     names.next() == Some("camera") && names.next().is_none_or(moves)
 }
 
@@ -115,7 +115,7 @@ fn set_in_array(
 ) -> std::result::Result<(), String> {
     let [key, rest @ ..] = keys else { return Ok(()) };
     let count = array.len();
-    // Without signs and leading zeros, no element has two paths.
+    // An index with a sign or with leading zeros is refused, so that no element has two paths.
     let is_plain = |index: &usize| *index <= count && index.to_string() == *key;
     let index = key.parse::<usize>().ok().filter(is_plain).ok_or_else(|| {
         format!(
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_replaces_the_cameras_own_place_but_not_one_that_is_set_after_it() {
+    fn an_angle_replaces_the_cameras_own_position_but_not_one_that_is_set_after_it() {
         let own = "camera = { position = [1, 2, 3], look_at = [0, 0, 0], fov_y_degrees = 60, z_near = 0.5 }";
         let set = |angle: &str, after: &[(&str, i64)]| {
             let mut document: Table = own.parse().unwrap();

@@ -1,7 +1,7 @@
 //! The samples of a pixel: their positions are drawn from the distribution of the pixel filter, so that all samples
 //! have the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray
-//! Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
-//! rays stay coherent.
+//! Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that the
+//! rays of neighbouring pixels stay nearly parallel.
 
 use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
@@ -43,8 +43,8 @@ pub enum SampleLight {
     /// sample. With a single sample per pixel, lights are points.
     #[default]
     Own,
-    /// As with `Own`, but in a half picture (half the width and height) for soft light. There, the points of lights and
-    /// the directions of the sky repeat after `INTERLEAVED` pixels.
+    /// The sample receives light as with `Own`, but it belongs to a half picture (half the width and height) for soft
+    /// light. In a half picture, the points of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
     /// Light arrives from the lights' centres, and the sky's mean radiance arrives, even if surfaces are in between.
     Unoccluded,
@@ -162,7 +162,7 @@ impl Sample {
     }
 }
 
-/// Returns the samples of a pixel that gets `count` samples. All such pixels have the same samples.
+/// Returns the samples of a pixel that gets `count` samples. All pixels that get `count` samples have the same samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let offsets = (0..).zip(pixel_offsets(count));
     let sample =
@@ -173,15 +173,17 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
 /// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
 /// sample comes first, since with adaptive sampling a pixel may get only this sample. The exclusive or of each index
-/// with the most central sample's index brings that sample to the front. Each aligned block of the
-/// sequence (2^k numbers from a multiple of 2^k on) stays together; only aligned blocks are evenly distributed.
+/// with the most central sample's index brings that sample to the front. This reordering keeps the numbers of each
+/// aligned block of the sequence (2^k numbers from a multiple of 2^k on) together, because only aligned blocks are
+/// evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
     }
-    let place = |number: u32, axis: usize| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))) as f32;
+    let offset =
+        |number: u32, axis: usize| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))) as f32;
     let block: Vec<_> =
-        (0..count.next_power_of_two()).map(|number| [place(number, 0), place(number, 1)]).collect();
+        (0..count.next_power_of_two()).map(|number| [offset(number, 0), offset(number, 1)]).collect();
     let distance = |number: &usize| block[*number][0].hypot(block[*number][1]);
     let nearest = (0..block.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
     // The block's length is a power of two, so the exclusive or of two of its indices is again one of its indices.
@@ -193,15 +195,15 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns a number of Sobol's sequence in one of its first two dimensions. The first is van der Corput's sequence, and
-/// the second is that of the polynomial x + 1.
+/// Returns a number of Sobol's sequence in one of its first two dimensions. The numbers in the first dimension are van
+/// der Corput's sequence; the numbers in the second dimension are the sequence that the polynomial x + 1 generates.
 pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();
     }
     let (mut direction, mut bits) = (1_u32 << 31, 0);
-    for place in 0..32 {
-        if number >> place & 1 == 1 {
+    for bit in 0..32 {
+        if number >> bit & 1 == 1 {
             bits ^= direction;
         }
         direction ^= direction >> 1;
@@ -233,13 +235,13 @@ fn filtered(part: f64) -> f64 {
 
 /// Returns the fraction of the filter below a position, for a filter of width 1: the integral of the series
 /// divided by its total.
-fn below(place: f64) -> f64 {
+fn below(position: f64) -> f64 {
     let tau = std::f64::consts::TAU;
     let waves = (1..).zip(&BLACKMAN_HARRIS[1..]).map(|(k, a)| {
         let k = f64::from(k);
-        a * (k * tau * place).sin() / (k * tau)
+        a * (k * tau * position).sin() / (k * tau)
     });
-    place + waves.sum::<f64>() / BLACKMAN_HARRIS[0]
+    position + waves.sum::<f64>() / BLACKMAN_HARRIS[0]
 }
 
 #[cfg(test)]
@@ -305,7 +307,7 @@ mod tests {
     #[test]
     fn the_mean_of_counts_is_that_of_pixels_and_not_of_blocks() {
         let counts = SampleCounts::new([6, 5], vec![1, 2, 3, 4]);
-        assert_eq!([[0, 0], [3, 3], [4, 3], [3, 4], [5, 4]].map(|place| counts.at(place)), [1, 1, 2, 3, 4]);
+        assert_eq!([[0, 0], [3, 3], [4, 3], [3, 4], [5, 4]].map(|pixel| counts.at(pixel)), [1, 1, 2, 3, 4]);
         assert_eq!(counts.mean(), f64::from(16 + 2 * 8 + 3 * 4 + 4 * 2) / 30.0);
     }
 

@@ -1,4 +1,5 @@
-//! JSON schemas of values that `wire` deserialises by hand: numbers in ranges, vectors, colours.
+//! JSON schemas of the values whose deserialisation `wire` does not derive but implements itself: numbers in ranges,
+//! vectors, colours.
 
 use super::shapes::Shape;
 use super::wire::{BackgroundWire, NonNegative, Number, Range, Triple, Vector};

@@ -1,4 +1,4 @@
-//! Values that options, a config or the tracks of an animation set in a scene, and the places of mistakes in a scene
+//! Values that options, a config or the tracks of an animation set in a scene, and the locations of mistakes in a scene
 //! with such values.
 
 use crate::error::{Error, line_of, shortened};
@@ -14,7 +14,7 @@ pub struct Setting {
     pub path: String,
     /// The new value.
     pub value: Value,
-    /// The setting as the user wrote it, for messages: an option with its value, or a place in a config with the path
+    /// The setting as the user wrote it, for messages: an option with its value, or a line of a config with the path
     /// and the value.
     pub origin: String,
 }
@@ -47,8 +47,9 @@ pub(super) fn error_in(origin: &str, message: impl std::fmt::Display) -> Error {
 pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
-    /// The dotted path of the keyframe's value from which this value is computed: `animation.track.0.values.2`. Its
-    /// line is only found if a message needs it, because few frames have a message, and the file must be parsed.
+    /// The dotted path of the keyframe's value from which this value is computed: `animation.track.0.values.2`. The
+    /// line of the keyframe's value is searched only for a message, because this search parses the file, and few frames
+    /// have a message.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -70,18 +71,18 @@ impl<'a> Change<'a> {
 
 /// The origin of a part of a document.
 pub(super) enum Origin<'a> {
-    /// A setting or a track, from which the whole part comes, as messages show it.
+    /// The whole part comes from one setting or track. The text names this setting or track as messages show it.
     Setting(Cow<'a, str>),
-    /// This range of the file's text.
+    /// The part comes from this range of the file's text.
     File(Range<usize>),
     /// The origin cannot be determined; for example, the mistake may be a missing key.
     Unknown,
 }
 
 impl Origin<'_> {
-    /// Returns the place for messages: `FILE:LINE`, or the setting; only the file's name if neither is known. `text` is
-    /// the file's text.
-    pub fn place(&self, file: &str, text: &str) -> String {
+    /// Returns the location for messages: `FILE:LINE`, or the setting; only the file's name if neither is known. `text`
+    /// is the file's text.
+    pub fn location(&self, file: &str, text: &str) -> String {
         match self {
             Self::Setting(setting) => shortened(&**setting),
             Self::File(span) => format!("{file}:{}", line_of(text, span.start)),
@@ -93,7 +94,8 @@ impl Origin<'_> {
 /// The values that were set in a document, and its file.
 pub(super) struct Changed {
     pub settings: Vec<Setting>,
-    /// The values that tracks set in one frame, after all settings; empty for a document that is not one frame.
+    /// The values that tracks set in one frame, after all settings; empty if the document does not belong to a frame of
+    /// an animation.
     pub tracks: Vec<TrackValue>,
     /// The file's name.
     pub file: String,
@@ -102,14 +104,14 @@ pub(super) struct Changed {
 }
 
 impl Changed {
-    /// Returns the origin of the range `span` of `text`, the document with all values.
+    /// Returns the origin of the range `span` of `text`. `text` is the document after all values were set.
     pub fn origin(&self, text: &str, span: &Range<usize>) -> Origin<'_> {
         let table = DeTable::parse(text).ok();
-        let Some(place) = table.and_then(|table| Place::find(table.get_ref(), span)) else {
+        let Some(location) = table.and_then(|table| Location::find(table.get_ref(), span)) else {
             return Origin::Unknown;
         };
-        let path: Vec<&str> = place.path.iter().map(String::as_str).collect();
-        self.origin_of(&path, place.is_key, &self.tracks)
+        let path: Vec<&str> = location.path.iter().map(String::as_str).collect();
+        self.origin_of(&path, location.is_key, &self.tracks)
     }
 
     /// Returns the origin of a key or a value after all settings, and then `tracks`, have set their values.
@@ -128,23 +130,23 @@ impl Changed {
         created.map_or(Origin::Unknown, |change| Origin::Setting(self.shown(change)))
     }
 
-    /// Returns a change as messages show it: a setting as the user wrote it, or a track with the place of its value.
+    /// Returns a change as messages show it: a setting as the user wrote it, or a track with the location of its value.
     fn shown<'a>(&self, change: Change<'a>) -> Cow<'a, str> {
         match change {
             Change::Setting(setting) => Cow::Borrowed(&setting.origin),
             Change::Track(TrackValue { keyframe, name, .. }) => {
                 let path: Vec<&str> = keyframe.split('.').collect();
-                let place = self.origin_of(&path, false, &[]).place(&self.file, &self.original);
-                Cow::Owned(format!("{place}: {name}"))
+                let location = self.origin_of(&path, false, &[]).location(&self.file, &self.original);
+                Cow::Owned(format!("{location}: {name}"))
             }
         }
     }
 
-    /// Returns a sentence that names the values that were set, for the help in an error about a mistake that is in none
-    /// of them; `None` if there are none. `text` is the document with all values. The sentence names all settings. If
-    /// the range `near` of `text` is given, the sentence names only those tracks that set a value in the same part of
-    /// the scene.
-    pub fn told(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
+    /// Returns a sentence that names the values that were set; `None` if no value was set. The sentence is for the help
+    /// in an error about a mistake that lies in none of these values. `text` is the document after all values were set.
+    /// The sentence names all settings. If the range `near` of `text` is given, the sentence names only those tracks
+    /// that set a value in the same part of the scene.
+    pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
         let is_beside = |part: &Vec<String>, track: &TrackValue| {
             !part.is_empty() && part.iter().zip(track.path.split('.')).all(|(one, other)| one == other)
@@ -162,28 +164,28 @@ impl Changed {
 /// are returned if the range lies in no value.
 fn part_of(text: &str, span: &Range<usize>) -> Vec<String> {
     let table = DeTable::parse(text).ok();
-    let place = table.and_then(|table| Place::find(table.get_ref(), span));
-    let mut path = place.map_or(Vec::new(), |place| place.path);
+    let location = table.and_then(|table| Location::find(table.get_ref(), span));
+    let mut path = location.map_or(Vec::new(), |location| location.path);
     let is_in_list = path.get(1).is_some_and(|key| key.parse::<usize>().is_ok());
     path.truncate(if is_in_list { 2 } else { 1 });
     path
 }
 
 /// A key or a value of a document.
-struct Place {
-    /// The keys and indices that lead to the place.
+struct Location {
+    /// The keys and indices that lead to the key or the value.
     path: Vec<String>,
     is_key: bool,
 }
 
-impl Place {
+impl Location {
     /// Returns the smallest key or value that contains the range.
     fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Self> {
-        let mut search = Search { span, path: Vec::new(), found: None };
+        let mut search = Search { span, path: Vec::new(), smallest: None };
         if !span.is_empty() {
             search.table(table);
         }
-        search.found.map(|(_, place)| place)
+        search.smallest.map(|(_, location)| location)
     }
 }
 
@@ -191,22 +193,22 @@ impl Place {
 struct Search<'a> {
     span: &'a Range<usize>,
     path: Vec<String>,
-    /// The best place so far, and its length in bytes.
-    found: Option<(usize, Place)>,
+    /// The length in bytes of the smallest key or value that was found so far, and this key or value.
+    smallest: Option<(usize, Location)>,
 }
 
 impl Search<'_> {
     fn table(&mut self, table: &DeTable<'_>) {
         for (key, value) in table {
             self.path.push(key.get_ref().to_string());
-            self.meet(&key.span(), true);
+            self.visit(&key.span(), true);
             self.value(value);
             self.path.pop();
         }
     }
 
     fn value(&mut self, value: &Spanned<DeValue<'_>>) {
-        self.meet(&value.span(), false);
+        self.visit(&value.span(), false);
         match value.get_ref() {
             DeValue::Table(table) => self.table(table),
             DeValue::Array(array) => {
@@ -220,10 +222,10 @@ impl Search<'_> {
         }
     }
 
-    fn meet(&mut self, range: &Range<usize>, is_key: bool) {
+    fn visit(&mut self, range: &Range<usize>, is_key: bool) {
         let contains = range.start <= self.span.start && self.span.end <= range.end;
-        if contains && self.found.as_ref().is_none_or(|(length, _)| range.len() < *length) {
-            self.found = Some((range.len(), Place { path: self.path.clone(), is_key }));
+        if contains && self.smallest.as_ref().is_none_or(|(length, _)| range.len() < *length) {
+            self.smallest = Some((range.len(), Location { path: self.path.clone(), is_key }));
         }
     }
 }
@@ -257,7 +259,11 @@ mod tests {
         "# The scene.\n\n[[object]]\nshape = \"sphere\"\n\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
 
     /// Returns the message of the error for a scene with these values, and the line and the text that the error marks.
-    fn told(scene: &str, values: &[(&str, Value)], quotes: bool) -> (String, Option<(usize, String)>) {
+    fn message_and_mark(
+        scene: &str,
+        values: &[(&str, Value)],
+        quotes: bool,
+    ) -> (String, Option<(usize, String)>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         std::fs::write(&path, scene).unwrap();
@@ -299,7 +305,7 @@ mod tests {
             ("light.0.position.1", Value::from("x"), "wrong type: string \"x\", expected a finite number"),
         ] {
             for quotes in [true, false] {
-                let (message, marked) = told(SCENE, &[(path, value.clone())], quotes);
+                let (message, marked) = message_and_mark(SCENE, &[(path, value.clone())], quotes);
                 assert!(message.starts_with(&format!("--set {path}={value}: {expected}")), "{message}");
                 assert_eq!(marked, None, "{path}");
             }
@@ -309,11 +315,11 @@ mod tests {
     #[test]
     fn the_setting_that_made_the_value_is_named() {
         let power = |value: i64| ("light.0.power", Value::from(value));
-        let message = told(SCENE, &[power(1), ("crease", Value::from(1)), power(-2)], true).0;
+        let message = message_and_mark(SCENE, &[power(1), ("crease", Value::from(1)), power(-2)], true).0;
         assert!(message.starts_with("--set light.0.power=-2: "), "{message}");
-        let unset = told(SCENE, &[("name.x", Value::from(1)), power(-2)], true).0;
+        let unset = message_and_mark(SCENE, &[("name.x", Value::from(1)), power(-2)], true).0;
         assert!(unset.starts_with("--set light.0.power=-2: "), "{unset}");
-        let no_element = told(SCENE, &[("light.7.power", Value::from(1))], true).0;
+        let no_element = message_and_mark(SCENE, &[("light.7.power", Value::from(1))], true).0;
         assert!(no_element.starts_with("--set light.7.power=1: `light` has 1 element"), "{no_element}");
     }
 
@@ -321,19 +327,19 @@ mod tests {
     fn a_mistake_in_the_file_has_the_files_own_line() {
         let wrong = SCENE.replace("power = 9", "power = -9");
         let crease = [("crease", Value::from(1))];
-        let (message, marked) = told(&wrong, &crease, true);
+        let (message, marked) = message_and_mark(&wrong, &crease, true);
         assert_eq!((message.as_str(), marked), ("-9 is not a number from 0 to 1e28", Some((8, "-9".into()))));
-        let (message, _) = told(&wrong, &crease, false);
+        let (message, _) = message_and_mark(&wrong, &crease, false);
         assert_eq!(message, "a.toml:8: expected a key or value that a scene may have there");
         let unknown = SCENE.replace("shape", "shap");
-        assert_eq!(told(&unknown, &crease, true).1, Some((4, "shap".into())));
+        assert_eq!(message_and_mark(&unknown, &crease, true).1, Some((4, "shap".into())));
     }
 
     #[test]
     fn a_mistake_between_a_setting_and_the_file_names_the_line_of_the_file() {
         let scene = format!("{SCENE}\n[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 1]\n");
         let at = Value::Array([0, 0, 1].map(Value::from).to_vec());
-        let (message, marked) = told(&scene, &[("camera.position", at)], true);
+        let (message, marked) = message_and_mark(&scene, &[("camera.position", at)], true);
         assert!(message.contains("looks at the same point"), "{message}");
         assert_eq!(marked, Some((12, "[0, 0, 1]".into())));
     }

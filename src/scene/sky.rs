@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn only_texels_that_are_clearly_negative_are_counted() {
-        // The mean, without negative values, is 1.
+        // The mean of all values is 1 if negative values count as 0.
         let texels = vec![[4.0; 3], [0.0, -0.9e-3, 0.0], [0.0, -1.1e-3, -5.0], [0.0; 3]];
         let file = FileTexels::of([4, 1], texels);
         assert_eq!((file.invalid, &file.texels[1..]), (1, &[[0.0; 3]; 3][..]));
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_not_a_number_counts_as_0_and_an_infinite_one_is_refused_with_its_place() {
+    fn a_value_that_is_not_a_number_counts_as_0_and_an_infinite_one_is_refused_with_its_position() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sky.exr");
         let read = |value: f32| {
@@ -197,8 +197,8 @@ mod tests {
         };
         let nan = read(f32::NAN);
         assert_eq!((nan.invalid, &*nan.texels), (1, &[[0.0, 1.0, 2.0], [3.0, 0.0, 5.0]][..]));
-        let told = SkyPicture::strengthened(&read(f32::INFINITY), 1.0, 8.0).unwrap_err();
-        assert!(told.starts_with("has a value of [3.0, inf, 5.0] in column 0, row 1"), "{told}");
+        let message = SkyPicture::strengthened(&read(f32::INFINITY), 1.0, 8.0).unwrap_err();
+        assert!(message.starts_with("has a value of [3.0, inf, 5.0] in column 0, row 1"), "{message}");
     }
 
     #[test]
@@ -210,7 +210,8 @@ mod tests {
             std::fs::write(&path, [header.as_bytes(), &[128, 64, 32, 129]].concat()).unwrap();
         };
         write("0.5");
-        // A value is its byte, divided by 256, times two to the power of the last byte minus 128.
+        // A channel's value is the channel's byte divided by 256, times two to the power of the texel's last byte minus
+        // 128.
         assert_eq!(*SkyPicture::read(&path).unwrap().texels, [[2.0, 1.0, 0.5]]);
         write("-1");
         assert!(SkyPicture::read(&path).unwrap_err().starts_with("has the EXPOSURE -1 in its header"));
@@ -225,27 +226,27 @@ mod tests {
             SkyPicture::decoded(bytes.get_ref(), &available).map(|file| file.size)
         };
         assert_eq!(decoded(40 * 64), Ok([8, 8]));
-        let told = decoded(40 * 64 - 1).unwrap_err();
+        let message = decoded(40 * 64 - 1).unwrap_err();
         let expected =
             "is too large (decoding it needs about 2.6 kB of this machine's memory (40 B x 8 x 8 texels";
-        assert!(told.starts_with(expected), "{told}");
+        assert!(message.starts_with(expected), "{message}");
     }
 
     #[test]
-    fn a_strength_multiplies_texels_and_the_first_one_that_is_too_bright_is_told() {
+    fn a_strength_multiplies_texels_and_the_first_one_that_is_too_bright_is_reported() {
         let file = FileTexels::of([2, 2], vec![[1.0, 2.0, 3.0], [0.0; 3], [0.5; 3], [4.0, 0.0, 0.0]]);
         let doubled = SkyPicture::strengthened(&file, 2.0, 8.0).unwrap();
         assert_eq!(doubled.texels[0], [2.0, 4.0, 6.0]);
         assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file);
-        let told = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
-        assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{told}");
+        let message = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
+        assert!(message.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{message}");
     }
 
     #[test]
-    fn of_several_texels_that_are_too_bright_the_first_is_told() {
+    fn of_several_texels_that_are_too_bright_the_first_is_reported() {
         let file = FileTexels::of([2, 2], vec![[0.0; 3], [9.0, 0.0, 0.0], [0.0; 3], [8.0, 0.0, 0.0]]);
-        let told = SkyPicture::strengthened(&file, 1.0, 7.0).unwrap_err();
-        assert!(told.starts_with("has a value of [9.0, 0.0, 0.0] in column 1, row 0"), "{told}");
+        let message = SkyPicture::strengthened(&file, 1.0, 7.0).unwrap_err();
+        assert!(message.starts_with("has a value of [9.0, 0.0, 0.0] in column 1, row 0"), "{message}");
     }
 
     #[test]

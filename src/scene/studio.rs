@@ -8,8 +8,8 @@ use super::{Camera, Light, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Factors by which the powers of the key light and of the fill light are multiplied. Without these surroundings, a
-/// mesh's lights have their full powers; here, the sky provides the rest of the light.
+/// Factors by which the powers of the key light and of the fill light are multiplied. Without the default surroundings,
+/// a mesh's lights have their full powers. With them, the sky provides the rest of the light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
@@ -21,14 +21,15 @@ const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces do not occlude the sky if they are farther from a hit than this many radii of the mesh's ball.
 const REACH_RADII: f64 = 3.0;
-/// The distance that replaces [`REACH_RADII`] for a room that is open on one side.
+/// The number of radii that replaces [`REACH_RADII`] for a mesh that is open on one side, such as a room without its
+/// front wall.
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square frames. The constant has the distances of the squares' edges
-/// from the middle, in radii; the last distance is beyond the end of a usual view. Rounding errors of a ray-triangle
-/// test grow with the triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which
-/// they start.
+/// from the middle, in radii; the last distance is beyond the end of a usual view. The ground is divided into frames,
+/// because rounding errors of a ray-triangle test grow with the triangle's size: on a single large triangle, shadow
+/// rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii, so that the ground does not coincide with a mesh's flat bottom.
 const GAP_RADII: f64 = 2e-4;
@@ -38,8 +39,8 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground; `None` if the mesh is a room, if the eye is below the ground, or if the ground would exceed the
-    /// limit of coordinates.
+    /// The ground; `None` if the mesh is open on one side (as a room without its front wall is), if the eye is below
+    /// the ground, or if the ground would exceed the limit of coordinates.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,
@@ -48,7 +49,7 @@ pub(super) struct Studio {
 impl Studio {
     /// Makes the surroundings of a mesh for a camera.
     pub fn around(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Self {
-        let (_, radius) = ball.place();
+        let (_, radius) = ball.centre_and_radius();
         let mut lights = framing::lights(camera, ball);
         for (light, strength) in lights.iter_mut().zip(STRENGTHS) {
             light.power *= strength;
@@ -72,7 +73,7 @@ impl Studio {
 /// Returns a square below a mesh; `None` if the eye is not above the square, or if the square would
 /// exceed the allowed coordinates.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
-    let (centre, radius) = ball.place();
+    let (centre, radius) = ball.centre_and_radius();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
     let heights = mesh
         .triangles
@@ -148,7 +149,7 @@ mod tests {
             let (mesh, studio) = studio(up, 25.0);
             let ground = studio.ground.expect("a ground");
             let height = |p: &Vec3| p.as_dvec3().dot(up);
-            let (_, radius) = Ball::around(&mesh, up).place();
+            let (_, radius) = Ball::around(&mesh, up).centre_and_radius();
             let mut area = 0.0;
             let lowest = mesh.positions.iter().map(height).fold(f64::INFINITY, f64::min);
             for position in &ground.positions {

@@ -80,8 +80,9 @@ impl Mapped {
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
-    /// Returns a triangle's coordinates in textures with these wrap modes, shifted close to 0, where single precision
-    /// is finest.
+    /// Returns a triangle's coordinates in textures with the wrap modes `wrap`. In a repeated or mirrored texture, the
+    /// coordinates are shifted close to 0, where single precision is finest. The shift does not change the triangle's
+    /// picture.
     pub fn new(corners: [[f32; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
         let mut corners = corners;
         for (axis, wrap) in wrap.into_iter().enumerate() {
@@ -251,7 +252,7 @@ mod tests {
         assert_eq!(words(Some(7), Some(8))[..6], floats);
         assert_eq!(words(Some(7), Some(8))[6..], [7, 9]);
         assert_eq!(words(None, None)[6..], [u32::MAX, 0]);
-        // With mip levels, three floats for the normal and the texels' size follow, and a float that fills the row.
+        // With mip levels, three more floats have the normal and the texels' size, and a fourth float fills the row.
         assert_eq!([false, true].map(Mapped::floats), [8, 12]);
     }
 

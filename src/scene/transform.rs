@@ -34,9 +34,9 @@ impl Transform {
         let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
         let rotation = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
         let (scale, translation) = (self.scale.as_dvec3(), self.translation.as_dvec3());
-        let place =
+        let transform =
             |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
-        mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
+        mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
         // Normals are transformed by the inverse transpose, times a factor that keeps its elements within -1 and 1. The
         // factor does not change the normalised result. The result gets the normal's own length: a normal that is
         // longer than its neighbours has more weight in the interpolation.

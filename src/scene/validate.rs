@@ -322,7 +322,8 @@ mod tests {
         assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
         assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
         assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
-        // The nearest point of a light with a radius of 9 is a tenth as far away as the light's centre.
+        // The nearest point of a light with a radius of 9 is a tenth as far away as the light's centre, so the light is
+        // too bright for this point's distance.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
     }
 }

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_without_a_place_has_no_sensors() {
+    fn a_device_without_an_address_has_no_sensors() {
         assert!(find(&Hardware::default()).is_none());
         assert_eq!(used_memory(&Hardware::default()), None);
     }
@@ -155,20 +155,20 @@ mod tests {
             uuid: Some(uuid.to_owned()).filter(|uuid| !uuid.is_empty()),
             ..Hardware::default()
         };
-        let found = |hardware: &Hardware| {
+        let sensor_of = |hardware: &Hardware| {
             let at = |address: &str| (address == "0000:17:00.0").then(|| "at the address".to_owned());
             named(hardware, at, |name| Some(name.to_owned()))
         };
         let uuid = "0123456789abcdef0123456789abcdef";
         let name = "GPU-01234567-89ab-cdef-0123-456789abcdef";
-        assert_eq!(found(&hardware("0000:17:00.0", uuid)).as_deref(), Some("at the address"));
-        assert_eq!(found(&hardware("0000:17:00.0", "")).as_deref(), Some("at the address"));
-        assert_eq!(found(&hardware("0000:18:00.0", uuid)).as_deref(), Some(name));
-        assert_eq!(found(&hardware("", uuid)).as_deref(), Some(name));
-        assert_eq!(found(&hardware("0000:18:00.0", "")), None);
+        assert_eq!(sensor_of(&hardware("0000:17:00.0", uuid)).as_deref(), Some("at the address"));
+        assert_eq!(sensor_of(&hardware("0000:17:00.0", "")).as_deref(), Some("at the address"));
+        assert_eq!(sensor_of(&hardware("0000:18:00.0", uuid)).as_deref(), Some(name));
+        assert_eq!(sensor_of(&hardware("", uuid)).as_deref(), Some(name));
+        assert_eq!(sensor_of(&hardware("0000:18:00.0", "")), None);
     }
 
-    /// A device that reports everything, or nothing.
+    /// A device that reports every value if `reports` is true, and no value otherwise.
     struct Fake {
         reports: bool,
         reasons: ThrottleReasons,
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!([shown.clock_mhz, shown.memory_clock_mhz], [Some(1980.0), Some(2619.0)]);
         assert!(shown.power_w.is_some_and(|power_w| (power_w - 350.0).abs() < 1e-9), "{shown:?}");
         assert_eq!((shown.temperature_c, shown.throttled, shown.energy_mj), (Some(41.0), false, None));
-        // A counter of 32 bits would have overflowed.
+        // A counter of 32 bits would overflow at this value.
         assert_eq!(reading.energy_counter_mj, Some(5e9));
         assert_eq!(NvmlSensor(Fake { reports: false, reasons }).read(), Reading::default());
     }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Time between two readings.
 const PERIOD: Duration = Duration::from_millis(20);
 /// Number of readings that are stored, which cover more than a minute.
-const KEPT: usize = 4096;
+const MOST_READINGS: usize = 4096;
 /// Shortest interval over which the energy counter is used: the device updates the counter only ten times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
@@ -26,11 +26,11 @@ impl Watch {
     /// all devices of a machine takes seconds to start, and until then there are no readings.
     pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
         let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
-        let (kept, end) = (Arc::clone(&readings), Arc::clone(&ended));
+        let (shared, end) = (Arc::clone(&readings), Arc::clone(&ended));
         std::thread::spawn(move || {
             let Some(mut sensor) = find() else { return };
             while !end.load(Ordering::Relaxed) {
-                keep(&kept, (Instant::now(), sensor.read()));
+                keep(&shared, (Instant::now(), sensor.read()));
                 std::thread::sleep(PERIOD);
             }
         });
@@ -38,7 +38,8 @@ impl Watch {
     }
 
     /// Returns the mean of the readings from `start` to `end`; if there are none, the last reading before `start`; and
-    /// `None` if that reading is missing too. The energy is that of `frame_ms` of device time at the mean power.
+    /// `None` if that reading is missing too. The energy is the mean power times `frame_ms`, the device time of a
+    /// frame.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }
@@ -51,10 +52,10 @@ impl Drop for Watch {
 }
 
 fn keep(readings: &Mutex<Readings>, reading: (Instant, Reading)) {
-    let mut kept = locked(readings);
-    kept.push_back(reading);
-    if kept.len() > KEPT {
-        kept.pop_front();
+    let mut latest = locked(readings);
+    latest.push_back(reading);
+    if latest.len() > MOST_READINGS {
+        latest.pop_front();
     }
 }
 
@@ -153,13 +154,13 @@ mod tests {
 
     #[test]
     fn nobody_waits_for_a_sensor_that_is_found_late_or_never() {
-        let (found, wait) = std::sync::mpsc::channel::<()>();
+        let (hold, wait) = std::sync::mpsc::channel::<()>();
         let late = Watch::start(move || {
             wait.recv().ok()?;
             Some(Box::new(Counting(0.0)))
         });
         assert_eq!(late.sense(Instant::now(), Instant::now(), 1.0), None);
-        drop(found);
+        drop(hold);
         assert_eq!(Watch::start(|| None).sense(Instant::now(), Instant::now(), 1.0), None);
     }
 
@@ -167,11 +168,11 @@ mod tests {
     fn the_oldest_readings_are_forgotten() {
         let readings = Mutex::new(Readings::default());
         let start = Instant::now();
-        for n in 0..KEPT as u64 + 2 {
+        for n in 0..MOST_READINGS as u64 + 2 {
             keep(&readings, (at(start, n), Reading::default()));
         }
-        let kept = locked(&readings);
-        assert_eq!((kept.len(), kept[0].0), (KEPT, at(start, 2)));
+        let latest = locked(&readings);
+        assert_eq!((latest.len(), latest[0].0), (MOST_READINGS, at(start, 2)));
     }
 
     #[test]

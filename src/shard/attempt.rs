@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn an_attempt_names_the_job_that_its_scheduler_started() {
-        let told = |variables: &str, machine: Option<&str>| {
+        let job_of = |variables: &str, machine: Option<&str>| {
             let variable = |name: &str| {
                 variables
                     .split(' ')
@@ -247,7 +247,7 @@ mod tests {
             ("SLURMD_NODENAME= SLURM_JOB_ID= CI_JOB_ID=2 SLURM_RESTART_COUNT=x", Some("m"), "m 2 0"),
             ("", None, "machine 0 0"),
         ] {
-            assert_eq!(told(variables, machine), expected, "{variables}");
+            assert_eq!(job_of(variables, machine), expected, "{variables}");
         }
     }
 

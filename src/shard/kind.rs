@@ -64,7 +64,8 @@ impl Kind {
             .filter(|path| path.extension().is_some_and(|ending| ending == "jsonl"))
             .collect();
         files.sort();
-        // Such a file has one line, so damage to it, or the loss of the line, would hide all points of the kind.
+        // The file of a kind has one line with all points of the kind. A file whose line is damaged or missing is an
+        // error, since all these points would otherwise be left out.
         let lines = |path: &PathBuf| -> Result<Vec<Self>> {
             let lines = read_lines(path)?.refuse_if_all_damaged(path)?.lines;
             if lines.is_empty() { Err(no_points(path)) } else { Ok(lines) }
@@ -84,8 +85,8 @@ impl Kind {
     }
 
     /// Returns the differences of each kind from other kinds of the same name; `None` if no other kind has the name.
-    /// The text lists the parts of the kind's identity that not all kinds of that name have, or is "another program" if
-    /// there are no such parts.
+    /// The text lists the parts of the kind's identity that not all kinds of that name have. If there are no such
+    /// parts, the text is "another program".
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {
@@ -116,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kinds_of_one_name_are_told_apart_by_what_differs() {
+    fn kinds_of_one_name_are_distinguished_by_what_differs() {
         let kind = |device: &str, identity: &str| Kind {
             device: device.into(),
             identity: identity.into(),
@@ -124,8 +125,8 @@ mod tests {
         };
         let kinds =
             [kind("cpu", "PoCL | 1 compute units"), kind("cpu", "PoCL | 2 compute units"), kind("gpu", "x")];
-        let told = Kind::distinctions(&kinds);
-        assert_eq!(told, [Some("1 compute units".to_owned()), Some("2 compute units".to_owned()), None]);
+        let actual = Kind::distinctions(&kinds);
+        assert_eq!(actual, [Some("1 compute units".to_owned()), Some("2 compute units".to_owned()), None]);
     }
 
     #[test]
@@ -139,8 +140,8 @@ mod tests {
             kind.write(&Kind::file(out, device, "x")).unwrap();
         }
         let kinds = Kind::all(out).unwrap();
-        let found: Vec<_> = kinds.iter().map(|kind| (kind.device.as_str(), kind.points[0].point)).collect();
-        assert_eq!(found, [("host", 2), ("asleep (1)", 1)]);
+        let actual: Vec<_> = kinds.iter().map(|kind| (kind.device.as_str(), kind.points[0].point)).collect();
+        assert_eq!(actual, [("host", 2), ("asleep (1)", 1)]);
         assert!(Kind::all(&out.join("nothing")).unwrap().is_empty());
     }
 
@@ -195,7 +196,7 @@ mod tests {
                 points: vec![KindPoint { point: 0, planned }],
             }
         };
-        let told = Kind::distinctions(&[kind("a"), kind("b")]);
-        assert_eq!(told, [Some("another program".to_owned()), Some("another program".to_owned())]);
+        let actual = Kind::distinctions(&[kind("a"), kind("b")]);
+        assert_eq!(actual, [Some("another program".to_owned()), Some("another program".to_owned())]);
     }
 }

@@ -1,6 +1,6 @@
-//! Reads the number that a launcher assigned to this process. Every launcher that starts several processes sets
-//! environment variables, but the variables' names differ, and numbers start at 0 or at 1. This file has the table of
-//! the launchers' variables.
+//! Reads the number that a launcher (a scheduler, or a program such as `mpirun` that starts processes) assigned to this
+//! process. Every launcher that starts several processes sets environment variables, but the variables' names differ,
+//! and numbers start at 0 or at 1. This file has the table of the launchers' variables.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -10,15 +10,15 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
 /// The numbers that a launcher assigned.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Told {
+struct Assignment {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0; not used if `number` is set.
-    place: u32,
+    /// The process's number, from 0; `number` is used instead if it is set.
+    rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set it.
     count: Option<u32>,
-    /// The number of this process's element in a Slurm array, if the user gives the number of shards; the shard gets
-    /// the same number. Otherwise `None`.
+    /// If the process belongs to an element of a Slurm array, and the user gives the number of shards: the element's
+    /// number, which is also the shard's number. Otherwise `None`.
     number: Option<u32>,
 }
 
@@ -26,34 +26,35 @@ struct Told {
 /// processes.
 struct Ranks {
     launcher: &'static str,
-    place: &'static str,
+    rank: &'static str,
     count: Option<&'static str>,
     origin: u32,
     /// A variable without which the launcher's other variables are ignored.
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first. A batch script of Slurm has the variable
-/// `SLURM_PROCID`, too, but there its value is not the number of a task. raycl therefore reads this variable only if
-/// `SLURM_STEP_ID` is set, which only a step of Slurm does.
+/// Launchers that number the processes of one job. A launcher that another one may have started comes before it: MPI,
+/// for example, may run in a step of Slurm. A batch script of Slurm has the variable `SLURM_PROCID`, too, but there its
+/// value is not the number of a task. raycl therefore reads this variable only if `SLURM_STEP_ID` is set, which only a
+/// step of Slurm does.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
-        place: "OMPI_COMM_WORLD_RANK",
+        rank: "OMPI_COMM_WORLD_RANK",
         count: Some("OMPI_COMM_WORLD_SIZE"),
         origin: 0,
         only_with: None,
     },
     Ranks {
         launcher: "MPI (PMI_RANK)",
-        place: "PMI_RANK",
+        rank: "PMI_RANK",
         count: Some("PMI_SIZE"),
         origin: 0,
         only_with: None,
     },
     Ranks {
         launcher: "a step of Slurm (SLURM_PROCID)",
-        place: "SLURM_PROCID",
+        rank: "SLURM_PROCID",
         count: Some("SLURM_STEP_NUM_TASKS"),
         origin: 0,
         only_with: Some("SLURM_STEP_ID"),
@@ -65,21 +66,21 @@ const INNER: [Ranks; 3] = [
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
-        place: "CI_NODE_INDEX",
+        rank: "CI_NODE_INDEX",
         count: Some("CI_NODE_TOTAL"),
         origin: 1,
         only_with: None,
     },
     Ranks {
         launcher: "Kubernetes (JOB_COMPLETION_INDEX)",
-        place: "JOB_COMPLETION_INDEX",
+        rank: "JOB_COMPLETION_INDEX",
         count: None,
         origin: 0,
         only_with: None,
     },
     Ranks {
         launcher: "HyperQueue (HQ_TASK_ID)",
-        place: "HQ_TASK_ID",
+        rank: "HQ_TASK_ID",
         count: None,
         origin: 1,
         only_with: None,
@@ -89,65 +90,67 @@ const OUTER: [Ranks; 3] = [
 /// Returns the shard that the innermost launcher assigned to this process. The number of shards is `of` if
 /// given, else the launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
-    let inner =
-        INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
+    let inner = INNER
+        .iter()
+        .filter_map(|ranks| ranks.assignment(variable).transpose())
+        .collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
     // A launcher that started a single process does not decide the process's shard: the process may be the only task of
     // a step, and the step may be an element of an array.
-    let numbered = inner.into_iter().find(|told| told.count != Some(1));
+    let numbered = inner.into_iter().find(|assignment| assignment.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
     }
     if let (None, Some(error)) = (&numbered, outside_of_a_step(variable)) {
         return Err(error);
     }
-    let outer = || OUTER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
-    let alone = || INNER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
+    let outer = || OUTER.iter().find_map(|ranks| ranks.assignment(variable).transpose()).transpose();
+    let alone = || INNER.iter().find_map(|ranks| ranks.assignment(variable).transpose()).transpose();
     match numbered
         .or(array)
-        .map_or_else(outer, |told| Ok(Some(told)))?
-        .map_or_else(alone, |told| Ok(Some(told)))?
+        .map_or_else(outer, |assignment| Ok(Some(assignment)))?
+        .map_or_else(alone, |assignment| Ok(Some(assignment)))?
     {
-        Some(told) => told.shard(of),
+        Some(assignment) => assignment.shard(of),
         None => Err(nobody()),
     }
 }
 
 impl Ranks {
-    fn told(&self, variable: Variable<'_>) -> Result<Option<Told>> {
+    fn assignment(&self, variable: Variable<'_>) -> Result<Option<Assignment>> {
         if self.only_with.is_some_and(|name| variable(name).is_none()) {
             return Ok(None);
         }
-        let Some(place) = number(self.place, variable)? else { return Ok(None) };
+        let Some(rank) = number(self.rank, variable)? else { return Ok(None) };
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
-        let place = place.checked_sub(self.origin).ok_or_else(|| {
-            Error::input(format!("{} is {place}, but its values must start at {}", self.place, self.origin))
+        let rank = rank.checked_sub(self.origin).ok_or_else(|| {
+            Error::input(format!("{} is {rank}, but its values must start at {}", self.rank, self.origin))
                 .with_help("number the tasks from 1, or give the shard's number: --shard 3/16")
         })?;
-        Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
+        Ok(Some(Assignment { launcher: self.launcher, rank, count, number: None }))
     }
 }
 
 /// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the element's
 /// number is the shard's number, so that a part of an array can be started again.
-fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
+fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignment>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
     let of = |name| number(name, variable);
     if count_is_given {
-        // An array of one element is a launcher that started a single process.
+        // The count is read because an array of one element is treated like a launcher that started a single process.
         let count = of("SLURM_ARRAY_TASK_COUNT")?;
-        return Ok(Some(Told { launcher, place: 0, count, number: Some(task) }));
+        return Ok(Some(Assignment { launcher, rank: 0, count, number: Some(task) }));
     }
     let (least, most) = (of("SLURM_ARRAY_TASK_MIN")?, of("SLURM_ARRAY_TASK_MAX")?);
     let (step, count) = (of("SLURM_ARRAY_TASK_STEP")?.unwrap_or(1).max(1), of("SLURM_ARRAY_TASK_COUNT")?);
     let (Some(least), Some(count)) = (least, count) else { return Err(no_count(launcher)) };
-    let place = task.checked_sub(least).filter(|above| above % step == 0).map(|above| above / step);
+    let rank = task.checked_sub(least).filter(|above| above % step == 0).map(|above| above / step);
     let whole = most.is_none_or(|most| {
         u64::from(least) + u64::from(step) * u64::from(count.max(1) - 1) == u64::from(most)
     });
-    match place.filter(|place| whole && *place < count) {
-        Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
+    match rank.filter(|rank| whole && *rank < count) {
+        Some(rank) => Ok(Some(Assignment { launcher, rank, count: Some(count), number: None })),
         None => Err(Error::input(format!(
             "a Slurm array of {count} elements has gaps, so raycl cannot determine the shard of element {task}"
         ))
@@ -155,7 +158,7 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     }
 }
 
-impl Told {
+impl Assignment {
     fn shard(&self, of: Option<u32>) -> Result<Shard> {
         let launcher = self.launcher;
         // If the element's number is the shard's number, the array may have fewer elements than there are shards.
@@ -166,7 +169,7 @@ impl Told {
                 .with_help("start one process per shard, or omit the count: --shard auto"));
         }
         let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
-        let number = self.number.unwrap_or(self.place.saturating_add(1));
+        let number = self.number.unwrap_or(self.rank.saturating_add(1));
         let error = |_| {
             Error::input(format!(
                 "according to {launcher}, this task is shard {number}, but the shards are 1 to {of}"
@@ -192,17 +195,17 @@ fn no_count(launcher: &str) -> Error {
         .with_help("state the number of shards: --shard auto/16")
 }
 
-fn twice(array: &Told, inner: &Told) -> Error {
-    let told = |told: &Told| match told.number {
-        Some(number) => format!("{} calls it element {number}", told.launcher),
+fn twice(array: &Assignment, inner: &Assignment) -> Error {
+    let text = |assignment: &Assignment| match assignment.number {
+        Some(number) => format!("{} calls it element {number}", assignment.launcher),
         None => format!(
             "{} calls it number {} of {}, counted from 0",
-            told.launcher,
-            told.place,
-            told.count.map_or("?".to_owned(), |n| n.to_string())
+            assignment.launcher,
+            assignment.rank,
+            assignment.count.map_or("?".to_owned(), |n| n.to_string())
         ),
     };
-    Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
+    Error::input(format!("two launchers number this process: {}, and {}", text(array), text(inner)))
         .with_help(
             "let each element of the array start one process, or omit the array; or give the \
             shard's number: --shard 3/16",
@@ -212,12 +215,12 @@ fn twice(array: &Told, inner: &Told) -> Error {
 /// Returns an error for a batch script of several tasks that starts raycl without `srun`: raycl would run only
 /// once, and `SLURM_PROCID` would not be the number of a task.
 fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
-    let place = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
+    let rank = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
             "this batch script has {tasks} tasks, but it started raycl without srun, so raycl runs only once \
-             (SLURM_PROCID={place})"
+             (SLURM_PROCID={rank})"
         ))
         .with_help("start raycl with srun: srun raycl run ... --shard auto"),
     )
@@ -235,7 +238,7 @@ mod tests {
     use super::*;
 
     /// Returns the shard's number and the number of shards, or the error's message.
-    fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
+    fn assigned(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
         };
@@ -265,7 +268,7 @@ mod tests {
             (Some(8), "HQ_TASK_ID=8".to_owned(), (8, 8)),
         ];
         for (of, variables, expected) in table {
-            assert_eq!(told(of, &variables), Ok(expected), "{variables}");
+            assert_eq!(assigned(of, &variables), Ok(expected), "{variables}");
         }
     }
 
@@ -273,22 +276,22 @@ mod tests {
     fn the_innermost_launcher_wins() {
         let mpirun = "OMPI_COMM_WORLD_RANK=1 OMPI_COMM_WORLD_SIZE=4";
         let step = "SLURM_PROCID=0 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=2";
-        assert_eq!(told(None, &format!("{step} {mpirun} PMI_RANK=0 PMI_SIZE=2")), Ok((2, 4)));
-        assert_eq!(told(None, &format!("{step} CI_NODE_INDEX=3 CI_NODE_TOTAL=3")), Ok((1, 2)));
+        assert_eq!(assigned(None, &format!("{step} {mpirun} PMI_RANK=0 PMI_SIZE=2")), Ok((2, 4)));
+        assert_eq!(assigned(None, &format!("{step} CI_NODE_INDEX=3 CI_NODE_TOTAL=3")), Ok((1, 2)));
         let alone = "SLURM_PROCID=0 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=1";
         assert_eq!(
-            told(None, &format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {alone}")),
+            assigned(None, &format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {alone}")),
             Ok((1, 4)),
             "a step of one task"
         );
-        assert_eq!(told(Some(8), &format!("JOB_COMPLETION_INDEX=4 {alone}")), Ok((5, 8)));
+        assert_eq!(assigned(Some(8), &format!("JOB_COMPLETION_INDEX=4 {alone}")), Ok((5, 8)));
         let single =
             "SLURM_ARRAY_TASK_ID=5 SLURM_ARRAY_TASK_MIN=5 SLURM_ARRAY_TASK_MAX=5 SLURM_ARRAY_TASK_COUNT=1";
         for of in [None, Some(4)] {
-            assert_eq!(told(of, &format!("{single} {mpirun}")), Ok((2, 4)), "an array of one element");
+            assert_eq!(assigned(of, &format!("{single} {mpirun}")), Ok((2, 4)), "an array of one element");
         }
-        assert_eq!(told(Some(8), &format!("{single} {alone}")), Ok((5, 8)), "both started one process");
-        assert_eq!(told(None, alone), Ok((1, 1)));
+        assert_eq!(assigned(Some(8), &format!("{single} {alone}")), Ok((5, 8)), "both started one process");
+        assert_eq!(assigned(None, alone), Ok((1, 1)));
     }
 
     #[test]
@@ -326,7 +329,7 @@ mod tests {
             (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is not a number"),
         ];
         for (of, variables, expected) in table {
-            let said = told(of, &variables).expect_err(&variables);
+            let said = assigned(of, &variables).expect_err(&variables);
             assert!(said.contains(expected), "{variables}: {said}");
         }
     }

@@ -83,10 +83,10 @@ pub fn missing(
         .filter(|point| has(&point.planned.key))
         .map(|point| point.point)
         .collect();
-    let mut found: Vec<MissingKind> = Vec::new();
+    let mut missing_kinds: Vec<MissingKind> = Vec::new();
     for (kind, distinction) in kinds.iter().zip(Kind::distinctions(kinds)) {
         let is_host = kind.device == HOST;
-        if is_host && found.iter().any(|known| known.device == HOST) {
+        if is_host && missing_kinds.iter().any(|known| known.device == HOST) {
             continue;
         }
         let lacks: Vec<usize> = kind
@@ -100,24 +100,25 @@ pub fn missing(
         }
         let name = named(kind, distinction.filter(|_| !is_host));
         let start = Start::of(out, Some(kind), attempts);
-        found.push(lacking(plan, name, (&lacks, kind.points.len()), &start));
+        missing_kinds.push(lacking(plan, name, (&lacks, kind.points.len()), &start));
     }
     let (of_host, of_device) = divided(plan, all);
     if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
         let start = Start::of(out, None, attempts);
-        found.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &start));
+        missing_kinds.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &start));
     }
-    found.extend(not_begun.iter().map(|device| {
+    missing_kinds.extend(not_begun.iter().map(|device| {
         let start = Start::of(out, None, attempts).on(device);
         lacking(plan, device.clone(), (&of_device, of_device.len()), &start)
     }));
     let failed = failed(plan, kinds, outcome, &|kind| Start::of(out, Some(kind), attempts).again());
     let took_part = not_begun.first().map(|_| names(all));
-    Missing { kinds: found, failed, nothing_began: all.is_empty(), took_part }
+    Missing { kinds: missing_kinds, failed, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns the points of each kind of device that failed, except those with a wrong image: their records have precedence
-/// over all later ones. `start` returns the command that measures the points again.
+/// Returns the points of each kind of device that failed. Points with a wrong image are left out, because it is useless
+/// to measure them again: a merge prefers a record with a wrong image to all other records of its point. `start`
+/// returns the command that measures the points again.
 fn failed(
     plan: &ShardPlan,
     kinds: &[Kind],
@@ -154,9 +155,8 @@ fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
 
 /// Returns the names of all kinds of device that took part in the experiment: each name once, joined by commas.
 fn names(all: &[Kind]) -> String {
-    let mut names: Vec<&str> = all.iter().map(|kind| kind.device.as_str()).collect();
-    names.dedup();
-    names.join(", ")
+    let names: BTreeSet<&str> = all.iter().map(|kind| kind.device.as_str()).collect();
+    names.into_iter().collect::<Vec<_>>().join(", ")
 }
 
 /// Describes a kind of device on which the points `lacks` have to be measured, out of `of` points in all.
@@ -191,9 +191,10 @@ impl Start {
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
         let current = std::env::current_dir().ok();
         let folder = about.folder.map(PathBuf::from);
-        // Where the folder does not exist, the user has to choose one.
+        // If the attempt's folder does not exist here, the command names no folder, and the user has to choose one.
         let folder = folder.filter(|folder| folder.is_dir() && current.as_ref() != Some(folder));
-        // In another folder, a relative path would name something else.
+        // If the command changes to another folder, `--out` needs an absolute path, since a relative path would lead to
+        // another folder.
         let absolute = folder.as_ref().and_then(|_| std::path::absolute(out).ok());
         let mut words = without_out(&without_shard(&open_ended(&about.command)));
         words.extend(about.device.iter().flat_map(|device| option("--device", device)));
@@ -226,7 +227,7 @@ impl Start {
             }
         };
         match &self.folder {
-            // In a subshell, so that the user's shell stays in its folder.
+            // The brackets start a subshell, so that the user's shell stays in its folder.
             Some(folder) => format!("(cd {} && {command})", quote(&folder.display().to_string())),
             None => command,
         }
@@ -318,6 +319,12 @@ mod tests {
     }
 
     #[test]
+    fn each_device_is_named_once_even_if_another_one_comes_in_between() {
+        let kinds = [kind("gpu", "0f", &[1]), kind("gpu a", "a", &[1]), kind("gpu", "f3", &[1])];
+        assert_eq!(names(&kinds), "gpu, gpu a");
+    }
+
+    #[test]
     fn each_kind_lacks_what_it_lacks_and_any_host_will_do() {
         let kinds = [
             kind(HOST, "amd", &[0]),
@@ -326,34 +333,34 @@ mod tests {
             kind("gpu", "2", &[1, 2]),
         ];
         let there = ["intel 0", "1 1", "1 2"];
-        let found = lacks(&kinds, &[], &|key| there.contains(&key));
-        let [two] = &found.kinds[..] else { panic!("{found:?}") };
+        let result = lacks(&kinds, &[], &|key| there.contains(&key));
+        let [two] = &result.kinds[..] else { panic!("{result:?}") };
         assert_eq!((two.device.as_str(), two.points.len(), &two.shards[..]), ("gpu (2)", 2, &[3, 7][..]));
         assert_eq!(two.command, "for shard in 3 7; do raycl --out o --shard $shard/16; done");
-        let found = lacks(&kinds[..1], &[], &|_| false);
-        assert_eq!(found.kinds[0].command, "raycl --out o --shard 3/16");
+        let result = lacks(&kinds[..1], &[], &|_| false);
+        assert_eq!(result.kinds[0].command, "raycl --out o --shard 3/16");
         assert!(lacks(&[], &[], &|_| true).nothing_began);
     }
 
     #[test]
     fn a_kind_that_is_meant_and_has_not_begun_lacks_all_but_the_hosts_points() {
         let kinds = [kind(HOST, "amd", &[0]), kind("gpu", "1", &[1, 2])];
-        let found = lacks(&kinds, &["h200".to_owned()], &|_| true);
-        let [h200] = &found.kinds[..] else { panic!("{found:?}") };
+        let result = lacks(&kinds, &["h200".to_owned()], &|_| true);
+        let [h200] = &result.kinds[..] else { panic!("{result:?}") };
         assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
         assert_eq!(h200.command, "for shard in 3 7; do raycl --out o --device h200 --shard $shard/16; done");
-        assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
+        assert_eq!(result.took_part.as_deref(), Some("host, gpu"));
     }
 
     #[test]
     fn casters_on_a_host_that_has_not_begun_are_the_hosts_alone() {
         let all = [kind("gpu", "1", &[1, 2])];
         let wanted = Wanted { all: &all, kinds: &[], not_begun: &["h200".to_owned()] };
-        let found = missing(Path::new("o"), &plan(), wanted, &[], &|_| Some(Outcome::Measured));
-        let told = |kind: &MissingKind| format!("{} {:?} {:?}", kind.device, kind.points, kind.shards);
-        let told: Vec<_> = found.kinds.iter().map(told).collect();
-        assert_eq!(told, [r#"host ["a"] [3]"#, r#"h200 ["b", "c"] [3, 7]"#]);
-        assert!(!found.nothing_began, "a shard on a gpu has begun");
+        let result = missing(Path::new("o"), &plan(), wanted, &[], &|_| Some(Outcome::Measured));
+        let text = |kind: &MissingKind| format!("{} {:?} {:?}", kind.device, kind.points, kind.shards);
+        let texts: Vec<_> = result.kinds.iter().map(text).collect();
+        assert_eq!(texts, [r#"host ["a"] [3]"#, r#"h200 ["b", "c"] [3, 7]"#]);
+        assert!(!result.nothing_began, "a shard on a gpu has begun");
     }
 
     #[test]
@@ -367,8 +374,8 @@ mod tests {
         );
     }
 
-    /// Returns the command for shard 3 of 4 after an attempt with this command line in this folder, with results in
-    /// the folder `results` of the current folder.
+    /// Returns the command that measures shard 3 of 4 after an attempt that was started with the command line `words`
+    /// in `folder`. The results are in the folder `results` of the current folder.
     fn repeated(folder: Option<&Path>, device: Option<&str>, words: &[&str], again: bool) -> String {
         use crate::shard::About;
         let out = tempfile::tempdir().unwrap();
@@ -385,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_of_an_attempt_in_another_folder_runs_there_and_writes_to_the_same_place() {
+    fn the_command_of_an_attempt_in_another_folder_runs_there_and_writes_to_the_same_folder() {
         let elsewhere = tempfile::tempdir().unwrap();
         let there = elsewhere.path().join("my configs");
         let words = ["raycl", "run", "a.toml", "--cl-dir", "cl", "--out", "../o", "--shard", "1/4"];
@@ -420,12 +427,12 @@ mod tests {
             _ => Some(Outcome::Measured),
         };
         let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
-        let found = missing(Path::new("o"), &plan(), wanted, &[], &outcome);
-        let [failed] = &found.failed[..] else { panic!("{found:?}") };
+        let result = missing(Path::new("o"), &plan(), wanted, &[], &outcome);
+        let [failed] = &result.failed[..] else { panic!("{result:?}") };
         assert_eq!((failed.device.as_str(), &failed.points[..]), ("gpu (1)", &["c".to_owned()][..]));
         assert_eq!(failed.command, "raycl --out o --resume --retry-failed --shard 7/16");
-        assert_eq!((found.count(), found.kinds[0].points[0].as_str()), (1, "b"));
-        // An attempt that was itself started with these options.
+        assert_eq!((result.count(), result.kinds[0].points[0].as_str()), (1, "b"));
+        // This attempt was itself started with the options `--resume` and `--retry-failed`.
         let words = ["raycl", "run", "a.toml", "--resume", "--out", "o", "--retry-failed", "--shard=1/4"];
         let expected = "raycl run a.toml --out results --resume --retry-failed --shard 3/4";
         assert_eq!(repeated(None, None, &words, true), expected);
@@ -467,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kinds_command_is_that_of_an_attempt_on_it_and_a_host_is_told_once() {
+    fn a_kinds_command_is_that_of_an_attempt_on_it_and_a_host_is_named_once() {
         use crate::shard::About;
         let out = tempfile::tempdir().unwrap();
         let attempts = [("1", "one"), ("2", "other")].map(|(identity, device)| {
@@ -488,18 +495,18 @@ mod tests {
         ];
         let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
         let now = Path::new("my results");
-        let found = missing(now, &plan(), wanted, &attempts, &|_| None);
-        let told: Vec<_> =
-            found.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
+        let result = missing(now, &plan(), wanted, &attempts, &|_| None);
+        let commands: Vec<_> =
+            result.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
         let expected = [
             (HOST, "raycl run --device one --out 'my results' --shard 3/16"),
             ("gpu (1)", "raycl run --device one --out 'my results' --shard 7/16"),
             ("gpu (2)", "raycl run --device other --out 'my results' --shard 7/16"),
         ];
-        assert_eq!((told, found.count()), (expected.to_vec(), 3));
+        assert_eq!((commands, result.count()), (expected.to_vec(), 3));
         let not_begun = ["tpu".to_owned()];
         let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
-        let found = missing(now, &plan(), wanted, &attempts, &|_| Some(Outcome::Measured));
-        assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
+        let result = missing(now, &plan(), wanted, &attempts, &|_| Some(Outcome::Measured));
+        assert_eq!(result.took_part.as_deref(), Some("host, gpu"));
     }
 }

@@ -102,18 +102,18 @@ impl ShardPlan {
     }
 
     fn checked(self, wanted: &Header, out: &Path) -> Result<Self> {
-        let found = &self.header;
+        let stored = &self.header;
         let count = |header: &Header| header.shards.to_string();
         let differs = [
-            ("the number of shards", found.shards != wanted.shards, count(found), count(wanted)),
+            ("the number of shards", stored.shards != wanted.shards, count(stored), count(wanted)),
             (
                 "the config or a value set in it",
-                found.config_hash != wanted.config_hash,
-                told(found),
-                told(wanted),
+                stored.config_hash != wanted.config_hash,
+                config_text(stored),
+                config_text(wanted),
             ),
-            ("a scene", found.scenes != wanted.scenes, few(&found.scenes), few(&wanted.scenes)),
-            ("the source of the kernels", found.kernels != wanted.kernels, source(found), source(wanted)),
+            ("a scene", stored.scenes != wanted.scenes, few(&stored.scenes), few(&wanted.scenes)),
+            ("the source of the kernels", stored.kernels != wanted.kernels, source(stored), source(wanted)),
         ];
         let Some((what, _, there, here)) = differs.into_iter().find(|(_, differs, ..)| *differs) else {
             return Ok(self);
@@ -124,15 +124,15 @@ impl ShardPlan {
         );
         Err(Error::input(message).with_help(format!(
             "start every shard with the same command{}, or choose another folder with --out",
-            versions(found, wanted)
+            versions(stored, wanted)
         )))
     }
 }
 
-/// Returns the versions of raycl if they differ, as a part of a help; else an empty text. A version that is not known
-/// differs from no other.
-fn versions(found: &Header, wanted: &Header) -> String {
-    match (&found.raycl, &wanted.raycl) {
+/// Returns a text with the two versions of raycl, as a part of an error's help, if the versions differ. Returns an
+/// empty text if they are equal, or if one of them is not known.
+fn versions(stored: &Header, wanted: &Header) -> String {
+    match (&stored.raycl, &wanted.raycl) {
         (Some(there), Some(here)) if there != here => {
             format!(" and the same raycl (the folder's plan is by raycl {there}, this is raycl {here})")
         }
@@ -150,7 +150,7 @@ fn source(header: &Header) -> String {
     header.kernels.as_ref().map_or("unreadable".to_owned(), |hash| hash.chars().take(8).collect())
 }
 
-fn told(header: &Header) -> String {
+fn config_text(header: &Header) -> String {
     let hash = header.config_hash.get(..8).unwrap_or_default();
     let set = if header.overrides.is_empty() {
         String::new()
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shard_of_another_version_of_raycl_is_told_both_versions() {
+    fn the_error_of_a_shard_of_another_version_of_raycl_names_both_versions() {
         let by = |raycl: Option<&str>, kernels: &str| Header {
             kernels: Some(kernels.into()),
             raycl: raycl.map(str::to_owned),
@@ -286,10 +286,10 @@ mod tests {
     }
 
     #[test]
-    fn a_different_config_is_told_with_what_was_set_in_it() {
+    fn a_different_config_is_described_with_what_was_set_in_it() {
         let set = Header { overrides: vec!["a = 1".into(), "b = 2".into()], ..header() };
         assert_eq!(
-            [told(&header()), told(&set)],
+            [config_text(&header()), config_text(&set)],
             ["x.toml (hash 01234567)", "x.toml with a = 1, b = 2 (hash 01234567)"]
         );
     }

@@ -90,7 +90,8 @@ impl Pulse {
                     beat = beat.after(steps.load(Ordering::Relaxed), taken(&waits));
                     write(beat);
                 }
-                // The last steps have no count of their own, but the status of an ended attempt includes them.
+                // The steps since the last count are written now, so that the status of the ended attempt includes
+                // them.
                 write(Beat { steps: steps.load(Ordering::Relaxed), ..beat });
             })
         };
@@ -117,7 +118,8 @@ fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
         std::thread::sleep(nap);
         left -= nap;
     }
-    // With this order, the thread sees all steps before the end.
+    // `Acquire`, with `Release` in `drop`, ensures that the thread sees all steps that were counted before the attempt
+    // ended.
     ended.load(Ordering::Acquire)
 }
 

@@ -20,7 +20,7 @@ pub struct Wishes {
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if every point has a time in an earlier run, so that the expected time is not a guess.
+    /// True if every point was measured in an earlier run. Otherwise, the expected time is a guess.
     pub is_known: bool,
 }
 
@@ -53,7 +53,7 @@ pub fn scripts(wishes: &Wishes) -> String {
     let minutes = (2 * seconds).div_ceil(60) + 10;
     let run = match is_array {
         true => format!("exec {command} --shard auto/{n}"),
-        // If a task is lost, the others must continue.
+        // If one task of the step is lost, the other tasks must continue.
         false => format!("exec srun --kill-on-bad-exit=0 {command} --shard auto"),
     };
     // Writing to a String cannot fail, so the results are ignored.
@@ -109,7 +109,7 @@ mod tests {
             "#SBATCH --requeue",
             "exec raycl run 'a b.toml' --out o --shard auto/16",
         ] {
-            assert!(long.lines().any(|found| found == line), "{line}\n{long}");
+            assert!(long.lines().any(|own| own == line), "{line}\n{long}");
         }
         let short = scripts(&wishes(20, true));
         assert!(
@@ -133,7 +133,7 @@ mod tests {
     fn a_script_has_the_limits_and_the_commands_that_its_comment_states() {
         let has = |text: &str, lines: &[&str]| {
             for line in lines {
-                assert!(text.lines().any(|found| found == *line), "{line}\n{text}");
+                assert!(text.lines().any(|own| own == *line), "{line}\n{text}");
             }
         };
         let short = scripts(&wishes(20, true));

@@ -1,5 +1,5 @@
-//! The state of each attempt in a folder: begun, running, hung, lost, or ended. Each attempt increases a counter in
-//! its own folder; two readings show which counters increase.
+//! The state of each attempt in a folder: begun, running, hung, lost, or ended. Each attempt increases a counter in its
+//! own folder while it runs. This module reads all counters twice, and so finds out which of them increase.
 
 use super::{Attempt, Beat, End};
 use std::fmt;
@@ -128,8 +128,8 @@ mod tests {
         let count =
             |beats: u64| std::fs::write(going.folder.join("pulse"), format!("{beats} 0 1\n")).unwrap();
         count(7);
-        let found = read_twice(folder.path(), || count(9));
-        let states: Vec<_> = found.into_iter().map(|status| status.state).collect();
+        let statuses = read_twice(folder.path(), || count(9));
+        let states: Vec<_> = statuses.into_iter().map(|status| status.state).collect();
         assert_eq!(states, [State::Ended(End::Done), State::Going]);
     }
 
@@ -140,8 +140,8 @@ mod tests {
         let attempt = Attempt::begin(folder.path(), &about).unwrap();
         let pulse = attempt.folder.join("pulse");
         std::fs::write(&pulse, "7 0 1\n").unwrap();
-        let found = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap());
-        assert_eq!(found[0].state, State::Lost);
+        let statuses = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap());
+        assert_eq!(statuses[0].state, State::Lost);
     }
 
     #[test]
@@ -159,13 +159,13 @@ mod tests {
         let attempt = Attempt::begin(folder.path(), &about).unwrap();
         let count = |line: &str| std::fs::write(attempt.folder.join("pulse"), line).unwrap();
         count("7 0 4\n");
-        let found = read_twice(folder.path(), || count("10 3 5\n"));
+        let statuses = read_twice(folder.path(), || count("10 3 5\n"));
         let beat = Beat { beats: 10, quiet: 3, steps: 5 };
-        assert_eq!(found, [Status { name: "shard-00001.n1..r00".into(), state: State::Hung(3), beat }]);
+        assert_eq!(statuses, [Status { name: "shard-00001.n1..r00".into(), state: State::Hung(3), beat }]);
     }
 
     #[test]
-    fn every_state_is_told_in_words() {
+    fn every_state_is_described_in_words() {
         for (state, words) in [
             (State::Begun, "begun: there is no counter in its folder yet"),
             (State::Going, "going"),

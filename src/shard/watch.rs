@@ -8,8 +8,8 @@ use std::time::Duration;
 
 /// The time between two checks of the launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
-/// Launchers, and programs that start processes on a machine for a launcher. There may be shells between one of these
-/// programs and this process.
+/// Launchers, and programs that start processes on a machine for a launcher. Such a program need not be the parent of
+/// this process: it may have started a shell that started this process.
 const LAUNCHERS: [&str; 12] = [
     "slurmstepd",
     "orted",
@@ -31,9 +31,9 @@ const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
 /// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
-/// process, and the points that are being measured get no record. Nothing is checked if three conditions hold: there is
-/// no known launcher, the parent is a shell, and the shard's number was given explicitly. Nothing is checked on systems
-/// other than Linux either.
+/// process, and the points that are being measured get no record. Nothing is checked if three conditions hold together:
+/// no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the shard's number.
+/// Nothing is checked on systems other than Linux either.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
@@ -100,7 +100,7 @@ impl Chain {
     }
 
     fn lost_by(&self, read: &dyn Fn(u32) -> Option<Process>) -> Option<String> {
-        let lives = |process: &&Process| read(process.id).is_some_and(|found| found.began == process.began);
+        let lives = |process: &&Process| read(process.id).is_some_and(|now| now.began == process.began);
         let gone = self.0.iter().find(|process| !lives(process))?;
         Some(format!("{} (process {}) has ended", gone.name, gone.id))
     }
@@ -178,8 +178,8 @@ mod tests {
     fn what_linux_tells_is_read_and_a_zombie_is_gone() {
         let fields = "1 1 1 0 -1 0 0 0 0 0 0 0 0 0 20 0 1 0 777 0";
         let stat = |state: &str| format!("42 (a (b) c) {state} 7 {fields}");
-        let found = parse(42, &stat("S")).expect("a process");
-        assert_eq!((found.name.as_str(), found.parent), ("a (b) c", 7));
+        let process = parse(42, &stat("S")).expect("a process");
+        assert_eq!((process.name.as_str(), process.parent), ("a (b) c", 7));
         assert_eq!(parse(42, &stat("Z")), None);
         #[cfg(target_os = "linux")]
         assert_eq!(read(std::process::id()).expect("this process").parent, parent());

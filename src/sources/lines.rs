@@ -209,8 +209,8 @@ mod tests {
             "%:include \"b.cl\"",
         ] {
             let error = lines("a.cl", text).unwrap_err();
-            let told = error.to_string().contains("does not support this form of #include");
-            assert!(told && error.exit_code() == 2, "{text}: {error}");
+            let is_named = error.to_string().contains("does not support this form of #include");
+            assert!(is_named && error.exit_code() == 2, "{text}: {error}");
         }
         let error = lines("cl/a.cl", "x\n# include \"b.cl\"").unwrap_err();
         assert!(error.to_string().starts_with("cl/a.cl, line 2: raycl does not"), "{error}");

@@ -181,8 +181,9 @@ impl Strategy {
             Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
-            // The shading kernel casts leftover shadow rays only with fused passes and one ray from the eye per pixel
-            // at a time. Pictures with soft light have one ray per pixel at a time even with many samples.
+            // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from the eye
+            // is cast per pixel at a time. Otherwise, a kernel of its own casts them. Pictures with soft light have one
+            // ray per pixel at a time even with many samples.
             Fact::LeftOver => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),
@@ -202,9 +203,9 @@ mod tests {
             preset(name).unwrap().strategy.holds_of(Fact::Soft, &workload)
         };
         for name in ["bvh", "tile", "tile-group"] {
-            let found =
+            let actual =
                 [[false, false], [true, false], [false, true]].map(|[lit, sky]| is_soft(name, lit, sky));
-            assert_eq!(found, [false, true, true], "{name}");
+            assert_eq!(actual, [false, true, true], "{name}");
         }
         assert!(!is_soft("raster", true, true));
     }

@@ -17,7 +17,7 @@ pub struct Task {
     pub covered_pixels: usize,
     /// True if surfaces lie all around the eye.
     pub inside: bool,
-    /// True if no ray may leak at edges and vertices.
+    /// True if no ray may slip through between triangles at edges and vertices.
     pub watertight: bool,
     /// True if shadow rays go to random points of the sky or of lights with a radius.
     #[serde(default)]
@@ -55,9 +55,9 @@ impl Task {
     }
 }
 
-/// The candidates among which the fastest strategy is chosen. The preset of a candidate depends on the kind of device.
+/// A candidate among which the fastest strategy is chosen. The preset of a candidate depends on the kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Way {
+pub enum Candidate {
     /// Every triangle is tested.
     Exhaustive,
     /// A tree is traversed by single rays on a GPU, by packets on a CPU.
@@ -71,7 +71,7 @@ pub enum Way {
     },
 }
 
-const TILES: Way = Way::Tiles { large: false, separate: false };
+const TILES: Candidate = Candidate::Tiles { large: false, separate: false };
 
 /// Classes of devices, each with its own candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,19 +104,21 @@ pub struct Constants {
     /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
     /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// Below this number of covered pixels per compute unit, divided by the square root of the number of triangles,
-    /// there are too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster.
+    /// This limit is compared with the number of covered pixels per compute unit, divided by the square root of the
+    /// number of triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
+    /// finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
     /// With fewer triangles than this limit, the rays of a tile have little work to share. Single rays are then faster
     /// in small pictures, below `few_pixels_a_unit`.
     pub few_triangles: f64,
-    /// The limit for small pictures of few triangles: pixels per compute unit, times the fourth root of the number of
-    /// triangles.
+    /// This limit is compared with the number of pixels per compute unit, times the fourth root of the number of
+    /// triangles. Below the limit, a picture of few triangles is small.
     pub few_pixels_a_unit: f64,
-    /// Large tiles share more work, but the slowest tile takes longer, in particular if there are many triangles. From
-    /// this number of pixels per compute unit on, divided by the fourth root of the number of triangles, there are
-    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster. The number of pixels is here the
-    /// geometric mean of all pixels and the covered pixels.
+    /// This limit is compared with the number of pixels per compute unit, divided by the fourth root of the number of
+    /// triangles. The number of pixels is here the geometric mean of all pixels and the covered pixels. Large tiles
+    /// share more work, but the slowest tile takes longer, in particular if there are many triangles. From the limit
+    /// on, there are enough large tiles to keep a unit busy until the slowest tile is finished, and large tiles are
+    /// faster.
     pub large_pixels_a_unit: f64,
     /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
@@ -150,7 +152,7 @@ impl Constants {
     }
 
     /// Returns the fastest candidate according to these limits.
-    pub fn way(mut self, task: &Task, units: u32) -> Way {
+    pub fn choice(mut self, task: &Task, units: u32) -> Candidate {
         let inside = task.inside;
         let [tree, dense, dense_inside, unit, many, few_pixels, large, separate, separate_inside] =
             self.of(task, units).map(|(_, least, value)| value >= *least);
@@ -159,9 +161,11 @@ impl Constants {
         // Without triangles there is no tree.
         let tree = tree && task.triangles > 0;
         match (tree, dense || small) {
-            (false, _) => Way::Exhaustive,
-            (true, true) => Way::Single,
-            (true, false) => Way::Tiles { large, separate: if inside { separate_inside } else { separate } },
+            (false, _) => Candidate::Exhaustive,
+            (true, true) => Candidate::Single,
+            (true, false) => {
+                Candidate::Tiles { large, separate: if inside { separate_inside } else { separate } }
+            }
         }
     }
 }
@@ -191,8 +195,8 @@ impl Class {
     }
 
     /// Returns all candidates.
-    pub fn ways(self) -> Vec<Way> {
-        let tiles = |large, separate| Way::Tiles { large, separate };
+    pub fn candidates(self) -> Vec<Candidate> {
+        let tiles = |large, separate| Candidate::Tiles { large, separate };
         let tiles = match self {
             Self::TilesInVectors | Self::TilesInNarrowVectors => vec![TILES],
             Self::SharedTiles => {
@@ -200,11 +204,11 @@ impl Class {
             }
             Self::SingleRays => Vec::new(),
         };
-        [Way::Exhaustive, Way::Single].into_iter().chain(tiles).collect()
+        [Candidate::Exhaustive, Candidate::Single].into_iter().chain(tiles).collect()
     }
 }
 
-impl Way {
+impl Candidate {
     /// Returns the candidate's name in stored sweeps.
     pub fn name(self) -> &'static str {
         match self {
@@ -225,7 +229,7 @@ impl Way {
             return Self::Single;
         }
         match Class::of(limits).constants(task.watertight) {
-            Some(constants) => constants.way(task, limits.compute_units),
+            Some(constants) => constants.choice(task, limits.compute_units),
             None if task.triangles < TREE_TRIANGLES => Self::Exhaustive,
             None => Self::Single,
         }
@@ -235,7 +239,8 @@ impl Way {
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
-        // If work-items share a tile, `Strategy::local_size` returns another local size.
+        // If work-items share a tile, the local size chosen here has no effect: `Strategy::local_size` returns another
+        // one.
         let (mut strategy, local_size) = match (limits.is_cpu, self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
@@ -268,7 +273,7 @@ impl Way {
 /// pixels, single rays are faster, since the rays of a tile take different paths. On a GPU, single rays are also faster
 /// in small pictures, in which there are too few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
-    Way::fastest(limits, task).strategy(limits, task.watertight)
+    Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }
 
 /// Returns the largest width that the hardware's vectors support.
@@ -313,47 +318,55 @@ mod tests {
         let mut scene = load_scene(&path).unwrap().scene;
         let task = Task::of(&scene, [64, 64], false);
         assert_eq!((task.triangles, task.pixels), (1, 4096));
-        // The triangle's bounding rectangle reaches from column 0 to column 14 of 16 columns of cells, and from row 4
-        // to the upper edge of row 12. A cell has 16 pixels.
+        // The picture consists of 16 columns and 16 rows of cells, each with 16 pixels. The triangle's bounding
+        // rectangle reaches from column 0 to column 14, and from row 4 to the upper edge of row 12, so that row 12
+        // counts too.
         assert_eq!(task.covered_pixels, 15 * 9 * 16);
         scene.camera.forward = -scene.camera.forward;
         assert_eq!(Task::of(&scene, [64, 64], false).covered_pixels, 0, "the triangle is behind the eye");
     }
 
     #[test]
-    fn each_constant_decides_between_two_ways() {
-        let of = |triangles, pixels| EXAMPLE.way(&Task::covering(triangles, pixels), 10);
-        assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Way::Exhaustive, TILES]);
-        assert_eq!([of(1_999_999, 1_000_000), of(2_000_000, 1_000_000)], [TILES, Way::Single]);
+    fn each_constant_decides_between_two_candidates() {
+        let of = |triangles, pixels| EXAMPLE.choice(&Task::covering(triangles, pixels), 10);
+        assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Candidate::Exhaustive, TILES]);
+        assert_eq!([of(1_999_999, 1_000_000), of(2_000_000, 1_000_000)], [TILES, Candidate::Single]);
         // The fourth root of 81 is 3, and that of 625 is 5.
-        assert_eq!([of(81, 99_999), of(81, 100_000), of(100, 90_000)], [Way::Single, TILES, TILES]);
-        assert_eq!([of(625, 9_999), of(625, 10_000)], [Way::Single, TILES]);
-        let large = Way::Tiles { large: true, separate: false };
+        assert_eq!([of(81, 99_999), of(81, 100_000), of(100, 90_000)], [Candidate::Single, TILES, TILES]);
+        assert_eq!([of(625, 9_999), of(625, 10_000)], [Candidate::Single, TILES]);
+        let large = Candidate::Tiles { large: true, separate: false };
         assert_eq!([of(625, 4_999_999), of(625, 5_000_000)], [TILES, large]);
         assert_eq!([of(10_000, 9_999_999), of(10_000, 10_000_000)], [TILES, large]);
-        let inside = |pixels| EXAMPLE.way(&Task { inside: true, ..Task::covering(400_001, pixels) }, 10);
-        assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);
-        assert_eq!(Constants { tree_triangles: 0.0, ..EXAMPLE }.way(&Task::default(), 10), Way::Exhaustive);
-        assert_eq!(inside(10_000_000), Way::Tiles { large: false, separate: true });
+        let inside = |pixels| EXAMPLE.choice(&Task { inside: true, ..Task::covering(400_001, pixels) }, 10);
+        assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Candidate::Single, TILES, TILES]);
+        assert_eq!(
+            Constants { tree_triangles: 0.0, ..EXAMPLE }.choice(&Task::default(), 10),
+            Candidate::Exhaustive
+        );
+        assert_eq!(inside(10_000_000), Candidate::Tiles { large: false, separate: true });
     }
 
     #[test]
     fn pixels_that_no_triangle_covers_make_little_work() {
         let of = |triangles, pixels, covered_pixels, inside| {
-            EXAMPLE.way(&Task { covered_pixels, inside, ..Task::covering(triangles, pixels) }, 10)
+            EXAMPLE.choice(&Task { covered_pixels, inside, ..Task::covering(triangles, pixels) }, 10)
         };
-        let large = Way::Tiles { large: true, separate: false };
-        // Triangles per covered pixel.
+        let large = Candidate::Tiles { large: true, separate: false };
+        // Checks the limit of triangles per covered pixel.
         assert_eq!(
             [1_000_001, 1_000_000].map(|covered| of(2_000_000, 4_000_000, covered, false)),
-            [TILES, Way::Single]
+            [TILES, Candidate::Single]
         );
-        assert_eq!([10_000, 9_999].map(|covered| of(625, 40_000, covered, false)), [TILES, Way::Single]);
+        assert_eq!(
+            [10_000, 9_999].map(|covered| of(625, 40_000, covered, false)),
+            [TILES, Candidate::Single]
+        );
         // The geometric means of the two numbers of pixels are 5,000,000 and 4,999,990.
         assert_eq!([1_250_000, 1_249_995].map(|covered| of(625, 20_000_000, covered, false)), [large, TILES]);
         // A picture of few triangles is small if it has few pixels, covered or not.
-        assert_eq!([99_999, 100_000].map(|pixels| of(81, pixels, 5_000, false)), [Way::Single, TILES]);
-        let separate = |covered| matches!(of(100, 1 << 30, covered, true), Way::Tiles { separate: true, .. });
+        assert_eq!([99_999, 100_000].map(|pixels| of(81, pixels, 5_000, false)), [Candidate::Single, TILES]);
+        let separate =
+            |covered| matches!(of(100, 1 << 30, covered, true), Candidate::Tiles { separate: true, .. });
         assert_eq!([9_999_999, 10_000_000].map(separate), [false, true]);
     }
 
@@ -361,32 +374,41 @@ mod tests {
     fn a_gpu_casts_soft_light_with_single_rays_and_a_cpu_with_tiles() {
         let [hard, soft] = [false, true].map(|soft| Task { soft, ..Task::covering(10_000, PIXELS) });
         let (cpu, gpu) = (limits(true, 16, LaneOperations::Barriers), limits(false, 1, LaneOperations::Ptx));
-        let is_tiles = |limits, task| matches!(Way::fastest(limits, task), Way::Tiles { .. });
+        let is_tiles = |limits, task| matches!(Candidate::fastest(limits, task), Candidate::Tiles { .. });
         assert!(is_tiles(&gpu, &hard) && is_tiles(&cpu, &hard) && is_tiles(&cpu, &soft));
-        assert_eq!(Way::fastest(&gpu, &soft), Way::Single);
+        assert_eq!(Candidate::fastest(&gpu, &soft), Candidate::Single);
     }
 
     #[test]
-    fn the_device_decides_what_a_way_is() {
+    fn the_device_decides_the_strategy_of_a_candidate() {
         let named = |name: &str| preset(name).map(|preset| preset.strategy).ok();
-        let of = |limits: &DeviceLimits, way: Way, watertight| {
-            way.strategy(limits, watertight).ok().map(|(s, _)| s)
+        let of = |limits: &DeviceLimits, candidate: Candidate, watertight| {
+            candidate.strategy(limits, watertight).ok().map(|(s, _)| s)
         };
         let (cpu, gpu) = (limits(true, 16, LaneOperations::Barriers), limits(false, 1, LaneOperations::Ptx));
-        assert_eq!(of(&cpu, Way::Exhaustive, false), named("wide-common-origin"));
-        assert_eq!(of(&cpu, Way::Single, false), named("bvh-packet"));
+        assert_eq!(of(&cpu, Candidate::Exhaustive, false), named("wide-common-origin"));
+        assert_eq!(of(&cpu, Candidate::Single, false), named("bvh-packet"));
         assert_eq!(
             [of(&cpu, TILES, false), of(&cpu, TILES, true)],
             [named("tile"), named("tile-watertight")]
         );
-        let size = |way: Way, watertight| way.strategy(&cpu, watertight).ok().map(|(_, size)| size);
+        let size = |candidate: Candidate, watertight| {
+            candidate.strategy(&cpu, watertight).ok().map(|(_, size)| size)
+        };
         assert_eq!(
-            [size(Way::Exhaustive, false), size(Way::Exhaustive, true), size(Way::Single, false)],
+            [
+                size(Candidate::Exhaustive, false),
+                size(Candidate::Exhaustive, true),
+                size(Candidate::Single, false)
+            ],
             [Some([4, 4]); 3]
         );
-        assert_eq!(of(&gpu, Way::Exhaustive, false), named("tiled-common-origin"));
-        assert_eq!([of(&gpu, Way::Single, false), of(&gpu, Way::Single, true)], [named("bvh"); 2]);
-        let separate = Way::Tiles { large: false, separate: true };
+        assert_eq!(of(&gpu, Candidate::Exhaustive, false), named("tiled-common-origin"));
+        assert_eq!(
+            [of(&gpu, Candidate::Single, false), of(&gpu, Candidate::Single, true)],
+            [named("bvh"); 2]
+        );
+        let separate = Candidate::Tiles { large: false, separate: true };
         assert_eq!(
             [of(&gpu, TILES, false), of(&gpu, separate, true)],
             [named("tile-group"), named("tile-group-watertight")]
@@ -394,17 +416,17 @@ mod tests {
     }
 
     #[test]
-    fn a_gpus_ways_have_local_sizes_of_their_own_and_large_tiles_only_where_asked_for() {
+    fn a_gpus_candidates_have_local_sizes_of_their_own_and_large_tiles_only_where_asked_for() {
         let gpu = limits(false, 1, LaneOperations::Ptx);
-        let of = |way: Way, watertight| way.strategy(&gpu, watertight).unwrap();
-        assert_eq!([of(Way::Exhaustive, false).1, of(Way::Exhaustive, true).1], [[16, 8]; 2]);
-        let tight = of(Way::Exhaustive, true).0;
+        let of = |candidate: Candidate, watertight| candidate.strategy(&gpu, watertight).unwrap();
+        assert_eq!([of(Candidate::Exhaustive, false).1, of(Candidate::Exhaustive, true).1], [[16, 8]; 2]);
+        let tight = of(Candidate::Exhaustive, true).0;
         let wide = preset("tiled-wide").unwrap().strategy;
         assert_eq!(tight, Strategy { intersector: Intersector::WATERTIGHT, ..wide });
-        assert_eq!(of(Way::Single, false).1, [8, 8]);
+        assert_eq!(of(Candidate::Single, false).1, [8, 8]);
         let group = preset("tile-group").unwrap().strategy;
         for (large, separate) in [(false, false), (true, false), (false, true), (true, true)] {
-            let (strategy, local_size) = of(Way::Tiles { large, separate }, false);
+            let (strategy, local_size) = of(Candidate::Tiles { large, separate }, false);
             assert_eq!(
                 (strategy.tile == TileSize::T16x8, strategy.passes == Passes::Separate),
                 (large, separate)
@@ -415,13 +437,13 @@ mod tests {
     }
 
     #[test]
-    fn no_way_has_larger_work_groups_than_the_device_allows() {
+    fn no_candidate_has_larger_work_groups_than_the_device_allows() {
         for (is_cpu, most) in [(true, 8), (false, 64), (false, 16)] {
             let lanes = LaneOperations::Barriers;
             let limits = DeviceLimits { work_group_size: most, ..limits(is_cpu, 8, lanes) };
-            for way in [Way::Exhaustive, Way::Single] {
-                let [across, down] = way.strategy(&limits, false).unwrap().1;
-                assert_eq!((across * down) as usize, most, "{way:?}");
+            for candidate in [Candidate::Exhaustive, Candidate::Single] {
+                let [across, down] = candidate.strategy(&limits, false).unwrap().1;
+                assert_eq!((across * down) as usize, most, "{candidate:?}");
             }
         }
     }
@@ -437,8 +459,8 @@ mod tests {
         );
         assert_eq!(of(SharedTiles), [constants::GPU, constants::GPU_WATERTIGHT].map(Some));
         assert_eq!(of(SingleRays), [None, None]);
-        let counts =
-            [TilesInVectors, TilesInNarrowVectors, SharedTiles, SingleRays].map(|class| class.ways().len());
+        let counts = [TilesInVectors, TilesInNarrowVectors, SharedTiles, SingleRays]
+            .map(|class| class.candidates().len());
         assert_eq!(counts, [3, 3, 6, 2]);
     }
 
@@ -446,10 +468,10 @@ mod tests {
     fn a_device_with_more_units_needs_more_pixels_for_tiles() {
         let of = |compute_units| {
             let limits = DeviceLimits { compute_units, ..limits(false, 1, LaneOperations::Ptx) };
-            Way::fastest(&limits, &Task::covering(10_000, PIXELS))
+            Candidate::fastest(&limits, &Task::covering(10_000, PIXELS))
         };
-        assert!(matches!(of(1), Way::Tiles { .. }));
-        assert_eq!(of(1 << 30), Way::Single);
+        assert!(matches!(of(1), Candidate::Tiles { .. }));
+        assert_eq!(of(1 << 30), Candidate::Single);
     }
 
     #[test]
@@ -470,7 +492,8 @@ mod tests {
             let (strategy, local_size) = choice(&limits(true, width, LaneOperations::Barriers), &task);
             assert_eq!((strategy, local_size), (preset("tile").unwrap().strategy, [1, 1]), "{width}");
         }
-        let (packets, _) = Way::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
+        let (packets, _) =
+            Candidate::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
         assert_eq!((packets.traversal, packets.width), (Traversal::Bvh, Width::W8));
     }
 
@@ -481,10 +504,10 @@ mod tests {
             [(true, 1), (true, 4), (true, 16), (false, 1)].map(|(is_cpu, width)| (is_cpu, width, lanes));
         for (is_cpu, width, lanes) in devices {
             for limits in lanes.map(|lanes| limits(is_cpu, width, lanes)) {
-                for way in Class::of(&limits).ways() {
+                for candidate in Class::of(&limits).candidates() {
                     for watertight in [false, true] {
                         let (strategy, _) =
-                            way.strategy(&limits, watertight).unwrap_or_else(|error| panic!("{error}"));
+                            candidate.strategy(&limits, watertight).unwrap_or_else(|error| panic!("{error}"));
                         assert_eq!(strategy.contradiction(), None, "{strategy}");
                         assert!(!watertight || strategy.intersector == Intersector::WATERTIGHT, "{strategy}");
                     }

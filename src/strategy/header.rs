@@ -13,7 +13,7 @@ pub struct Header {
     pub name: String,
     /// The meaning of the value, in a line.
     pub meaning: String,
-    /// The folders that contain a file of this value. Each folder belongs to one kernel family.
+    /// The folders that contain a file of this value. Each folder belongs to one or several kernel families.
     pub folders: Vec<&'static str>,
     /// The values of other axes with which this value cannot be combined.
     pub contradicts: Vec<Contradiction>,
@@ -73,7 +73,7 @@ pub(super) struct Reader<'a> {
     pub path: &'a str,
     /// Returns the names of an axis's values; an empty list if there is no such axis.
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
-    /// Returns the place of an `#include` of this file; `None` if no file includes it.
+    /// Returns the location of an `#include` of this file; `None` if no file includes it.
     pub included_at: &'a dyn Fn() -> Option<String>,
 }
 
@@ -90,21 +90,21 @@ impl Reader<'_> {
     /// Reads the comment that a file begins with, up to the comment's first empty line. A line `// key: value` sets a
     /// key; all other lines are prose.
     pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
-        let mut found = Entries::default();
+        let mut parsed = Entries::default();
         for (line, key, value) in entries(text) {
-            self.take(&mut found, line, key, value)?;
+            self.take(&mut parsed, line, key, value)?;
         }
-        let meaning = found.meaning.take().map(|(_, meaning)| meaning);
+        let meaning = parsed.meaning.take().map(|(_, meaning)| meaning);
         let meaning = meaning.ok_or_else(|| self.no_meaning(text))?;
-        let said = |key: &Key| found.facts.iter().any(|(_, name, _)| *name == key.name);
+        let said = |key: &Key| parsed.facts.iter().any(|(_, name, _)| *name == key.name);
         if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
             let what = format!("{}; expected {}", key.about, key.takes);
             return Err(self.lacks(&format!("the file's header has no '{}' ({what})", key.name)));
         }
-        self.check_planes(&found)?;
-        self.check_tile(&found, &folders)?;
-        let facts = found.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
-        Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
+        self.check_planes(&parsed)?;
+        self.check_tile(&parsed, &folders)?;
+        let facts = parsed.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
+        Ok(Header { axis: self.axis, name, meaning, folders, contradicts: parsed.contradicts, facts })
     }
 
     /// Refuses a key of a header in the comment that another file of the same value begins with: nothing would read it.
@@ -121,8 +121,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Returns the error for a file whose header does not state the value's meaning. Often, such a file has no header,
-    /// because the header is not at the file's start, or because the file is meant to be included by others.
+    /// Returns the error for a file whose header does not state the value's meaning. Often, the header of such a file
+    /// is not at the file's start, or the file has no header because it is meant to be included by other files.
     fn no_meaning(&self, text: &str) -> Error {
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);
@@ -136,8 +136,8 @@ impl Reader<'_> {
         let error = self.lacks(&why);
         let (top, name) = (self.file.split('/').next(), self.file.rsplit('/').next());
         match ((self.included_at)(), top, name) {
-            (Some(place), Some(top), Some(name)) => error.with_help(format!(
-                "{place} includes this file: a file that is not itself a value of '{}' must be in another folder; move it, for example to {top}/{name}, and write #include \"{top}/{name}\"",
+            (Some(location), Some(top), Some(name)) => error.with_help(format!(
+                "{location} includes this file: a file that is not itself a value of '{}' must be in another folder; move it, for example to {top}/{name}, and write #include \"{top}/{name}\"",
                 self.axis
             )),
             _ => error,
@@ -161,29 +161,29 @@ impl Reader<'_> {
         ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name))
     }
 
-    fn take(&self, found: &mut Entries, line: usize, key: &str, value: &str) -> Result<()> {
+    fn take(&self, parsed: &mut Entries, line: usize, key: &str, value: &str) -> Result<()> {
         match key {
             _ if value.is_empty() => {
                 Err(self.wrong(line, format!("'{key}' is empty; expected a value after the colon"), None))
             }
-            "meaning" => match found.meaning.replace((line, value.to_owned())) {
+            "meaning" => match parsed.meaning.replace((line, value.to_owned())) {
                 Some((first, _)) => Err(self.twice(line, key, first)),
                 None => Ok(()),
             },
             "contradicts" => {
-                found.contradicts.extend(self.contradictions(line, value)?);
+                parsed.contradicts.extend(self.contradictions(line, value)?);
                 Ok(())
             }
             _ => {
                 let key = self.keys().find(|own| own.name == key).ok_or_else(|| self.unknown(line, key))?;
-                if let Some((first, ..)) = found.facts.iter().find(|(_, name, _)| *name == key.name) {
+                if let Some((first, ..)) = parsed.facts.iter().find(|(_, name, _)| *name == key.name) {
                     return Err(self.twice(line, key.name, *first));
                 }
                 let said = key.takes.parse(value).ok_or_else(|| {
                     let message = format!("'{value}' is not a valid '{}'; expected {}", key.name, key.takes);
                     self.wrong(line, message, meant(value, key.takes.words().iter().copied()))
                 })?;
-                found.facts.push((line, key.name, said));
+                parsed.facts.push((line, key.name, said));
                 Ok(())
             }
         }
@@ -230,8 +230,8 @@ impl Reader<'_> {
 
     /// Checks `record_floats` if a kernel prepares planes for each triangle and origin: the planes of a triangle always
     /// have [`PLANES_FLOATS`] floats.
-    fn check_planes(&self, found: &Entries) -> Result<()> {
-        let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
+    fn check_planes(&self, parsed: &Entries) -> Result<()> {
+        let said = |name: &str| parsed.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
             said("prepared_for").filter(|(_, _, said)| matches!(said, Said::Word("origin" | "pixels")));
         match (planes, said("record_floats")) {
@@ -246,8 +246,8 @@ impl Reader<'_> {
     }
 
     /// Refuses a test for the rays of a tile in the folder of the families that have no tiles of rays.
-    fn check_tile(&self, found: &Entries, folders: &[&str]) -> Result<()> {
-        match found.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
+    fn check_tile(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
+        match parsed.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
             Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
                 let message = format!(
                     "'prepared_for' is tile, but the kernels that include {NO_TILES} have no tiles of rays; expected any-ray or origin or pixels"
@@ -292,7 +292,7 @@ const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 const NO_TILES: &str = "cast/intersect/";
 
 /// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.
-/// Each has the number of its line.
+/// Each entry comes with the number of its line.
 fn entries(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
     let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
     (1..).zip(comment.take_while(|line| !line.is_empty())).filter_map(|(number, line)| {

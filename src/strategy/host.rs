@@ -9,13 +9,14 @@ use crate::memory::Available;
 use crate::scene::{Mapped, Material, Mesh};
 
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1, 258 to 305 MB
-/// were measured if LLVM 15 compiled the kernels (most for `tile-group`; one triangle; 2026-11-27).
+/// were measured on 2026-11-27 for a scene of one triangle, in runs in which LLVM 15 compiled the kernels; the preset
+/// `tile-group` needed most.
 const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
 const PROGRAM_BYTES_BESIDE_GPU: u64 = 432_000_000;
-/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle, which takes 44 bytes
-/// there, and 72 bytes for two nodes.
+/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle, of which it takes only
+/// 44, and 72 bytes for two nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, and whether the pixel
 /// is certain.
@@ -50,22 +51,22 @@ pub struct Afterwards {
 /// needs.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
-    /// The part of every moment's bytes that the program, its libraries and the driver need.
+    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes them.
     program_bytes: u64,
     moments: Vec<(&'static str, Sum)>,
 }
 
 impl HostNeeds {
-    /// Returns the memory that `strategy` needs for `workload` until the picture has been cast and everything has been
-    /// done `afterwards`. `shared` means that the device uses the host's memory.
+    /// Returns the memory that `strategy` needs for `workload` until the picture has been cast and the work that
+    /// `afterwards` names has been done. `shared` means that the device uses the host's memory.
     pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, afterwards: Afterwards) -> Self {
         let w = workload;
         let pixels = pixels(w);
         let program_bytes = if shared { PROGRAM_BYTES } else { PROGRAM_BYTES_BESIDE_GPU };
-        let kept = kept(w, program_bytes);
+        let base = base_memory(w, program_bytes);
         let mut moments = Vec::new();
         if strategy.needs_tree() {
-            let mut sum = kept.clone();
+            let mut sum = base.clone();
             // The sum assumes small leaves. With fewer than 32 children per node, `WideBvh::of_mesh` builds the tree
             // with such leaves and then combines some of them. With 32 children, leaves may be larger, and the tree
             // then needs less memory than this sum.
@@ -74,7 +75,7 @@ impl HostNeeds {
             sum.add("tree being built", &[(build_bytes, " B")]);
             moments.push(("building the tree", sum));
         }
-        let mut casting = kept.clone();
+        let mut casting = base.clone();
         if strategy.needs_tree() {
             // Only the leaf order is left: the host's copy of the nodes is freed before the triangles are uploaded.
             casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
@@ -86,10 +87,10 @@ impl HostNeeds {
         casting.add("picture", &[(PICTURE_BYTES, " B"), (pixels, " pixels")]);
         moments.push(("casting", casting));
         if afterwards.layers {
-            moments.extend(with_layers(strategy, w, shared, &kept));
+            moments.extend(with_layers(strategy, w, shared, &base));
         }
         if afterwards.verified {
-            let mut sum = kept;
+            let mut sum = base;
             sum.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
             sum.add("reference", &[(REFERENCE_PIXEL_BYTES + 12, " B"), (pixels, " pixels")]);
             if w.half_light {
@@ -127,29 +128,30 @@ impl HostNeeds {
 }
 
 /// Returns the memory that is in use at every moment.
-fn kept(w: &Workload, program_bytes: u64) -> Sum {
-    let mut kept = Sum::default();
-    kept.add("program and driver", &[(program_bytes, " B")]);
-    kept.add("mesh", &[(mesh_bytes(w), " B")]);
-    kept.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
+fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
+    let mut base = Sum::default();
+    base.add("program and driver", &[(program_bytes, " B")]);
+    base.add("mesh", &[(mesh_bytes(w), " B")]);
+    base.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
     if w.is_textured() {
-        kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
-        kept.add(
+        base.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
+        base.add(
             "places in textures",
             &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
         );
     }
     if w.sky_texels > 0 {
-        kept.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
+        base.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
     }
-    kept
+    base
 }
 
 /// Returns the memory in use while a picture's layers are computed, and while they are written. The caster's frame is
-/// freed before; a device that shares the host's memory then still holds the scene. The tree in which tests are counted
-/// is freed before the reference's tree is built, and is smaller, so it is not counted.
-fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, kept: &Sum) -> [(&'static str, Sum); 2] {
-    let mut computing = kept.clone();
+/// freed before; a device that shares the host's memory then still holds the scene. Another tree serves to find out how
+/// many tests each ray needs. It is freed before the reference's tree is built, and is smaller, so the sum leaves it
+/// out.
+fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, base: &Sum) -> [(&'static str, Sum); 2] {
+    let mut computing = base.clone();
     if shared {
         computing.join(scene(strategy, w));
     }
@@ -273,7 +275,8 @@ mod tests {
             needs.bytes_beside_program() - mesh_bytes(w) - MATERIAL_BYTES - of_device
         };
         for shared in [false, true] {
-            // Of many triangles, the tree counts most; of many pixels, the copy of the layers.
+            // With many triangles, the reference's tree needs most of the memory; with many pixels, the copy of the
+            // layers does.
             assert_eq!(beside_scene(&workload(10_000_000, 100), shared), 152 * 10_000_000 + 48 * 10_000);
             assert_eq!(beside_scene(&workload(10, 4000), shared), 96 * 4000 * 4000);
         }

@@ -4,7 +4,7 @@
 /// a limit that the point exceeds, with the arithmetic, or a feature that the strategy does not support.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
-    /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
+    /// The reason as a text, for example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
     /// What must change so that the point can be cast.
     pub cause: Cause,
@@ -17,7 +17,7 @@ pub enum Cause {
     Size,
     /// A size: the point exceeds a device's global memory. It may fit when other points hold none of this memory.
     GlobalMemory,
-    /// The local size: its shape.
+    /// The local size, since the device or the strategy does not support a work-group of this shape.
     WorkGroup,
     /// The local size: the memory of a work-group exceeds a limit, but that of a smaller work-group would not.
     LargeGroup,
@@ -29,7 +29,7 @@ pub enum Cause {
 impl Infeasible {
     /// The words with which a reason begins if the host has too little memory.
     pub const ON_HOST: &'static str = "the host's memory";
-    /// The words with which a reason contains the memory that other points of the run hold.
+    /// The words by which a reason mentions memory that other points of the run hold.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
     /// The words with which a reason ends if the limit is not the device's, but one that the config sets.
     pub const EMULATED: &'static str = "the limit in [emulate]";

@@ -17,7 +17,7 @@ pub(super) enum Said {
 pub(super) enum Takes {
     /// One of these words.
     Words(&'static [&'static str]),
-    /// A multiple of the second field in the range of the first.
+    /// A number in the range that is the first field, and a multiple of the second field.
     Numbers(RangeInclusive<u32>, u32),
 }
 
@@ -161,11 +161,11 @@ mod tests {
         let known = |key: &Key| (key.name, key.axis, !key.optional);
         let all: BTreeSet<_> =
             KEYS.iter().map(known).chain([("meaning", "all", true), ("contradicts", "all", false)]).collect();
-        let told: BTreeSet<_> = rows
+        let documented: BTreeSet<_> = rows
             .iter()
             .map(|row| (row[0].trim_matches('`'), row[1].trim_matches('`'), row[2] == "yes"))
             .collect();
-        assert_eq!(told, all);
+        assert_eq!(documented, all);
         assert_eq!(rows.len(), all.len(), "a key has two rows");
     }
 
@@ -186,8 +186,8 @@ mod tests {
     #[test]
     fn the_document_names_every_folder_of_values_and_no_other() {
         let rows = table("| folder | axis | families that include it |");
-        let told: BTreeSet<_> = rows.iter().flat_map(|row| in_quotes(row[0])).collect();
-        assert_eq!(told, FOLDERS.iter().map(|(folder, _)| *folder).collect());
+        let documented: BTreeSet<_> = rows.iter().flat_map(|row| in_quotes(row[0])).collect();
+        assert_eq!(documented, FOLDERS.iter().map(|(folder, _)| *folder).collect());
         for (folder, axis) in FOLDERS {
             let row = rows.iter().find(|row| in_quotes(row[0]).contains(&folder));
             let axes = row.map(|row| in_quotes(row[1])).unwrap_or_default();

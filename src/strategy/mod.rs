@@ -20,7 +20,7 @@ pub use axis::{
     Shading, TileSize, Traversal, Triangles, Vectors, Width,
 };
 pub use facts::{Copied, WorkingMemory};
-pub use fastest::{Class, Constants, Task, Way, fastest};
+pub use fastest::{Candidate, Class, Constants, Task, fastest};
 pub use header::{Contradiction, Header};
 pub use host::{Afterwards, HostNeeds};
 pub use infeasible::{Cause, Infeasible};

@@ -49,8 +49,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// Tiles of rays in wide vectors. There is a single pass, since a tile's hits are best shaded while
-/// its triangles are in the caches.
+/// The base of presets that cast tiles of rays in wide vectors. There is a single pass, since a tile's hits are best
+/// shaded while its triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -61,9 +61,9 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye continue with
-/// shadow rays while other tiles still cast rays from the eye. The preset with the watertight test has separate passes,
-/// because this test needs too many registers for a single pass.
+/// The base of presets in which 32 work-items share a tile. In a single pass, tiles that have finished the rays from
+/// the eye continue with shadow rays while other tiles still cast rays from the eye. The preset with the watertight
+/// test has separate passes, because this test needs too many registers for a single pass.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,

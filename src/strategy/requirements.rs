@@ -20,10 +20,12 @@ const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
 /// Bytes of a leaf's triangle, or of the planes for a triangle and an origin: three float4.
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
+/// Size of a triangle's normals in bytes.
+const NORMAL_BYTES: u64 = crate::accel::NORMAL_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
-/// Bytes of a ray of a tile: its direction, the inverse distance of its nearest hit, the place of the triangle that it
+/// Bytes of a ray of a tile: its direction, the inverse distance of its nearest hit, the index of the triangle that it
 /// hit, the reciprocals of the direction, and data for the watertight test. During shading, there are also the surface
 /// that the ray hit, the arriving light and the sum of the light so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
@@ -79,7 +81,7 @@ impl Requirements {
         buffers(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of the scratch or heap memory of a frame and, if it has half pictures, of these.
+    /// Returns the bytes of the scratch or heap memory of a frame and of the frame's half pictures, if it has any.
     pub fn working_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         scratch(strategy, workload).recorded()
     }
@@ -284,7 +286,7 @@ fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
         sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
     }
     if strategy.traversal == Traversal::Tile {
-        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        sum.add("normals in leaf order", &[(NORMAL_BYTES, " B"), (w.triangles as u64 + 1, " rows")]);
     }
 }
 

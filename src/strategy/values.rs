@@ -10,8 +10,8 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
 
-/// The folders of values, and the axis to which their files belong. A value may have a file in several
-/// folders, one per family that supports it; the first file contains its header.
+/// The folders of values, and the axis to which their files belong. A value may have files in several folders, which
+/// belong to different kernel families; the first of these files contains the header.
 pub const FOLDERS: [(&str, &str); 7] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -137,12 +137,13 @@ fn named(files: &[String]) -> Vec<Named> {
             }
         }
     }
-    let place = |axis: &str| AXES.iter().position(|info| info.name == axis);
-    all.sort_by(|a, b| (place(a.axis), &a.name).cmp(&(place(b.axis), &b.name)));
+    let position = |axis: &str| AXES.iter().position(|info| info.name == axis);
+    all.sort_by(|a, b| (position(a.axis), &a.name).cmp(&(position(b.axis), &b.name)));
     all
 }
 
-/// Returns the names of an axis's values, of which `all` are files; an empty list if there is no such axis.
+/// Returns the names of an axis's values; an empty list if there is no such axis. `all` contains the values that are
+/// files.
 fn names_of(all: &[Named], axis: &str) -> Vec<String> {
     let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
     let files = all.iter().filter(|named| named.axis == axis).map(|named| named.name.clone());
@@ -165,7 +166,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
             let includes = includes_of_all(sources).ok()?;
             let of_file = includes.iter().find(|include| include.path == file);
             let wrong = || wrong_include(&file, &includes).filter(|include| has_name_of(include, &file));
-            of_file.or_else(wrong).map(|include| include.place.clone())
+            of_file.or_else(wrong).map(|include| include.location.clone())
         };
         let (names_of, included_at) = (&names_of, &included_at);
         let reader = Reader { axis: named.axis, file: &file, path: &path, names_of, included_at };
@@ -228,7 +229,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
     let used = files_with_effect(&files, &includes, includes_file);
     unknown.retain(|file| !used.contains(&file.as_str()));
-    // A file that no file includes is the reason why the files that it includes have no effect.
+    // The error names a file that no file includes, if there is one: it is the reason why the files that it includes
+    // have no effect.
     let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
     match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
         Some(file) => Err(unused(folder, file, &includes, is_included(file))),
@@ -268,14 +270,14 @@ struct Include {
     /// The file that has this line.
     file: String,
     /// The file that has this line, and the number of the line, as messages show them.
-    place: String,
+    location: String,
     /// False if the path is that of no file, and has no axis in braces.
     is_there: bool,
 }
 
 impl Include {
-    /// Returns whether the path is that of a file. An axis in braces stands for each of the axis's values, whose names
-    /// `names_of` returns.
+    /// Returns whether the path may be that of `file`. An axis in braces stands for each of the axis's values, whose
+    /// names `names_of` returns.
     fn may_be_of(&self, file: &str, names_of: impl Fn(&str) -> Vec<String>) -> bool {
         let braces =
             self.path.split_once('{').and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
@@ -303,8 +305,8 @@ fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
 fn includes(path: &str, text: &str) -> Result<Vec<Include>> {
     let lines = (1..).zip(lines(path, text)?);
     let include = |(number, line): (usize, SourceLine<'_>)| {
-        let place = format!("{path}, line {number}");
-        Some(Include { path: line.includes?.to_owned(), file: String::new(), place, is_there: false })
+        let location = format!("{path}, line {number}");
+        Some(Include { path: line.includes?.to_owned(), file: String::new(), location, is_there: false })
     };
     Ok(lines.filter_map(include).collect())
 }
@@ -331,13 +333,13 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
     let message = format!("is neither a file of raycl nor a value of an axis, and {by}");
     let error = Error::input(format!("{} {message}", path.display()));
     if let Some(include) = wrong_include(file, includes) {
-        let Include { path, place, .. } = include;
+        let Include { path, location, .. } = include;
         return error.with_help(if has_name_of(include, file) {
             format!(
-                "{place} includes \"{path}\", but paths in #include are relative to {folder_name}: write #include \"{file}\""
+                "{location} includes \"{path}\", but paths in #include are relative to {folder_name}: write #include \"{file}\""
             )
         } else {
-            format!("{place} includes \"{path}\", which does not exist: did you mean \"{file}\"?")
+            format!("{location} includes \"{path}\", which does not exist: did you mean \"{file}\"?")
         });
     }
     if file.starts_with("cl/") {
@@ -356,7 +358,8 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
     })
 }
 
-/// Returns the folder around `folder` in which a file is known; `None` if the file is known in none.
+/// Returns the folder around `folder` relative to which the file has the path of a value or of a built-in file; `None`
+/// if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {
@@ -369,13 +372,13 @@ fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
 /// Returns where a file may have to be, or how its name may have to be spelt.
 fn elsewhere(file: &str) -> String {
     let folders = FOLDERS.map(|(folder, _)| folder);
-    let places = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));
+    let expected = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));
     let (own_folder, name) = file.split_at(file.rfind('/').map_or(0, |at| at + 1));
     let as_value = nearest(own_folder, folders).map(|folder| format!("{folder}{name}"));
     let candidates = Sources::names().into_iter().chain(as_value.as_deref());
     match meant_file(file, candidates) {
-        Some(meant) => format!("did you mean {meant}? {places}"),
-        None => places,
+        Some(meant) => format!("did you mean {meant}? {expected}"),
+        None => expected,
     }
 }
 
@@ -385,7 +388,7 @@ mod tests {
 
     #[test]
     fn a_kernel_file_in_a_wrong_folder_is_sent_to_the_right_one() {
-        for (folder, file, told) in [
+        for (folder, file, remedy) in [
             ("k", "cast/moller_trumbore.cl", "did you mean cast/intersect/moller_trumbore.cl? the file of"),
             ("k", "cast/layuot/suop.cl", "did you mean cast/layout/suop.cl? the file of"),
             ("k", "cast/exhaustve.cl", "did you mean cast/exhaustive.cl? the file of"),
@@ -394,7 +397,7 @@ mod tests {
             ("k/cast", "intersect/mine.cl", "k/cast is only a part of a folder laid out like raycl's cl/: "),
         ] {
             let error = unused(Path::new(folder), file, &[], false);
-            assert!(error.remedy().starts_with(told), "{file}: {}", error.remedy());
+            assert!(error.remedy().starts_with(remedy), "{file}: {}", error.remedy());
         }
         for (folder, file, outer) in [
             ("k/cast", "intersect/mine.cl", Some("k")),
@@ -405,7 +408,7 @@ mod tests {
         }
     }
 
-    /// Returns the headers of all values, with a folder with these kernel files.
+    /// Returns the headers of all values, those of raycl and those of a folder with these kernel files.
     fn checked(files: &[(&str, &str)]) -> Result<Vec<Header>> {
         let folder = tempfile::tempdir().unwrap();
         for (file, text) in files {
@@ -423,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_path_in_an_include_is_told_with_its_line() {
+    fn a_wrong_path_in_an_include_is_reported_with_its_line() {
         let value = "cast/vectors/mine.cl";
         for path in ["../helper.cl", "helper.cl"] {
             let text = format!("int a;\n#include \"{path}\"\n");
@@ -488,7 +491,7 @@ mod tests {
     fn an_include_in_a_comment_has_no_effect() {
         let included = |text: &str| -> Vec<_> {
             let includes = includes("a.cl", text).unwrap();
-            includes.into_iter().map(|include| (include.path, include.place)).collect()
+            includes.into_iter().map(|include| (include.path, include.location)).collect()
         };
         let second = ("b.cl".to_owned(), "a.cl, line 2".to_owned());
         assert_eq!(included("int a;\n#include \"b.cl\"\n"), [second]);
@@ -538,10 +541,10 @@ mod tests {
     #[test]
     fn the_name_of_a_value_can_be_written_anywhere() {
         for name in ["My", "a-b", "a b", "é"] {
-            let told = refused(&format!("cast/vectors/{name}.cl"), refuse_names).unwrap_or_default();
+            let message = refused(&format!("cast/vectors/{name}.cl"), refuse_names).unwrap_or_default();
             assert!(
-                told.contains("a value of the axis 'vectors' and gives the value its name"),
-                "{name}: {told}"
+                message.contains("a value of the axis 'vectors' and gives the value its name"),
+                "{name}: {message}"
             );
         }
         assert_eq!(refused("cast/vectors/my_2.cl", refuse_names), None);
@@ -550,8 +553,8 @@ mod tests {
 
     #[test]
     fn a_file_that_has_no_effect_is_refused() {
-        let told = refused("cast/other.cl", refuse_unused).unwrap_or_default();
-        assert!(told.contains("other.cl is neither a file of raycl nor a value"), "{told}");
+        let message = refused("cast/other.cl", refuse_unused).unwrap_or_default();
+        assert!(message.contains("other.cl is neither a file of raycl nor a value"), "{message}");
         assert_eq!(refused("cast/vectors/mine.cl", refuse_unused), None, "a value");
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(folder.path().join("cast/vectors")).unwrap();
@@ -569,8 +572,8 @@ mod tests {
             assert!(with(file).is_ok(), "{file}");
         }
         for file in ["my/a_privat.cl", "my/private.cl", "my/a_watertight.cl", "your/a_private.cl"] {
-            let told = with(file).unwrap_err().to_string();
-            assert!(told.contains(&format!("{file} is neither a file of raycl nor a value")), "{told}");
+            let message = with(file).unwrap_err().to_string();
+            assert!(message.contains(&format!("{file} is neither a file of raycl nor a value")), "{message}");
         }
     }
 
@@ -582,7 +585,7 @@ mod tests {
         let said =
             "my/one.cl is neither a file of raycl nor a value of an axis, and only files without effect";
         assert!(error.to_string().contains(said), "{error}");
-        // Of files that include each other in a row, the one that nothing includes is told.
+        // If one file includes the other, the error is about the file that nothing includes.
         let error = refused_of(&[("my/a.cl", "int a;\n"), ("my/z.cl", "#include \"my/a.cl\"\n")]);
         assert!(error.to_string().contains("my/z.cl is neither"), "{error}");
         assert!(error.to_string().ends_with("and no file includes it"), "{error}");
@@ -593,8 +596,8 @@ mod tests {
         for text in ["// record_floats: 999\n", "// A test.\n// meaning: mine\n//\n"] {
             let error = refused_of(&[("tile_cpu/intersect/watertight.cl", text)]);
             let line = text.lines().take_while(|line| !line.contains(": ")).count() + 1;
-            let place = format!("tile_cpu/intersect/watertight.cl, line {line}: ");
-            assert!(error.to_string().contains(&place), "{error}");
+            let location = format!("tile_cpu/intersect/watertight.cl, line {line}: ");
+            assert!(error.to_string().contains(&location), "{error}");
             assert!(error.to_string().ends_with("is in cl/cast/intersect/watertight.cl"), "{error}");
         }
     }
@@ -609,7 +612,8 @@ mod tests {
         );
         assert!(error.to_string().ends_with(&said), "{error}");
         assert_eq!((error.exit_code(), error.remedy()), (2, "choose another file name"));
-        // A file of the user in the place of the built-in one can be edited.
+        // If the user's folder also replaces the built-in file, the error is about this replacement, which the user can
+        // edit.
         let own = Sources::Embedded.read(built_in).unwrap();
         let error = refused_of(&[(file, &text), (built_in, &own)]);
         assert!(

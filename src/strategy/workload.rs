@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 /// sub-pixels (4 x 4), as many as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
-/// The largest number of rays in a frame that divides pixels into sub-pixels and whose tiles are shared. Each ray takes
-/// 16 bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough for 16
-/// samples of 1920 x 1080 pixels.
+/// The largest number of rays in a frame that divides pixels into sub-pixels and in which work-items share tiles. Each
+/// ray takes 16 bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough
+/// for 16 samples of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The properties of a scene, an image and a work-group that determine which program and how much memory a strategy

@@ -78,25 +78,25 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
 fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
     let alphas = image.coverage.iter().zip(&reference.radiance.coverage);
     let certain = alphas.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
-    let differences = certain.map(|(pixel, (found, expected))| {
-        (pixel, alpha_difference(Some(found), Some(expected)), [found, expected])
+    let differences = certain.map(|(pixel, (actual, expected))| {
+        (pixel, alpha_difference(Some(actual), Some(expected)), [actual, expected])
     });
     let wrong: Vec<_> = differences.filter(|(_, difference, _)| *difference > RELATIVE_LIMIT).collect();
-    let (pixel, _, [found, expected]) = wrong.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (pixel, _, [actual, expected]) = wrong.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let [x, y] = [*pixel as u32 % image.width, *pixel as u32 / image.width];
     let pixels = counted(wrong.len(), "pixel");
     Some(format!(
-        "the alpha of {pixels} is wrong; the worst, ({x}, {y}), has {found} and should have {expected}"
+        "the alpha of {pixels} is wrong; the worst, ({x}, {y}), has {actual} and should have {expected}"
     ))
 }
 
 /// Returns the number of pixels that are not certain and lie outside the range of their values under narrow nudges.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
-        let found = image.pixels[doubt.pixel];
+        let actual = image.pixels[doubt.pixel];
         let brightest = doubt.high.iter().map(|&high| f64::from(high)).fold(reference.floor, f64::max);
         let slack = (RELATIVE_LIMIT * brightest) as f32;
-        !(0..3).all(|i| found[i] >= doubt.low[i] - slack && found[i] <= doubt.high[i] + slack)
+        !(0..3).all(|i| actual[i] >= doubt.low[i] - slack && actual[i] <= doubt.high[i] + slack)
     };
     reference.doubts.iter().filter(strays).count()
 }
@@ -125,25 +125,25 @@ struct Finding {
     pixel: [u32; 2],
     difference: f64,
     wrong: bool,
-    found: [f32; 3],
+    actual: [f32; 3],
     expected: [f32; 3],
-    /// The displayed colours: found, expected.
+    /// The displayed colours: actual, expected.
     shown: [[u8; 3]; 2],
 }
 
 impl Finding {
     fn sentence(&self, wrong_pixels: usize) -> String {
         let [x, y] = self.pixel;
-        let (found, expected, shown) = (self.found, self.expected, self.shown);
-        let what = if !found.iter().all(|channel| channel.is_finite()) {
+        let (actual, expected, shown) = (self.actual, self.expected, self.shown);
+        let what = if !actual.iter().all(|channel| channel.is_finite()) {
             "is not finite".to_string()
         } else {
             format!("has a relative difference of {:.2e}", self.difference)
         };
         let pixels = if wrong_pixels == 1 { "pixel is" } else { "pixels are" };
         format!(
-            "{wrong_pixels} {pixels} wrong; the worst, ({x}, {y}), {what}: its radiance is {found:?} and should be \
-             {expected:?} (as displayed, in 8 bits: {:?} and {:?})",
+            "{wrong_pixels} {pixels} wrong; the worst, ({x}, {y}), {what}: its radiance is {actual:?} and should \
+             be {expected:?} (as displayed, in 8 bits: {:?} and {:?})",
             shown[0], shown[1]
         )
     }
@@ -155,16 +155,16 @@ fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Fi
     let pairs = image.pixels.iter().zip(&reference.radiance.pixels).zip(&reference.certain);
     pairs
         .enumerate()
-        .filter_map(|(index, ((found, expected), certain))| {
-            let finite = found.iter().all(|channel| channel.is_finite());
-            if finite && (!certain || found == expected) {
+        .filter_map(|(index, ((actual, expected), certain))| {
+            let finite = actual.iter().all(|channel| channel.is_finite());
+            if finite && (!certain || actual == expected) {
                 return None;
             }
             let pixel = [index as u32 % image.width, index as u32 / image.width];
             let shown = [0, 1].map(|which| shown[which].get_pixel(pixel[0], pixel[1]).0);
-            let difference = relative_difference(*found, *expected, reference.floor);
+            let difference = relative_difference(*actual, *expected, reference.floor);
             let near = difference <= RELATIVE_LIMIT && steps(shown) <= STEPS_OF_256;
-            Some(Finding { pixel, difference, wrong: !near, found: *found, expected: *expected, shown })
+            Some(Finding { pixel, difference, wrong: !near, actual: *actual, expected: *expected, shown })
         })
         .collect()
 }

@@ -96,8 +96,8 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
 }
 
-/// A wide nudge turns a ray ten times as far as a narrow nudge, and so much farther than rounding can. Pixels that only
-/// wide nudges change do not depend on rounding, so they must agree with the reference.
+/// A wide nudge turns a ray ten times as far as a narrow nudge does, which is much farther than rounding can turn it.
+/// Pixels that only wide nudges change do not depend on rounding, so they must agree with the reference.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);
@@ -231,10 +231,10 @@ fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     reference.certain.fill(true);
     reference.doubts.clear();
     reference.floor = 1e-3;
-    for [found, expected] in [[1e-6, 0.0], [0.0, 1e-6]] {
+    for [actual, expected] in [[1e-6, 0.0], [0.0, 1e-6]] {
         reference.radiance.pixels[0] = [expected; 3];
         let mut image = reference.radiance.clone();
-        image.pixels[0] = [found; 3];
+        image.pixels[0] = [actual; 3];
         assert!(verify(&image, None, &reference, Display::default()).ok);
         let verdict = verify(&image, None, &reference, display);
         assert!(verdict.wrong_pixels == 1 && verdict.max_difference < RELATIVE_LIMIT * 1.01, "{verdict:?}");
@@ -267,9 +267,9 @@ fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     doubt_first(&mut reference, 1);
     reference.floor = 1e-2;
     reference.doubts.iter_mut().for_each(|doubt| (doubt.low, doubt.high) = ([1e-6; 3], [2e-6; 3]));
-    let strays = |found: f32| {
+    let strays = |actual: f32| {
         let mut image = reference.radiance.clone();
-        image.pixels[0] = [found; 3];
+        image.pixels[0] = [actual; 3];
         judge(&image, &reference).unexplained_pixels
     };
     assert_eq!([1.1e-5, 1.3e-5, 0.0].map(strays), [0, 1, 0]);

@@ -11,7 +11,8 @@ pub struct Choices<T> {
 }
 
 impl<T: Copy + PartialEq> Choices<T> {
-    /// Makes the list of `first`, which is chosen, and of the values in `others`, each value once.
+    /// Makes a list that begins with `first`, which is the chosen value, and continues with the values in `others`.
+    /// Each value occurs once.
     pub fn of(first: T, others: impl IntoIterator<Item = T>) -> Self {
         let mut all = vec![first];
         for other in others {
@@ -27,8 +28,8 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns the other choices, in the order in which steps of 1 or -1 reach them. Each choice is
-    /// the same list with another value chosen.
+    /// Returns copies of this list in which another value is chosen. They come in the order in which repeated steps of
+    /// `step` (1 or -1) reach the values.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {

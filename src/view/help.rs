@@ -14,8 +14,8 @@ const SIZE: [f64; 2] = [340.0, 200.0];
 pub fn panel() -> Result<RgbImage> {
     let mut svg = Svg::default();
     svg.element("rect", &[("fill", &"#ffffff"), ("width", &SIZE[0]), ("height", &SIZE[1])]);
-    for (place, row) in KEYS.iter().enumerate() {
-        let y = LINE * (place as f64 + 1.5);
+    for (index, row) in KEYS.iter().enumerate() {
+        let y = LINE * (index as f64 + 1.5);
         svg.text("", [14.0, y], Anchor::Start, row.names);
         svg.text("", [84.0, y], Anchor::Start, row.about);
     }
@@ -44,9 +44,9 @@ mod tests {
         let [width, height] = [panel.width(), panel.height()];
         let scale = f64::from(width) / SIZE[0];
         let is_dark = |x: u32, y: u32| panel.get_pixel(x, y).0[0] < 128;
-        for place in 0..KEYS.len() {
-            let rows = [place as f64 + 0.5, place as f64 + 1.6].map(|lines| (lines * LINE * scale) as u32);
-            assert!((rows[0]..rows[1]).any(|y| (0..width).any(|x| is_dark(x, y))), "line {place}");
+        for index in 0..KEYS.len() {
+            let rows = [index as f64 + 0.5, index as f64 + 1.6].map(|lines| (lines * LINE * scale) as u32);
+            assert!((rows[0]..rows[1]).any(|y| (0..width).any(|x| is_dark(x, y))), "line {index}");
         }
         assert!((0..height).all(|y| !is_dark(width - 1, y)), "a line is cut off");
         assert!((0..width).all(|x| !is_dark(x, height - 1)), "the last line is cut off");

@@ -11,7 +11,7 @@ use crate::device::{Device, DeviceInfo, discover};
 use crate::error::{Error, Result};
 use crate::image::to_rgb8;
 use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
-use crate::program::{Kept, Sources};
+use crate::program::{ProgramCache, Sources};
 use crate::scene::{Camera, Light, Loaded, Sample, Sampling, Scene};
 use crate::strategy::Strategy;
 use image::RgbImage;
@@ -49,7 +49,7 @@ pub struct Live {
 }
 
 /// The choices of the strategy and of the local size, which the user changes with keys.
-type Way = (Choices<Strategy>, Choices<[u32; 2]>);
+type Selection = (Choices<Strategy>, Choices<[u32; 2]>);
 /// The objects that cast with one strategy.
 type Ready = (Prepared, Caster);
 
@@ -64,9 +64,9 @@ impl Live {
         let queue = Queue::open(&device)?;
         let show = show(&queue, &sources, &device.info)?;
         let mut session = session(&queue, &device, &sources, &scene, samples);
-        let way = usual(&subject, &device, &scene)?;
-        let ready = ready(&subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
-        let ((strategies, local_sizes), (prepared, caster)) = (way, ready);
+        let selection = usual(&subject, &device, &scene)?;
+        let ready = ready(&subject, &mut session, &selection).map_err(|no| no.into_error(&device.info))?;
+        let ((strategies, local_sizes), (prepared, caster)) = (selection, ready);
         let sum = Sum::of(samples);
         Ok(Self {
             framed: subject.size(),
@@ -128,7 +128,8 @@ impl Live {
         self.view(pose).0
     }
 
-    /// Returns the camera and the lights for a position of the eye: lights that raycl added to a mesh move with it.
+    /// Returns the camera and the lights for a position of the eye. Lights that raycl added to a mesh move with the
+    /// eye.
     pub fn view(&self, pose: &Pose) -> (Camera, Vec<Light>) {
         let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
         (fitted(camera, self.framed, self.size()), lights)
@@ -161,10 +162,10 @@ impl Live {
         let times = self.caster.cast_sample(&camera, sample).map_err(Refused::at("the launch"))?;
         self.sum.add();
         if let Some((picture, hits)) = self.shown().map_err(&reading)? {
-            return Ok(self.told(picture, hits, &times));
+            return Ok(self.frame_of(picture, hits, &times));
         }
         let (mean, hits) = self.caster.read().map_err(&reading)?;
-        Ok(self.told(to_rgb8(&mean, self.scene.display), hits, &times))
+        Ok(self.frame_of(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
     /// Returns the last frame as an 8-bit picture, and the number of its pixels that hit something; `None` if a pixel
@@ -178,14 +179,14 @@ impl Live {
         Ok(hits.and_then(|hits| Some((RgbImage::from_raw(width, height, bytes)?, hits))))
     }
 
-    fn told(&self, picture: RgbImage, hits: usize, times: &FrameTimes) -> Frame {
+    fn frame_of(&self, picture: RgbImage, hits: usize, times: &FrameTimes) -> Frame {
         let lights = self.scene.lights.len() + usize::from(self.scene.sky.is_some());
         let pixels = picture.pixels().len();
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the next strategy that the device can use. Its local size is the one that the user has named, if the
-    /// device can use it with this strategy, and otherwise the strategy's usual one.
+    /// Changes to the next strategy that the device can use. The local size becomes the one that the user has named, if
+    /// the device can use it with the new strategy, and otherwise the usual local size of the new strategy.
     ///
     /// # Errors
     ///
@@ -193,7 +194,7 @@ impl Live {
     /// tried.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let (first, first_local_size) = self.first()?;
-        let ways = self.strategies.others(step).flat_map(|strategies| {
+        let selections = self.strategies.others(step).flat_map(|strategies| {
             let taken = strategies.taken();
             let usual = if taken == first {
                 first_local_size
@@ -204,7 +205,7 @@ impl Live {
             let sizes = named.into_iter().chain([usual]);
             sizes.map(move |local_size| (strategies.clone(), local_sizes(local_size)))
         });
-        self.take(ways.collect())
+        self.take(selections.collect())
     }
 
     /// Changes to the next local size that the device can use.
@@ -214,8 +215,8 @@ impl Live {
     /// Fails if the device can use no other local size; the message states why it cannot use the last local size that
     /// was tried.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
-        let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
-        self.take(ways.collect())
+        let selections = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
+        self.take(selections.collect())
     }
 
     /// Returns the strategy and the local size with which the device casts first: those that the user has named, or
@@ -224,13 +225,13 @@ impl Live {
         self.subject.strategy(&self.device.info, self.subject.task(&self.scene, 1))
     }
 
-    /// Changes to the first pair in `ways` (a strategy and a local size) that the device can use.
-    fn take(&mut self, ways: Vec<Way>) -> Result<()> {
+    /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use.
+    fn take(&mut self, selections: Vec<Selection>) -> Result<()> {
         let mut last = None;
-        for way in ways {
-            match ready(&self.subject, &mut self.session, &way) {
+        for selection in selections {
+            match ready(&self.subject, &mut self.session, &selection) {
                 Ok((prepared, caster)) => {
-                    (self.strategies, self.local_sizes) = way;
+                    (self.strategies, self.local_sizes) = selection;
                     (self.prepared, self.caster) = (prepared, caster);
                     self.sum.restart();
                     return Ok(());
@@ -260,18 +261,19 @@ impl Live {
     fn move_to(&mut self, device: Device) -> Result<()> {
         let queue = Queue::open(&device)?;
         let mut session = session(&queue, &device, &self.sources, &self.scene, self.samples);
-        let way = usual(&self.subject, &device, &self.scene)?;
-        let ready = ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
+        let selection = usual(&self.subject, &device, &self.scene)?;
+        let ready =
+            ready(&self.subject, &mut session, &selection).map_err(|no| no.into_error(&device.info))?;
         self.show = show(&queue, &self.sources, &device.info)?;
         (self.queue, self.device, self.session) = (queue, device, session);
-        (self.strategies, self.local_sizes) = way;
+        (self.strategies, self.local_sizes) = selection;
         (self.prepared, self.caster) = ready;
         self.sum.restart();
         Ok(())
     }
 
     /// Returns the choices of the strategy and of the local size.
-    fn way(&self) -> Way {
+    fn selection(&self) -> Selection {
         (self.strategies.clone(), self.local_sizes.clone())
     }
 
@@ -279,8 +281,8 @@ impl Live {
     /// size show. If the device cannot cast pictures of this size, everything stays as it was.
     pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         let subject = Subject { width, height, ..self.subject.clone() };
-        let way = self.way();
-        let ready = ready(&subject, &mut self.session, &way);
+        let selection = self.selection();
+        let ready = ready(&subject, &mut self.session, &selection);
         (self.prepared, self.caster) = ready.map_err(|no| no.into_error(&self.device.info))?;
         self.subject = subject;
         self.sum.restart();
@@ -296,9 +298,9 @@ impl Live {
         let loaded = framed.load(true, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
         let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
-        let way = self.way();
+        let selection = self.selection();
         let ready =
-            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info))?;
+            ready(&self.subject, &mut session, &selection).map_err(|no| no.into_error(&self.device.info))?;
         self.show = show(&self.queue, &sources, &self.device.info)?;
         (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
         (self.prepared, self.caster) = ready;
@@ -309,15 +311,16 @@ impl Live {
 
 /// Returns the usable device that follows this one, or the first usable device if this one is the last; `None` if there
 /// is no other usable device.
-fn after<'a>(current: &DeviceInfo, found: &'a [Device]) -> Option<&'a Device> {
-    let usable: Vec<&Device> = found.iter().filter(|device| device.info.unusable.is_none()).collect();
+fn after<'a>(current: &DeviceInfo, devices: &'a [Device]) -> Option<&'a Device> {
+    let usable: Vec<&Device> = devices.iter().filter(|device| device.info.unusable.is_none()).collect();
     let same = |device: &&Device| device.info.identity() == current.identity();
-    let place = usable.iter().position(same).map_or(0, |place| place + 1);
-    usable.get(place % usable.len().max(1)).copied().filter(|device| !same(device))
+    let next = usable.iter().position(same).map_or(0, |index| index + 1);
+    usable.get(next % usable.len().max(1)).copied().filter(|device| !same(device))
 }
 
-/// Opens a session. When the user changes from a device to its twin, the session of the new device is opened before the
-/// one of the old device is closed, so the two devices need programs of their own.
+/// Opens a session, that is, prepares a scene to be cast on a device. When the user changes from a device to its twin
+/// (a second device with the same properties), the session of the new device is opened before the session of the old
+/// device is closed. The two devices therefore need programs of their own.
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene))
         .among_twins(device.info.program_twin())
@@ -336,18 +339,22 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<
         return Ok(None);
     }
     let spec = ShowProgram::spec(sources, queue)?;
-    ShowProgram::usable(queue, &spec, &Kept::of(Cache::of_user(), device), (sources, device))
+    ShowProgram::usable(queue, &spec, &ProgramCache::of(Cache::of_user(), device), (sources, device))
 }
 
 /// Returns the choices of the strategy and of the local size. Each list begins with the user's choice or, if the user
 /// made none, with the usual value for the device.
-fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
+fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Selection> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene, 1))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))
 }
 
-fn ready(subject: &Subject, session: &mut Session, way: &Way) -> std::result::Result<Ready, Refused> {
-    let (strategies, local_sizes) = way;
+fn ready(
+    subject: &Subject,
+    session: &mut Session,
+    selection: &Selection,
+) -> std::result::Result<Ready, Refused> {
+    let (strategies, local_sizes) = selection;
     let prepared = subject.prepare(session, &strategies.taken(), local_sizes.taken())?;
     let caster = prepared.caster()?;
     Ok((prepared, caster))
@@ -482,24 +489,24 @@ mod tests {
             let (name, unusable) = (name.to_owned(), unusable.map(str::to_owned));
             Device { info: DeviceInfo { name, unusable, ..device.info.clone() }, ..device.clone() }
         };
-        let found =
+        let devices =
             ["a", "b", "c", "d"].map(|name| named(name, (name == "c").then_some("its driver is old")));
-        let next = |current: &str, found: &[Device]| {
-            after(&named(current, None).info, found).map(|device| device.info.name.clone())
+        let next = |current: &str, devices: &[Device]| {
+            after(&named(current, None).info, devices).map(|device| device.info.name.clone())
         };
         assert_eq!(
-            ["a", "b", "d"].map(|name| next(name, &found)),
+            ["a", "b", "d"].map(|name| next(name, &devices)),
             ["b", "d", "a"].map(|name| Some(name.to_owned()))
         );
-        assert_eq!(next("unplugged", &found).as_deref(), Some("a"));
+        assert_eq!(next("unplugged", &devices).as_deref(), Some("a"));
         // A twin is a second device with the same properties; only `twins_before` distinguishes the two.
         let mut twin = named("a", None);
         twin.info.twins_before = 1;
         assert_eq!(
-            after(&twin.info, &[found[0].clone(), twin.clone()]).map(|next| next.info.twins_before),
+            after(&twin.info, &[devices[0].clone(), twin.clone()]).map(|next| next.info.twins_before),
             Some(0)
         );
-        assert_eq!((next("a", &found[..1]), next("b", &found[1..3]), next("a", &[])), (None, None, None));
+        assert_eq!((next("a", &devices[..1]), next("b", &devices[1..3]), next("a", &[])), (None, None, None));
     }
 
     #[test]
@@ -557,7 +564,7 @@ mod tests {
     }
 
     #[test]
-    fn the_users_display_kernel_is_read_again_too_and_its_mistakes_are_told() {
+    fn the_users_display_kernel_is_read_again_too_and_its_mistakes_are_reported() {
         let own = Sources::Embedded.read("display/show.cl").expect("a kernel file");
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(folder.path().join("display")).expect("a folder");

@@ -1,7 +1,8 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
 //! A [`screen::Screen`] shows pictures and reads the user's input, and [`live::Live`] casts, by the same code as
-//! `render`. This module has the loop that joins the screen and the caster: it reads input, acts, casts and shows.
+//! `render`. This module has the loop that joins the screen and the caster. The loop reads the user's input, carries
+//! out the user's actions, casts a picture, and shows it.
 
 mod camera;
 mod choices;
@@ -67,7 +68,7 @@ pub struct Viewer<S: Screen> {
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
     /// A note for the user, such as why a key had no effect. At the start, and after the scene was read again or the
-    /// picture's size has changed, it is the first note about the scene, with the number of the others.
+    /// picture's size has changed, it is the first note about the scene, with the number of the other notes.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
@@ -179,8 +180,8 @@ impl<S: Screen> Viewer<S> {
     fn redraw(&mut self) -> Result<()> {
         match self.shown.take() {
             Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
-            kept => {
-                self.shown = kept;
+            picture => {
+                self.shown = picture;
                 Ok(())
             }
         }
@@ -239,8 +240,8 @@ impl<S: Screen> Viewer<S> {
         let [width, height] = self.live.size();
         let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
         // If the picture is too small for the list of keys, the line beside the picture shows the keys.
-        let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
-        self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
+        let is_beside = self.help.as_ref().is_some_and(|panel| !fits(panel));
+        self.note = is_beside.then(|| keys::lines().collect::<Vec<_>>().join("; "));
         self.redraws = true;
     }
 
@@ -328,8 +329,8 @@ impl<S: Screen> Viewer<S> {
     }
 }
 
-/// Returns the first note about the scene, with the number of the others; `None` if there are no notes. All notes would
-/// be too long for a line. The report at the end has all of them.
+/// Returns the first note about the scene, with the number of the other notes; `None` if there are no notes. All notes
+/// would be too long for a line. The report at the end has all of them.
 fn of_scene(live: &Live) -> Option<String> {
     let (first, others) = live.loaded().notes.split_first()?;
     match others.len() {

@@ -99,17 +99,17 @@ mod tests {
     fn what_is_picked_is_what_layers_have_there() {
         let scene = fixtures::figure_4();
         let (size, starts) = ([80, 60], [0, 1, 2]);
-        let found = layers(&scene, &starts, size, Culling::None).expect("a small scene");
+        let layer_images = layers(&scene, &starts, size, Culling::None).expect("a small scene");
         let tree = Tree::new(&scene.mesh, Culling::None);
         let mut hits = 0;
         for (x, y) in (0..size[0]).step_by(3).flat_map(|x| (0..size[1]).step_by(3).map(move |y| (x, y))) {
-            let place = (y * size[0] + x) as usize;
+            let index = (y * size[0] + x) as usize;
             let picked = pick(&scene, &tree, &scene.camera, size, [x, y], &starts);
-            let expected = (found.triangle[place] != NOTHING).then(|| Picked {
-                triangle: found.triangle[place],
-                object: found.object[place],
-                material: scene.mesh.triangles[found.triangle[place] as usize].material,
-                normal: found.normal[place],
+            let expected = (layer_images.triangle[index] != NOTHING).then(|| Picked {
+                triangle: layer_images.triangle[index],
+                object: layer_images.object[index],
+                material: scene.mesh.triangles[layer_images.triangle[index] as usize].material,
+                normal: layer_images.normal[index],
             });
             hits += usize::from(picked.is_some());
             assert_eq!(picked, expected, "({x}, {y})");

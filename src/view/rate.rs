@@ -1,4 +1,4 @@
-//! Frames per second, device times and rays per second.
+//! Computes the numbers of frames and rays per second, and the median device time.
 
 use crate::measure::median_of;
 use std::time::{Duration, Instant};
@@ -11,9 +11,10 @@ pub struct Rate {
     first: Option<Instant>,
     last: Instant,
     frames: u32,
-    /// Device times of the frames that the device cast since the last switch.
+    /// Device times of the frames that the device cast since the last switch (a change of the strategy, the local size,
+    /// the device, the picture's size or the files).
     times_ms: Vec<f64>,
-    /// The number of rays of these frames.
+    /// The number of rays of the frames in `times_ms`.
     rays: f64,
     recent: Recent,
     /// Frames per second and rays per second, measured over the last complete period of at least `PERIOD`.
@@ -33,11 +34,12 @@ impl Recent {
     }
 }
 
-/// The figures of a session. Times and rays are those of the frames since the last switch (a change of the strategy,
-/// the local size, the device or the files), so that no time of one strategy counts for another.
+/// The numbers that `raycl view` reports at its end. Device times and rays are those of the frames since the last
+/// switch (a change of the strategy, the local size, the device, the picture's size or the files), so that no time of
+/// one strategy counts for another.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
-    /// The number of frames that were shown in the whole session.
+    /// The number of frames that were shown from the start to the end of the view.
     pub frames: u32,
     /// The time from the first frame to the last.
     pub seconds: f64,
@@ -45,9 +47,10 @@ pub struct Total {
     pub frames_per_s: f64,
     /// The number of frames that the device cast since the last switch.
     pub timed_frames: usize,
-    /// The median device time of these frames; `None` if there are none.
+    /// The median device time of the frames that `timed_frames` counts; `None` if there are none.
     pub frame_ms: Option<f64>,
-    /// Primary and shadow rays of these frames, divided by their device time; `None` if this time is 0.
+    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
+    /// these frames; `None` if this time is 0.
     pub rays_per_s: Option<f64>,
 }
 
@@ -106,7 +109,7 @@ impl Rate {
         self.frames
     }
 
-    /// Returns the figures of the session.
+    /// Returns the numbers that `raycl view` reports at its end.
     pub fn total(&self) -> Total {
         let seconds = self.first.map_or(0.0, |first| (self.last - first).as_secs_f64());
         let frames = self.frames();

@@ -151,7 +151,7 @@ fn an_eye_that_spins_begins_at_the_scenes_own_camera() {
 }
 
 #[test]
-fn the_keys_are_drawn_over_the_picture_or_told_beside_a_small_one() {
+fn the_keys_are_drawn_over_the_picture_or_listed_beside_a_small_one() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live_in(["700", "420"], &[], 1), &mut screen, false);
     viewer.show_next().expect("it casts");
@@ -202,8 +202,8 @@ fn pictures_have_the_screens_size_if_the_device_can_cast_them() {
     let viewer = Viewer::new(live(&[], 1), &mut screen, false);
     let (live, total) = viewer.run(Until::default(), || false).expect("it casts");
     let sizes: Vec<_> = screen.pictures.iter().map(RgbImage::dimensions).collect();
-    // The only sample is cast again for another size, and if raycl tried in vain to change the size. At the end, the
-    // window has the picture's size again, and shows the last picture again.
+    // The only sample is cast again after the size has changed, and also after raycl has tried in vain to change the
+    // size. At the end, the window has the picture's size again, and shows the last picture again.
     assert_eq!(
         (sizes, live.size(), total.frames),
         (vec![(40, 20), (30, 36), (30, 36), (30, 36)], [30, 36], 3)
@@ -212,7 +212,7 @@ fn pictures_have_the_screens_size_if_the_device_can_cast_them() {
 }
 
 #[test]
-fn a_change_that_fails_is_told_until_the_next_change() {
+fn a_change_that_fails_is_shown_until_the_next_change() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
     viewer.show_next().expect("it casts");
@@ -227,7 +227,7 @@ fn a_change_that_fails_is_told_until_the_next_change() {
 }
 
 #[test]
-fn the_first_note_about_the_scene_is_told_until_something_is_chosen_and_after_it_was_read_again() {
+fn the_first_note_about_the_scene_is_shown_until_something_is_chosen_and_after_it_was_read_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mesh.obj");
     let mesh = "usemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -251,7 +251,7 @@ fn the_first_note_about_the_scene_is_told_until_something_is_chosen_and_after_it
 }
 
 #[test]
-fn a_mistake_in_a_scene_that_changed_is_told_with_its_file_and_line() {
+fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     let own = include_str!("../../scenes/triangle.toml");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.toml");
@@ -292,7 +292,7 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
 }
 
 #[test]
-fn the_triangle_at_the_pointer_is_told_until_the_pointer_or_the_eye_leaves_it() {
+fn the_triangle_at_the_pointer_is_shown_until_the_pointer_or_the_eye_leaves_it() {
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
     let deadline = Instant::now() + Duration::from_secs(120);

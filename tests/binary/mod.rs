@@ -99,10 +99,10 @@ pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     )
 }
 
-/// A folder with the scene and the config of one point, whose measurement takes almost no time.
-pub fn one_point() -> Place {
+/// Makes a folder with the scene and the config of one point, whose measurement takes almost no time.
+pub fn one_point() -> WorkFolder {
     let points = "image_sizes = [[8, 5]]\nlocal_sizes = [4]\nstrategies = [\"deferred\"]\n";
-    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
 }
 
 /// Returns a word that selects the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names.
@@ -118,7 +118,7 @@ pub fn repository(path: &str) -> PathBuf {
 /// A folder in which raycl finds no settings, so that the settings of the machine's user do not affect tests.
 pub const NO_SETTINGS: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-settings");
 
-/// The binary, without the user's settings.
+/// Returns a command that runs the binary without the user's settings.
 pub fn program() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
@@ -129,19 +129,19 @@ pub fn program() -> std::process::Command {
 }
 
 /// A folder that the binary runs in.
-pub struct Place(tempfile::TempDir);
+pub struct WorkFolder(tempfile::TempDir);
 
-impl Place {
-    /// An empty folder.
+impl WorkFolder {
+    /// Makes an empty folder.
     pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary folder"))
     }
 
-    /// A folder with these files.
+    /// Makes a folder with these files.
     pub fn with(files: &[(&str, &str)]) -> Self {
-        let place = Self::new();
-        files.iter().for_each(|(name, text)| place.write(name, text));
-        place
+        let folder = Self::new();
+        files.iter().for_each(|(name, text)| folder.write(name, text));
+        folder
     }
 
     /// Writes a file, and makes the folders that it lies in.
@@ -189,7 +189,7 @@ impl Place {
         let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
-        // The next call may replace a part of another file.
+        // The folder of changed kernels is removed, since the next call may change another file only.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 
@@ -201,11 +201,11 @@ impl Place {
         (image::open(self.path("out.png")).expect("a picture").to_rgb8(), said)
     }
 
-    /// The binary, to be run in this folder.
+    /// Returns a command that runs the binary in this folder.
     pub fn raycl(&self, arguments: &[&str]) -> Command {
         let mut command = Command::from_std(program());
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
-        // Each place has its own folder for the locks of devices, so that tests do not wait for each other.
+        // Each folder has its own subfolder for the locks of devices, so that tests do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));
         // Tests must not depend on programs that other tests or versions have stored in the cache, so they use no
         // cache. Tests of the cache set another size.

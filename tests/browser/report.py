@@ -225,7 +225,7 @@ def screenshots(page, stem):
             check_clean(driver, page)
             if look == "phone" and stem != "microscope":  # The microscope has no plots.
                 check_phone(driver, page)
-            if stem != "synthetic":  # 2,000 points take axe-core minutes.
+            if stem != "synthetic":  # axe-core would take minutes for the page's 2,000 points.
                 check_contrast(driver, page, look)
             driver.save_screenshot(str(folder / f"{stem}-{look}.png"))
             plots = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .plot, .claims")

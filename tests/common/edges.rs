@@ -109,13 +109,13 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     let corners = mesh.corners(triangle);
     let edge = random(state) as usize % 3;
     let along = if random(state).is_multiple_of(5) { 0.0 } else { fraction(state) };
-    let way = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
-    let direction = way.normalize();
+    let offset = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
+    let direction = offset.normalize();
     // The ray must cross both faces of the edge from the same side.
     let normals = mesh.corner_normals(triangle);
     let crossing = [edge, (edge + 1) % 3].map(|corner| normals[corner].dot(direction));
     let crosses = crossing[0].abs() > 0.25 && crossing[1].abs() > 0.25 && crossing[0] * crossing[1] > 0.0;
-    crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, way.length()))
+    crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, offset.length()))
 }
 
 /// Returns whether a ray was stopped, because the nearest triangle that was found for it is not farther away
@@ -128,15 +128,16 @@ pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> 
     t < f64::from(target) * 1.001
 }
 
-/// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. It has a vertex on the ray of
-/// every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of the
-/// pixels meet vertices, and all others meet edges. `corner` returns the point on the ray through a pixel's
-/// centre at which the vertex lies.
+/// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. The net has a vertex on the ray of
+/// every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of the pixels meet
+/// vertices, and all others meet edges. `corner` returns the point on the ray through a pixel's centre at which the
+/// vertex lies.
 fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
     let across = side / 2 + 5;
-    let place = |i: u32| 2.0 * f64::from(i) - 3.5;
+    let coordinate = |i: u32| 2.0 * f64::from(i) - 3.5;
     let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
-    mesh.positions = (0..across * across).map(|i| corner(place(i % across), place(i / across))).collect();
+    mesh.positions =
+        (0..across * across).map(|i| corner(coordinate(i % across), coordinate(i / across))).collect();
     for row in 0..across - 1 {
         for column in 0..across - 1 {
             let [a, b] = [row * across + column, (row + 1) * across + column];
@@ -216,11 +217,11 @@ pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
         let edge = usize::from(number) % 3;
         let [from, to] = [corners[edge], corners[(edge + 1) % 3]].map(Vec3::as_dvec3);
         let start = origin.as_dvec3();
-        let way = from.lerp(to, 0.05 + 0.9 * f64::from(number) / 2000.0) - start;
+        let offset = from.lerp(to, 0.05 + 0.9 * f64::from(number) / 2000.0) - start;
         // The direction away from the triangle, perpendicular to the plane through the edge and the origin.
         let outwards = (from - start).cross(to - start).normalize();
         let inwards = outwards.dot(corners[(edge + 2) % 3].as_dvec3() - start).signum();
-        let direction = (way - outwards * inwards * f64::from(part) * way.length()).normalize();
+        let direction = (offset - outwards * inwards * f64::from(part) * offset.length()).normalize();
         Ray { origin, direction: direction.as_vec3(), t_min: 0.0 }
     };
     (scene, (0..2000).map(ray).collect())

@@ -23,7 +23,7 @@ local_sizes = [1, 2, 4]
 strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 4, max_samples = 4, time_limit_ms = 1000 }
 "#;
-/// Points of the experiment: two image sizes, three local sizes, two strategies.
+/// Number of points of the experiment, which has two image sizes, three local sizes and two strategies.
 pub const POINTS: usize = 12;
 static CASTS: AtomicUsize = AtomicUsize::new(0);
 

@@ -38,9 +38,9 @@ pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns the changes to kernel files that are tried now. Each change needs a program of its own, which takes PoCL
-/// seconds to compile and is in no cache of a new machine. So `make test` tries every fourth change of a list; `make
-/// test-long` and `make mutants` try all.
+/// Returns the changes to kernel files that this run of the tests tries. Each change needs a program of its own, which
+/// takes PoCL seconds to compile and is in no cache of a new machine. So `make test` tries every fourth change of a
+/// list; `make test-long` and `make mutants` try all.
 pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     changes.into_iter().step_by(if is_long() { 1 } else { 4 })
 }

@@ -26,7 +26,7 @@ LEAST, LEAST_OF_BLOCKS = 30, 50
 BLOCK = 8
 # Samples of a pixel that Mitsuba casts at once.
 BATCH = 16
-# How much finer Mitsuba's masks are than raycl's.
+# Mitsuba's masks have this many times as many texels as raycl's, in each direction.
 FINER = 16
 
 
@@ -50,7 +50,7 @@ def main():
                   f"mean radiance {own.mean():.5f} and {theirs.mean():.5f}")
             failed += [name] if found[0] < LEAST or found[1] < LEAST_OF_BLOCKS else []
             show(folder, name, own, theirs)
-        # The difference of two halves has twice the standard error of their mean.
+        # The difference of two halves has twice the standard error of their mean, so both halves are divided by 2.
         halves = [half / 2 for half in halves]
         print(f"{name}: noise of Mitsuba's picture alone {likeness(*halves):.1f} dB, "
               f"means of blocks {likeness(*map(blocks, halves)):.1f} dB")
@@ -106,7 +106,7 @@ def lamp(light):
 def sky(sky, folder):
     if "picture" not in sky:
         return {"type": "constant", "radiance": rgb(sky["zenith"])}
-    # The middle of Mitsuba's picture is along +z, that of raycl's along -z.
+    # The middle of the sky's picture is in the direction +z in Mitsuba, and in the direction -z in raycl.
     turn = Transform().rotate([0, 1, 0], 180 + sky["turn_degrees"])
     return {"type": "envmap", "bitmap": rows_from_pole_to_pole(folder / sky["picture"]),
             "scale": sky["strength"], "to_world": turn}

@@ -14,7 +14,7 @@ cwd = f"{folder}/cwd"
 shutil.rmtree(cwd, ignore_errors=True)
 for part in ("results", "schemas"):
     shutil.copytree(f"docs/{part}", f"{cwd}/docs/{part}")
-# A run that was interrupted before its first record leaves an empty file.
+# The blocks must also be able to read an empty file: a run that was interrupted before its first record leaves one.
 os.makedirs(f"{cwd}/docs/results/interrupted/run")
 open(f"{cwd}/docs/results/interrupted/run/records.jsonl", "w").close()
 for number, block in enumerate(blocks, 1):

@@ -42,6 +42,6 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
     );
     // The options in the YAML are options of this program.
     for option in ["--shard", "--out", "--device"] {
-        has(&Ground::new().place.output(&["run", "--help"]), &[option]);
+        has(&Ground::new().folder.output(&["run", "--help"]), &[option]);
     }
 }

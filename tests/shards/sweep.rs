@@ -1,7 +1,7 @@
-//! Ten thousand points in 256 shards, merged and reported. `make test` merges only 600 points in 32 shards.
+//! Merges ten thousand points in 256 shards, and makes their report. `make test` merges only 600 points in 32 shards.
 
 use super::succeeds;
-use crate::binary::{Place, finish, repository};
+use crate::binary::{WorkFolder, finish, repository};
 use crate::common::is_long;
 use raycl::experiment::{Block, Cost, cut};
 use raycl::record::{PlannedPoint, Record, Sample, read_lines};
@@ -30,9 +30,9 @@ impl Replay {
         record.preset = None;
         record.local_size = Some([1 << (point % 8), 1]);
         let median = record.median_ms.expect("a time");
-        record.samples_ms = (0..10).map(|place| median * (1.0 + 0.001 * f64::from(place * 7 % 10))).collect();
-        record.sample_launches = (0..10).map(|place| place / 5).collect();
-        record.samples_at_ms = (0..10).map(|place| f64::from(place % 5)).collect();
+        record.samples_ms = (0..10).map(|index| median * (1.0 + 0.001 * f64::from(index * 7 % 10))).collect();
+        record.sample_launches = (0..10).map(|index| index / 5).collect();
+        record.samples_at_ms = (0..10).map(|index| f64::from(index % 5)).collect();
         record
     }
 
@@ -44,19 +44,19 @@ impl Replay {
             .into_iter()
             .filter(|record| record.median_ms.is_some() && record.device != "host")
             .collect();
-        let places: Vec<usize> = (0..self.points).collect();
-        let records: Vec<Record> = places.iter().map(|point| self.record(&recorded, *point)).collect();
+        let indices: Vec<usize> = (0..self.points).collect();
+        let records: Vec<Record> = indices.iter().map(|point| self.record(&recorded, *point)).collect();
         let cost = |point: &usize| Cost {
             point: *point,
             ms: records[*point].median_ms.expect("a time"),
             may_control: true,
         };
         let groups: Vec<Vec<Cost>> =
-            places.chunks(self.group).map(|group| group.iter().map(cost).collect()).collect();
+            indices.chunks(self.group).map(|group| group.iter().map(cost).collect()).collect();
         let plan = ShardPlan {
             header: Header { shards: self.shards, ..Header::default() },
             points: records.iter().map(|record| record.name.clone()).collect(),
-            cases: places.iter().map(|point| point / self.group).collect(),
+            cases: indices.iter().map(|point| point / self.group).collect(),
             blocks: cut(&groups, self.shards),
             expected_ms: Vec::new(),
         };
@@ -83,12 +83,12 @@ impl Replay {
         let mut files = [String::new(), String::new(), String::new()];
         for (number, block) in blocks.iter().enumerate() {
             let borrowed = block.control.filter(|_| block.borrows_control());
-            for place in block.points.iter().chain(&borrowed) {
-                let mut record = records[*place].clone();
+            for point in block.points.iter().chain(&borrowed) {
+                let mut record = records[*point].clone();
                 record.sample_launches.iter_mut().for_each(|launch| *launch += 2 * number as u32);
                 record.control = block.control.map(|control| records[control].key.clone());
                 (record.block, record.host) = (Some(block.number), Some(about.host.clone()));
-                record.is_control = borrowed == Some(*place);
+                record.is_control = borrowed == Some(*point);
                 for (round, ms) in record.samples_ms.iter().enumerate() {
                     let (key, launch) = (record.key.clone(), record.sample_launches[round]);
                     let sample =
@@ -120,13 +120,13 @@ fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
         true => Replay { points: 10_000, shards: 256, group: 500 },
         false => Replay { points: 600, shards: 32, group: 200 },
     };
-    let place = Place::new();
-    replay.write(&place.path("out"));
+    let folder = WorkFolder::new();
+    replay.write(&folder.path("out"));
     let start = std::time::Instant::now();
     let mut command = crate::binary::program();
     command
         .args(["merge", "out", "--quiet"])
-        .current_dir(place.path(""))
+        .current_dir(folder.path(""))
         .stdin(Stdio::null())
         .stderr(Stdio::piped());
     let child = command.spawn().expect("it starts");
@@ -148,9 +148,9 @@ fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
         start.elapsed().as_secs_f64()
     );
     assert!(cfg!(not(target_os = "linux")) || (1..1000).contains(&most_mb), "it held {most_mb} MB");
-    let records: Vec<Record> = read_lines(&place.path("out/records.jsonl")).expect("records").lines;
+    let records: Vec<Record> = read_lines(&folder.path("out/records.jsonl")).expect("records").lines;
     assert_eq!(records.len(), replay.points);
-    let samples = read_lines::<Sample>(&place.path("out/samples.jsonl")).expect("samples").lines;
+    let samples = read_lines::<Sample>(&folder.path("out/samples.jsonl")).expect("samples").lines;
     assert_eq!(samples.len(), 10 * replay.points);
-    assert!(place.path("out/report.html").exists());
+    assert!(folder.path("out/report.html").exists());
 }

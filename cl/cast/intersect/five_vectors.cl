@@ -5,14 +5,14 @@
 // operations: 15
 // contradicts: epsilons=relative because its thresholds are the book's constants
 //
-// The test of Moeller and Trumbore 1997 as in the book: a division per weight, and constants as thresholds. The paper's
-// function `intersect` allocates its five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so
-// here each test has an array of its own for each vector. The arrays are volatile, and the vectors begin at an index
-// that is computed from the triangle, although it is always 0. Otherwise, compilers would keep the arrays in registers.
-// (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays are in the
-// work-item's private memory, which is off the chip. Operations up to the point where most misses are found: 6 for
-// direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight; the 6 operations for the
-// edges are not counted.
+// The test of Moeller and Trumbore 1997 as it is in the book, with a division per weight and with constants as
+// thresholds. The paper's function `intersect` allocates its five vectors at each test, and frees them afterwards.
+// OpenCL C has no malloc, so here each test has an array of its own for each vector. The arrays are volatile, and the
+// vectors begin at an index that is computed from the triangle, although it is always 0. Otherwise, compilers would
+// keep the arrays in registers. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On
+// a GPU, the arrays are in the work-item's private memory, which is off the chip. Up to the point where most misses are
+// found, the test takes 6 operations for direction x e2, 3 for the determinant a, 3 for origin - v0, and 3 for the
+// first weight. The 6 operations for the edges are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
@@ -40,7 +40,7 @@ Row row_of(Corners corners) {
 }
 
 // Writes a vector to memory, reads it again, and returns it.
-Vec3 kept(volatile varying *at, Vec3 value) {
+Vec3 store_and_load(volatile varying *at, Vec3 value) {
     at[0] = value.x;
     at[1] = value.y;
     at[2] = value.z;
@@ -55,20 +55,20 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     // 1e38, but the compiler cannot know that.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
-    const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
-    const Vec3 e2 = kept(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
+    const Vec3 e1 = store_and_load(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
+    const Vec3 e2 = store_and_load(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
     // If the determinant is near 0, the ray is nearly parallel to the triangle.
-    const Vec3 q = kept(vector[Q] + from, cross3(direction, e2));
+    const Vec3 q = store_and_load(vector[Q] + from, cross3(direction, e2));
     const varying a = dot3(e1, q);
     const Mask crosses = fabs(a) > 1e-7f;
-    // The weight of the second corner.
-    const Vec3 s = kept(vector[S] + from, subtract(origin, splat(corner)));
+    // Computes the weight of the second corner.
+    const Vec3 s = store_and_load(vector[S] + from, subtract(origin, splat(corner)));
     hit->w1 = dot3(s, q) / a;
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // The weight of the third corner. The first corner's weight is 1 minus the other two weights.
-    const Vec3 r = kept(vector[R] + from, cross3(s, e1));
+    // Computes the weight of the third corner. The first corner's weight is 1 minus the other two weights.
+    const Vec3 r = store_and_load(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;
     hit->lanes = inside1 & (hit->w2 >= -1e-10f) & (hit->w1 + hit->w2 <= 1.0f + 1e-10f);

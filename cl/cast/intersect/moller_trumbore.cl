@@ -6,8 +6,8 @@
 //
 // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. Weights stay multiplied by
 // |a|, the absolute value of the determinant, until a ray is known to be inside all edges. Most misses therefore cost
-// no division. Operations up to the point where most misses are found: 6 for direction x e2, 3 for a, 3 for
-// origin - v0, and 3 for the first weight. If the edges were not stored in advance, they take 6 more, which are not
+// no division. Up to the point where most misses are found, the test takes 6 operations for direction x e2, 3 for a, 3
+// for origin - v0, and 3 for the first weight. If the edges were not stored in advance, they take 6 more, which are not
 // counted.
 
 #ifndef PAPER_EPSILONS
@@ -66,11 +66,11 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here the numerators are multiplied by the sign of the determinant and compared with |a|. This test needs no
-    // division, and it is the same for both faces.
+    // Here the numerators are multiplied by the sign of the determinant and compared with |a|. The comparison needs no
+    // division, and it is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
-    // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
+    // The condition 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);

@@ -6,8 +6,8 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // The common-origin test, in which the planes for primary rays are functions of the pixel. A ray through pixel (x, y)
-// has the direction (x, y, 1), so that neighbouring rays in a row or a column share terms of the dot products.
-// Operations up to the point where most misses are found: 2 for each of three planes.
+// has the direction (x, y, 1), so that neighbouring rays in a row or a column share terms of the dot products. Up to
+// the point where most misses are found, the test takes 2 operations for each of three planes.
 
 #include "cast/planes_of_origin.cl"
 
@@ -19,8 +19,8 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
                     uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
 }
 
-// How far neighbouring triangles overlap here, in units of the overlap for planes that are not functions of the pixel.
-// A plane as a function of the pixel is a sum of three rounded dot products, two of which are multiplied by a
+// The overlap of neighbouring triangles in this test, in units of the overlap for planes that are not functions of the
+// pixel. A plane as a function of the pixel is a sum of three rounded dot products, two of which are multiplied by a
 // coordinate. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 

@@ -8,8 +8,9 @@
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
 // runs along +z from the origin. An edge function is then the difference of two products, each rounded separately. The
 // function's sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
-// triangles. This guarantee only holds without contraction to fma. Operations up to the point where most misses are
-// found: 9 for the corners, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for their sum.
+// triangles. This guarantee only holds without contraction to fma. Up to the point where most misses are found, the
+// test takes 9 operations for the corners, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for
+// their sum.
 
 #include "common/exact_signs.cl"
 
@@ -23,8 +24,8 @@ typedef struct {
 
 // Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
 // axis i. The three rows of the matrix are then e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k.
-// All three shears are computed, and each lane selects one. Lanes may have different dominant axes, so that a branch
-// would execute every path.
+// All three shears are computed, and each lane selects one. A branch would save nothing: lanes may have different
+// dominant axes, so the vector would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     // The axis of the largest component becomes z, so that the divisions by this component do not make the shear large.
@@ -64,19 +65,21 @@ Row row_of(Corners corners) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
 // the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // Corners relative to the origin, then their sheared x and y. z is only computed for hits.
+    // Computes the corners relative to the ray's origin, then their sheared x and y. The sheared z is computed only for
+    // hits.
     const Vec3 a = subtract(splat(row.a), origin);
     const Vec3 b = subtract(splat(row.b), origin);
     const Vec3 c = subtract(splat(row.c), origin);
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // Edge functions: twice the signed areas of the triangles between each edge and the ray, which is the point (0, 0).
+    // The edge functions are twice the signed areas of the triangles that each edge forms with the ray, which after the
+    // shear is the point (0, 0).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
     // For a ray inside the triangle, no two edge functions have opposite signs. A zero counts as inside for both
-    // triangles at an edge, so that no ray leaks.
+    // triangles at an edge, so that no ray slips through between them.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;

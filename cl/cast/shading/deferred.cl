@@ -1,14 +1,14 @@
 // meaning: once, at the nearest hit
 // shades: nearest-hit
 //
-// Shading once, at the nearest hit.
+// Shades each ray once, at its nearest hit.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {}
 
 void after_closest_hit(Working *working, const Scene *scene, const Nearest *nearest, Mask hits) {
     // Of the search's results, only the triangle's number is used. t and the weights are computed once, for the nearest
     // triangle.
-    const Hit hit = meet_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
+    const Hit hit = intersect_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
                                 working_get(working, RAY_DIRECTION));
     working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));
     const Surface surface = TEXTURED(gather_surfaces(&scene->geometry, nearest->triangle), &scene->textures,

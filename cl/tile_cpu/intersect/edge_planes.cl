@@ -57,13 +57,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height above the triangle's plane, times |n|. The height's sign shows on which side of this plane
-    // the origin is; all stored planes are multiplied by the sign.
+    // `height` is the origin's height above the triangle's plane, times |n|. The height's sign shows on which side of
+    // this plane the origin is; all stored planes are multiplied by the sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // A bound of the rounding error of edges, rounded to a power of two. Dividing planes by this power of two makes the
-    // overlap 1, and does not round.
+    // `unit` is a bound of the rounding error of edges, rounded to a power of two. Dividing planes by this power of two
+    // makes the overlap 1, and does not round.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     // 1 / t = (d . n) / height. n is stored times the sign of height, so that `a`, the dot product of d and the stored
@@ -84,8 +84,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 
 // Tests a prepared triangle against the rays of the live vectors. With `any`, a ray that hits the triangle is finished;
 // otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
-uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
-    // The floats of one triangle. Each is in a register, and the tests of all live vectors use the same registers.
+uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
+    // The floats of the triangle are loaded into registers once, for the tests of all live vectors.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];
@@ -96,24 +96,25 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // Three dot products, one per edge, which are not negative inside the triangle. The 1 is the overlap.
+        // u, v and w are dot products, one per edge, which are not negative inside the triangle. The 1 is the overlap.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
-        // One comparison instead of six, since operations on masks take longer than minima.
+        // The minimum of six numbers is compared once, instead of six comparisons, since operations on masks take
+        // longer than minima.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
-        const Mask hits = SOLID_IN_TILE(bundle, vector, place, min(inside, seen) >= 0.0f);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, min(inside, seen) >= 0.0f);
         if (any) {
             if (!ANY(hits)) continue;
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);
             changed |= 1u << vector;
         } else {
-            // No branch: when a tile reaches a leaf, hits are frequent and hard to predict.
+            // There is no branch, since hits are frequent and hard to predict when a tile reaches a leaf.
             bundle->inv_t[vector] = SELECT(hits, inv_t, bundle->inv_t[vector]);
-            bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
+            bundle->leaf_index[vector] = SELECT(hits, (varying_int)(index), bundle->leaf_index[vector]);
             changed |= ANY(hits) ? 1u << vector : 0;
         }
     }

@@ -30,8 +30,8 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear x' = x - (d_x / d_z) z, computed once per ray; z is the common axis. If rays run against the axis, x'
-    // is mirrored, so that back faces stay back faces.
+    // The shear is x' = x - (d_x / d_z) z, where z is the common axis. It is computed once per ray. If rays run against
+    // the axis, x' is mirrored, so that back faces stay back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
@@ -39,12 +39,12 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
 
 // Returns the rays of a vector that hit a triangle, and 1 / t of the hits. The corners a, b and c are relative to the
 // origin.
-Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
-                  varying *inv_t) {
+Mask intersect_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
+                       varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
     const float forward = bundle->shears.forward[vector];
     const varying x = bundle->shears.x[vector], y = bundle->shears.y[vector];
-    // The corners' sheared coordinates, in which the ray is the point (0, 0).
+    // Computes the corners' sheared coordinates, in which the ray is the point (0, 0).
     const varying ax = forward * a[across] + x * a[along], ay = a[up] + y * a[along];
     const varying bx = forward * b[across] + x * b[along], by = b[up] + y * b[along];
     const varying cx = forward * c[across] + x * c[along], cy = c[up] + y * c[along];
@@ -63,8 +63,8 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
 }
 
-// Does the same as meet_sheared for a vector without a common axis.
-Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
+// Does the same as intersect_sheared for a vector without a common axis.
+Mask intersect_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const varying t_max = 1.0f / max(bundle->inv_t[vector], (varying)(LEAST_INV_T));
     const Probe probe = prepare_probe((varying)(1.0f / bundle->too_near), direction);
@@ -98,19 +98,20 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 }
 
 // Tests the triangle against the rays of the live vectors, like the same function in edge_planes.cl.
-uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
+uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying inv_t;
-        // A vector uses the same test for all triangles, so that none of its rays leaks at a shared edge.
+        // A vector uses the same test for all triangles, so that none of its rays slips through the edge that two
+        // triangles share.
         const Mask met = bundle->shears.axis[vector] == NO_AXIS
-                             ? meet_single(bundle, vector, prepared->corners, &inv_t)
-                             : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
-        const Mask hits = SOLID_IN_TILE(bundle, vector, place, met);
+                             ? intersect_single(bundle, vector, prepared->corners, &inv_t)
+                             : intersect_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, met);
         if (!ANY(hits)) continue;
         bundle->inv_t[vector] = SELECT(hits, any ? (varying)(FAR) : inv_t, bundle->inv_t[vector]);
-        if (!any) bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
+        if (!any) bundle->leaf_index[vector] = SELECT(hits, (varying_int)(index), bundle->leaf_index[vector]);
         changed |= 1u << vector;
     }
     return changed;

@@ -5,8 +5,8 @@
 // contains the components of its three planes and of 1/z along this axis. Three loads are therefore enough, whatever
 // the axes of the pass. In each row, the quads of a leaf's triangles are contiguous.
 
-// The table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load neighbouring
-// quads:
+// This is the table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load
+// neighbouring quads:
 //
 //                 triangle 0               triangle 1               ...
 //     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
@@ -33,15 +33,16 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
 // greater than `worst`. A prepared triangle contains the planes' components along the pass's axes.
-INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
+INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
-    const uint at = (uint)place; // three rows have fewer than 2^32 quads
+    const uint at = (uint)index; // three rows have fewer than 2^32 quads
     const float4 across = quads[shaft->across_row + at], down = quads[shaft->down_row + at];
     const float4 along = quads[shaft->along_row + at];
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
-    // A ray is (x, y, 1), so the third component is a constant; the overlap is added to it once.
+    // A ray's direction is (x, y, 1), so a plane's third component is added without a factor. The overlap is added to
+    // this component once, before any ray is tested.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
@@ -55,8 +56,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 
 // Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
 // receives that 1/z. Eight multiply-adds give three edge functions and 1/z.
-INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
-                  float *per_depth) {
+INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
+                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
     const float u = MULTIPLY_ADD(a.x, x, MULTIPLY_ADD(b.x, y, c.x));
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
@@ -69,11 +70,11 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
 
 // Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
 // (second dimension). Origin 0 is the eye; the other origins are the lights of a round (see shadow.cl). Also empties
-// the round's queue of leftover shadow rays, which saves a separate command for this.
+// the round's queue of leftover shadow rays, so that no separate command has to empty it.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
-    const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
+    const int index = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
-    if (place >= count) return;
+    if (index >= count) return;
     const Uniform3 from =
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
@@ -81,8 +82,8 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     // A shadow ray runs towards its light, but is tested from the light. The ray meets the side of a triangle that
     // faces away from the light. If this side is the front, the sign that planes_of expects is positive; for the eye,
     // it is negative.
-    const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
-    __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
+    const Row row = planes_of(leaf_corners(&tree, index), from, origin ? 1.0f : -1.0f);
+    __global float4 *quads = prepared + 3 * (size_t)origin * count + index;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);
     quads[count] = (float4)(row.a.y, row.b.y, row.c.y, row.v);
     quads[2 * (size_t)count] = (float4)(row.a.z, row.b.z, row.c.z, row.w);

@@ -8,9 +8,9 @@
 
 // Returns the plane of an edge p - q. The plane is scaled so that the number to add for the overlap of neighbouring
 // triangles is 1, and this number is added. The overlap is half as large as in other tests. Apart from this added
-// number, swapping p and q changes the signs of all components, and nothing else. (Measured on a GPU: with the full
-// overlap, one pixel of two million is dark on terrain; with half of it, no pixel is dark, and none of 60,516 rays
-// leaks.)
+// number, swapping p and q changes the signs of all components, and nothing else. (This was measured on a GPU: with the
+// full overlap, one of two million pixels of a terrain is wrongly dark. With half of it, no pixel is wrongly dark, and
+// none of 60,516 rays aimed at edges and vertices slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
@@ -25,13 +25,13 @@ INLINED float per_power_of_two_below(float positive) {
 // greater than `worst`.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
-// `height` is six times the volume between origin and triangle. The sign of `height` shows which side is visible, and
-// 1/z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of rays: shadow rays, because
-// they run towards their light but are tested from the light, and rays that run against their axis, because their
-// coordinates are mirrored.
-INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
+// `height` is six times the volume of the tetrahedron that the origin and the triangle form. The sign of `height` shows
+// which side is visible, and 1/z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of
+// rays: shadow rays, because they run towards their light but are tested from the light, and rays that run against
+// their axis, because their coordinates are mirrored.
+INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
-    const int used = load_corners(shaft, tree, place, &a, &b, &c);
+    const int used = load_corners(shaft, tree, index, &a, &b, &c);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a), e3 = uniform_difference(b, c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     const Uniform3 n = uniform_cross(e1, e2);
@@ -63,8 +63,8 @@ INLINED float at_slopes(float4 plane, float x, float y) {
 
 // Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
 // receives that 1/z.
-INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
-                  float *per_depth) {
+INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
+                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
     // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.

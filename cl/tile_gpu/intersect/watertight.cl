@@ -1,10 +1,10 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are sheared
 // along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis is used
-// instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all triangles, so
-// that a shared corner is sheared in the same way. A prepared triangle contains the corners along the pass's axes,
-// relative to the origin. The fourth component of `a` is the sign that the sum of the three edge functions (`det`) has
-// for front faces. This sign is reversed for rays that run against the axis, since their coordinates are mirrored, and
-// for shadow rays, since they are tested from their light:
+// instead of the axis along which each ray's direction is largest. The test stays watertight, since a ray has the same
+// axis for all triangles, so that a shared corner is sheared in the same way. A prepared triangle contains the corners
+// along the pass's axes, relative to the origin. The fourth component of `a` is the sign that the sum of the three edge
+// functions (`det`) has for front faces. This sign is reversed for rays that run against the axis, since their
+// coordinates are mirrored, and for shadow rays, since they are tested from their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
@@ -16,9 +16,9 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
 // greater than `worst`. The bounds allow for many times the rounding error of the test itself, so that they never
 // exclude a ray that hits.
-INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
+INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
-    const int used = load_corners(shaft, tree, place, &a, &b, &c);
+    const int used = load_corners(shaft, tree, index, &a, &b, &c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     triangle->a = quad(a, any ? -shaft->sign : shaft->sign);
     triangle->b = quad(b, 0.0f);
@@ -42,7 +42,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 
 // Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
 // receives that 1/z (with `any`, 0).
-INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
+INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
+                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
     // For each corner, the shear moves the point of the ray at the corner's depth to (0, 0).
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);

@@ -1,6 +1,6 @@
-//! The terminal, while a child process shows pictures in it. If a driver crashes or a signal ends the child process,
-//! the terminal stays in raw mode, shows its alternate screen and reports the movements of the mouse. This process then
-//! makes the terminal usable again.
+//! Restores the terminal after a child process has shown pictures in it. If a driver crashes or a signal ends the child
+//! process, the terminal stays in raw mode, shows its alternate screen and reports the movements of the mouse. The
+//! parent process, which runs this code, then makes the terminal usable again.
 
 use crate::view::screen::leave_terminal;
 use rustix::process::{Pid, Signal, kill_process};
@@ -15,7 +15,7 @@ use std::process::{Child, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Ends a picture that was written only in part, and selects the usual colours.
+/// The codes that end a picture that was written only in part, and that select the usual colours.
 const END_OF_PICTURE: &[u8] = b"\x1b\\\x1b[0m";
 
 /// The signals with which a user, a shell or the system ends processes.
@@ -51,8 +51,9 @@ impl LentTerminal {
         let ended = std::thread::scope(|scope| {
             let listener = scope.spawn(|| {
                 signals.forever().fold(None, |first, signal| {
-                    // The child process gets SIGTERM in place of every signal: LLVM, which PoCL uses, can catch the
-                    // first SIGQUIT and ignore it. A child process that has ended meanwhile needs no signal.
+                    // Whichever signal arrived, the child process gets SIGTERM: LLVM, which PoCL uses, can catch the
+                    // first SIGQUIT and ignore it. If the child process has ended meanwhile, it does not matter that
+                    // sending the signal fails.
                     let _ = kill_process(process, Signal::TERM);
                     first.or(Some(signal))
                 })
@@ -73,7 +74,7 @@ impl LentTerminal {
             return;
         }
         let mut out = std::io::stdout();
-        // A failure here cannot be shown to anybody.
+        // If this output fails, the failure is ignored, since a message in the same terminal would fail too.
         let _ = out.write_all(END_OF_PICTURE).and_then(|()| leave_terminal(&mut out));
         // Reports of the mouse that nobody has read are discarded: the user's shell would take them for typed text.
         let _ = tcsetattr(stdin(), OptionalActions::Flush, &self.mode);

@@ -1,4 +1,4 @@
-//! The comments before and after a printed program, which describe it.
+//! Writes the comments that `raycl kernel` prints before and after a program. They describe the program.
 
 use super::Args;
 use crate::device::{Builtins, Device};
@@ -104,7 +104,7 @@ fn parted(options: &str) -> (String, String) {
     (defines.join(" "), others.join(" "))
 }
 
-/// Longest line of a comment, in characters.
+/// The length of the longest line of a comment, in characters.
 const WIDEST: usize = 110;
 
 /// Returns a text as the lines of a comment.
@@ -112,7 +112,7 @@ fn comment(text: &str) -> String {
     let mut lines = String::new();
     let mut line = "//".to_owned();
     for word in text.split_whitespace() {
-        if line.len() + 1 + word.len() > WIDEST {
+        if line.chars().count() + 1 + word.chars().count() > WIDEST {
             lines += &line;
             lines.push('\n');
             line = "//  ".to_owned();
@@ -153,9 +153,9 @@ mod tests {
     #[test]
     fn lines_that_are_left_out_are_counted_and_one_is_a_line() {
         let program = Preprocessed { lines: Vec::new(), asked: Vec::new(), files: Vec::new() };
-        let told = |left_out| foot(&program, left_out).trim().to_owned();
-        assert_eq!(told(0), "");
-        assert_eq!(told(1), "// 1 line that these kernels do not need is left out; --all prints it");
-        assert_eq!(told(2), "// 2 lines that these kernels do not need are left out; --all prints them");
+        let comment = |left_out| foot(&program, left_out).trim().to_owned();
+        assert_eq!(comment(0), "");
+        assert_eq!(comment(1), "// 1 line that these kernels do not need is left out; --all prints it");
+        assert_eq!(comment(2), "// 2 lines that these kernels do not need are left out; --all prints them");
     }
 }

@@ -1,5 +1,5 @@
-//! Prints the paper's Figure 5, computed from the only two limits that the paper uses: resident work-groups and
-//! resident threads. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
+//! Prints the paper's Figure 5 as a table, computed from the only two limits that the paper uses: resident work-groups
+//! and resident threads. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
 
 use serde_json::{Value, json};
 
@@ -7,12 +7,13 @@ use super::{Question, items, named};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
-/// Resident work-groups and threads per multiprocessor: the only limits that the paper's Figure 5 uses.
+/// The largest numbers of resident work-groups and of resident threads per multiprocessor. The paper's Figure 5 uses
+/// only these two limits.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// Bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
+/// The size in bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
 /// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole work-groups as

@@ -36,8 +36,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// Returns what to do if no record has a prediction. If the number of registers of a kernel is known, only the compute
-/// capability is missing.
+/// Returns the advice for the user if no record has a prediction. If the number of registers of a kernel is known, only
+/// the compute capability is missing.
 fn help(records: &[Record], compute_capability: Option<&str>) -> String {
     let registers = |record: &Record| record.main_kernel_of_local_size()?.resources.registers;
     match records.iter().any(|record| registers(record).is_some()) {
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let told = |registers, compute_capability: Option<&str>| {
+        let remedy_of = |registers, compute_capability: Option<&str>| {
             let folder = tempfile::tempdir().unwrap();
             let resources = Resources { registers, ..Resources::default() };
             let kernel = CompiledKernel { name: "cast_frame".into(), resources, ..CompiledKernel::default() };
@@ -148,11 +148,11 @@ mod tests {
             JsonLines::append_to(&folder.path().join(RECORDS)).unwrap().append(&record).unwrap();
             run(folder.path(), compute_capability, false).unwrap_err().remedy().to_owned()
         };
-        let unknown = told(None, Some("2.0"));
+        let unknown = remedy_of(None, Some("2.0"));
         assert!(unknown.ends_with("--compute-capability 2.0 --registers 32"), "{unknown}");
         assert!(!unknown.contains("choose one"), "{unknown}");
-        assert!(!told(None, None).contains("choose one"));
-        let without_capability = told(Some(32), None);
+        assert!(!remedy_of(None, None).contains("choose one"));
+        let without_capability = remedy_of(Some(32), None);
         assert!(without_capability.ends_with("choose one: --compute-capability 9.0"), "{without_capability}");
     }
 

@@ -158,8 +158,8 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Returns the median of each of a frame's times, over these frames. The processor time is left out, because it is
-/// measured only in experiments.
+/// Returns, for each of a frame's times (such as that of its primary pass), the median over these frames. The processor
+/// time is left out, because it is measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     FrameTimes {
         frame_ms: FrameTimes::median_of(frames, |frame| Some(frame.frame_ms)).unwrap_or(0.0),
@@ -178,7 +178,7 @@ mod tests {
     use crate::device::discover;
     use crate::launch::{Queue, Session};
     use crate::output::Choice;
-    use crate::program::{Kept, Sources};
+    use crate::program::{ProgramCache, Sources};
     use crate::scene::load_scene;
     use crate::strategy::preset;
     use std::path::Path;
@@ -201,7 +201,7 @@ mod tests {
         let queue = Queue::open(&device).unwrap();
         let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
         let spec = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
-        let show = ShowProgram::build(&queue, &spec, &Kept::default(), &Sources::Embedded).unwrap();
+        let show = ShowProgram::build(&queue, &spec, &ProgramCache::default(), &Sources::Embedded).unwrap();
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
         let strategy = preset(strategy).unwrap().strategy;
         let prepared =

@@ -39,7 +39,7 @@ pub fn cache(args: &Args) -> Cache {
     if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
 
-/// Returns the program to compile early; `None` if no guess is possible.
+/// Returns the program to compile before the scene is read; `None` if no guess is possible.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (strategy, workload) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     spec(args, sources, device, &strategy, workload)
@@ -127,7 +127,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of stack entries that most trees need.
+/// Returns the number of entries that most trees need for the traversal's stack; 0 if the strategy has no tree.
 fn usual_stack(strategy: &Strategy) -> usize {
     match (strategy.needs_tree(), strategy.shares_tiles()) {
         (false, _) => 0,
@@ -147,14 +147,14 @@ pub fn sampling(args: &Args) -> Sampling {
 /// which program is chosen. `None` if the file's state is unknown, as for standard input.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
-    let found = path.metadata().ok()?;
-    let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    let metadata = path.metadata().ok()?;
+    let changed = metadata.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
     let Subject { width, height, strategy, local_size, set, .. } = &args.subject;
     let samples = (args.samples, args.adaptive);
     Some(format!(
         "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",
         path.display(),
-        found.len(),
+        metadata.len(),
         format_args!("{samples:?} samples, dressed {}", is_dressed(args)),
         device.identity()
     ))
@@ -183,10 +183,10 @@ mod tests {
 
     #[test]
     fn what_a_scene_needed_is_known_until_anything_that_chooses_changes() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let [device, other] = ["PoCL", "Other"].map(|name| example(name, "cpu", DeviceKind::Cpu, 2));
-        let scene = place.path().join("scene.toml");
+        let scene = folder.path().join("scene.toml");
         std::fs::write(&scene, "as it is").unwrap();
         let likely = |more: &[&str], device| likely(&cache, &args(&scene, more), &Sources::Embedded, device);
         assert_eq!(likely(&[], &device), None, "a scene may hold anything");
@@ -240,9 +240,9 @@ mod tests {
 
     #[test]
     fn a_mesh_is_guessed_by_its_size() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let mesh = place.path().join("mesh.obj");
+        let mesh = folder.path().join("mesh.obj");
         let spec = |bytes: usize| {
             std::fs::write(&mesh, vec![b'#'; bytes]).unwrap();
             likely(&Cache::none(), &args(&mesh, &["--plain"]), &Sources::Embedded, &device).unwrap()
@@ -255,9 +255,9 @@ mod tests {
     /// If the guess for a new mesh were wrong, the first start of raycl with this mesh would compile two programs.
     #[test]
     fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        let mesh = place.path().join("mesh.obj");
+        let mesh = folder.path().join("mesh.obj");
         std::fs::write(&mesh, waves(60)).unwrap();
         for more in [&[][..], &["--plain"], &["--samples", "4"]] {
             let args = args(&mesh, more);
@@ -291,9 +291,9 @@ mod tests {
 
     #[test]
     fn a_mesh_is_guessed_to_have_soft_light_only_with_a_sky_and_several_samples() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let mesh = place.path().join("mesh.obj");
+        let mesh = folder.path().join("mesh.obj");
         std::fs::write(&mesh, "#").unwrap();
         let is_soft = |more: &[&str]| by_file(&args(&mesh, more), &device).unwrap().1.soft_lights;
         assert!(is_soft(&[]));

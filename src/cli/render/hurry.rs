@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use crate::cache::Cache;
     use crate::device::{Device, DeviceLimits, discover};
-    use crate::program::{Kept, Sources};
+    use crate::program::{ProgramCache, Sources};
     use crate::scene::load_scene;
     use clap::Parser;
     use std::path::Path;
@@ -151,13 +151,13 @@ mod tests {
     #[test]
     fn a_picture_is_hurried_until_the_fastest_strategys_program_is_in_the_cache() {
         let (device, folder) = (gpu(), tempfile::tempdir().unwrap());
-        let kept = Kept::of(Cache::at(&folder.path().join("raycl"), 1 << 28), &device.info);
+        let programs = ProgramCache::of(Cache::at(&folder.path().join("raycl"), 1 << 28), &device.info);
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let fastest = (preset("deferred").unwrap().strategy, [8, 8]);
         let session = || {
             let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
-            session.keeping(kept.clone())
+            session.with_cache(programs.clone())
         };
         let choose = |session: &mut Session| choose(&args(&[]), &device.info, &scene, session, fastest);
         let mut first = session();

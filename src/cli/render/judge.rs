@@ -16,10 +16,10 @@ use std::path::Path;
 /// of the error message that says whether and where the picture was saved.
 pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
-    let found = image.pixels[(y * image.width + x) as usize];
+    let value = image.pixels[(y * image.width + x) as usize];
     let pixels = if count == 1 { "pixel is" } else { "pixels are" };
     let message =
-        format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {found:?}");
+        format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {value:?}");
     Err(Error::run(message).with_help(format!(
         "a light may be too close to the surface at this pixel: move or dim the light, or raise shadow_bias; {fate}"
     )))
@@ -110,8 +110,8 @@ fn compare(
         None => all_pixels(size),
     };
     let count = |pixel: usize| {
-        let place = [pixel as u32 % size[0], pixel as u32 / size[0]];
-        counts.map_or(samples.len() as u32, |counts| counts.at(place))
+        let position = [pixel as u32 % size[0], pixel as u32 / size[0]];
+        counts.map_or(samples.len() as u32, |counts| counts.at(position))
     };
     let expected = reference_of(scene, size, strategy.culling, &pixels, (samples, &count));
     let verdict = verify(image, hits, &expected, scene.display);
@@ -136,8 +136,8 @@ fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::res
         return Ok(largest);
     }
     let [x, y] = [worst as u32 % image.width, worst as u32 / image.width];
-    let (found, expected) = (image.pixels[worst], expected.pixels[worst]);
-    Err(format!("the filter of soft light gave pixel ({x}, {y}) the value {found:?}; expected {expected:?}"))
+    let (value, expected) = (image.pixels[worst], expected.pixels[worst]);
+    Err(format!("the filter of soft light gave pixel ({x}, {y}) the value {value:?}; expected {expected:?}"))
 }
 
 fn wrong(reason: &str, saved: &Target) -> Error {
@@ -173,9 +173,9 @@ mod tests {
         let background = scene.background.as_dvec3();
         let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
         let saved = Target::of_results("a.png");
-        let found =
+        let verified =
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
-        let usual = found.expect("a correct picture");
+        let usual = verified.expect("a correct picture");
         // One pixel of the filtered picture is changed. The check returns the difference if it is within the tolerance,
         // and otherwise names the pixel.
         let judged = |factor: f32, hits: usize| {
@@ -197,19 +197,20 @@ mod tests {
 
     #[test]
     fn pixels_that_are_not_finite_are_counted_and_the_first_is_named() {
-        let told = |places: &[usize]| {
+        let checked = |indices: &[usize]| {
             let mut image = Radiance::new(4, 3);
-            places.iter().for_each(|&place| image.pixels[place] = [f32::INFINITY; 3]);
+            indices.iter().for_each(|&index| image.pixels[index] = [f32::INFINITY; 3]);
             refuse_not_finite(&image, "it was saved").map_err(|error| {
                 assert!(error.remedy().ends_with("; it was saved"), "{}", error.remedy());
                 error.to_string()
             })
         };
-        assert!(told(&[]).is_ok());
+        assert!(checked(&[]).is_ok());
         let one = "the picture is wrong: 1 pixel is not finite; the first, (2, 1), is [inf, inf, inf]";
-        assert_eq!(told(&[6]), Err(one.to_owned()));
+        assert_eq!(checked(&[6]), Err(one.to_owned()));
         assert!(
-            told(&[11, 9]).is_err_and(|told| told.contains("2 pixels are not finite; the first, (1, 2)"))
+            checked(&[11, 9])
+                .is_err_and(|message| message.contains("2 pixels are not finite; the first, (1, 2)"))
         );
     }
 
@@ -224,12 +225,12 @@ mod tests {
         assert!(matches!(verified(&good, &saved, Some(None), agrees), (Some(Verification::Right(_)), None)));
         assert!(matches!(verified(&broken, &saved, None, agrees), (None, Some(_))));
         for (image, expected) in [(&good, "pixel (0, 0) is black"), (&broken, "1 pixel is not finite")] {
-            let (Some(told), Some(error)) = verified(image, &saved, Some(None), differs) else {
+            let (Some(verification), Some(error)) = verified(image, &saved, Some(None), differs) else {
                 panic!("the picture is wrong")
             };
             assert!(error.to_string().contains(expected), "{error}");
-            assert_eq!(told.text(), format!("verified  {error}"));
-            let json = serde_json::to_value(&told).expect("JSON");
+            assert_eq!(verification.text(), format!("verified  {error}"));
+            let json = serde_json::to_value(&verification).expect("JSON");
             assert_eq!(json, serde_json::json!({ "wrong": error.to_string() }));
         }
     }

@@ -1,6 +1,6 @@
 //! Prepares the next start of raycl in background processes with low priority, for which the command that casts the
-//! picture does not wait. A process stores a program whose binary the driver takes long to return, compiles a program
-//! that this picture did without, or lists the devices.
+//! picture does not wait. A background process stores a program whose binary the driver takes long to return, compiles
+//! a program that was not compiled in time for this picture, or lists the devices.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -9,7 +9,7 @@ use crate::device::{Device, DeviceInfo, LaneOperations, LaneTest, pick_one};
 use crate::error::{Error, Result};
 use crate::launch::{Prepared, Queue};
 use crate::own_program::own_worker;
-use crate::program::{BuiltProgram, CACHE_DISABLE, Kept, ProgramSpec};
+use crate::program::{BuiltProgram, CACHE_DISABLE, ProgramCache, ProgramSpec};
 use crate::sources::Sources;
 use crate::strategy::{Strategy, preset_of};
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ const LONGEST: Duration = Duration::from_secs(120);
 /// A task for the background process: to list the devices, and to compile and store a program.
 #[derive(Serialize, Deserialize)]
 struct Order {
-    /// The device's identity.
+    /// The text that identifies the device.
     device: String,
     /// The lane operations (such as ballots among work-items that execute together) for which the program was made.
     /// If raycl has not tested yet which lane operations work on the device, these are the fastest ones that the
@@ -136,7 +136,8 @@ fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
 fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
-    // A clock that was ahead has stored a time that still lies in the future.
+    // If the clock was ahead when `since` was stored, `since` may lie in the future. So the sign of the difference is
+    // ignored.
     let free = since.is_none_or(|since| now.as_secs().abs_diff(since) > LONGEST.as_secs());
     free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
@@ -164,8 +165,8 @@ pub fn serve() -> Result<()> {
     let order: Order = serde_json::from_reader(std::io::stdin())
         .map_err(|error| Error::fault(format!("the program to store could not be read: {error}")))?;
     let cache = Cache::of_user();
-    let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
-    let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, place)?;
+    let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
+    let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
     // If the test of the device found other lane operations than assumed, no program is stored, since the next start
@@ -173,8 +174,8 @@ pub fn serve() -> Result<()> {
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };
-    let kept = Kept::of(cache, &device.info);
-    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept);
+    let programs = ProgramCache::of(cache, &device.info);
+    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &programs);
     let built = built.map_err(|error| Error::run(error.to_string()))?;
     if built.lacks_log() && !order.anew {
         return start(&Order { anew: true, ..order }).map_err(|error| Error::run(error.to_string()));
@@ -213,8 +214,8 @@ mod tests {
         let source = Source { source: "kernel".into(), options: "-D A=1".into() };
         let order = order_for(&device, Some(source));
         assert_eq!(order.device, device.identity());
-        let kept = program_for(&order, &device).map(|program| program.source + " " + &program.options);
-        assert_eq!(kept.as_deref(), Some("kernel -D A=1"));
+        let stored = program_for(&order, &device).map(|program| program.source + " " + &program.options);
+        assert_eq!(stored.as_deref(), Some("kernel -D A=1"));
         device.limits.lane_operations = LaneOperations::Barriers;
         assert!(program_for(&order, &device).is_none());
         assert!(program_for(&order_for(&device, None), &device).is_none());
@@ -232,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_another_process_is_compiling_is_told_of_and_not_compiled_twice() {
+    fn a_program_that_another_process_is_compiling_is_reported_and_not_compiled_twice() {
         let folder = tempfile::tempdir().expect("a folder");
         let cache = Cache::at(&folder.path().join("cache"), 1 << 20);
         let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
@@ -282,7 +283,7 @@ mod tests {
         // The limit LONGEST is two minutes. The test itself takes less than half a minute, so the process that began
         // one minute ago does not count as dead.
         assert!(began_s_ago(LONGEST.as_secs() + 1) && !began_s_ago(LONGEST.as_secs() - 60));
-        // The clock was an hour ahead.
+        // The stored time lies an hour in the future, as if the clock had been ahead when the time was stored.
         cache.put(KIND, "a", &(now + 3600).to_le_bytes());
         assert!(begin(&cache, "a"));
     }

@@ -96,7 +96,8 @@ impl Motion {
 pub fn may_replace(args: &Args, frames: u32) -> bool {
     let count = args.motion.turntable.unwrap_or(frames);
     let wanted = args.motion.asked(count).and_then(|all| args.motion.share(all));
-    // Without frames, nothing is written; `run` tells a wrong range.
+    // If this process has no frame to render, it writes nothing. If the range of frames is invalid, the result is false
+    // too, and `run` reports the mistake later.
     wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
 }
 
@@ -115,7 +116,7 @@ fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     }
 }
 
-/// The report at the end; the fields of `--json`.
+/// The report at the end of the command. With `--json`, raycl prints an object with these fields.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -201,7 +202,8 @@ pub fn run(args: &Args) -> Result<()> {
     tell(args, &report)
 }
 
-/// Returns the numbers of the frames that are still to be cast: all of a movie, or those that have no file yet.
+/// Returns the numbers of the frames that are still to be cast: all frames of a movie (a single file or a stream), or
+/// those frames that have no numbered picture yet.
 fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
     match sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),
@@ -213,9 +215,9 @@ fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) ->
 /// that needs no more frames, so this is no error.
 fn closed_early(cast: u32, wanted: usize) -> Option<String> {
     let cast = cast as usize;
-    let told =
+    let message =
         || format!("the reader closed the stream after {} cast", counted_of_were(cast, wanted, "frame"));
-    (cast < wanted).then(told)
+    (cast < wanted).then(message)
 }
 
 /// Prints the report; to standard error if the frames go to standard output.
@@ -299,7 +301,7 @@ fn kernel_remark(report: &Report) -> &'static str {
 mod tests {
     use super::*;
 
-    fn told(frames: u32, skipped: u32) -> String {
+    fn text_of(frames: u32, skipped: u32) -> String {
         text(&Report {
             scene: "little".to_owned(),
             triangles: 1,
@@ -334,17 +336,17 @@ mod tests {
             (1, 0, "48 x 30 pixels, 1 frame\n"),
             (0, 1, "48 x 30 pixels, 1 frame, which existed already\n"),
         ] {
-            let text = told(frames, skipped);
+            let text = text_of(frames, skipped);
             assert!(text.contains(expected), "{text}");
         }
     }
 
     #[test]
-    fn times_of_frames_are_told_only_if_one_was_cast() {
-        assert!(!told(0, 4).contains("kernel") && !told(0, 4).contains("speed"));
-        assert!(told(1, 3).contains("1.50 ms\n") && told(1, 3).contains("4.0 frames/s"));
-        assert!(told(2, 2).contains("1.50 ms, the median of the cast frames\n"));
-        assert!(told(0, 4).ends_with("note      a remark\npictures  a.png"), "{}", told(0, 4));
-        assert!(told(1, 0).contains("device    a device\nstrategy  naive\nsize"), "{}", told(1, 0));
+    fn times_of_frames_are_printed_only_if_one_was_cast() {
+        assert!(!text_of(0, 4).contains("kernel") && !text_of(0, 4).contains("speed"));
+        assert!(text_of(1, 3).contains("1.50 ms\n") && text_of(1, 3).contains("4.0 frames/s"));
+        assert!(text_of(2, 2).contains("1.50 ms, the median of the cast frames\n"));
+        assert!(text_of(0, 4).ends_with("note      a remark\npictures  a.png"), "{}", text_of(0, 4));
+        assert!(text_of(1, 0).contains("device    a device\nstrategy  naive\nsize"), "{}", text_of(1, 0));
     }
 }

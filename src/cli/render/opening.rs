@@ -7,7 +7,7 @@ use crate::device::{Device, DeviceInfo, LaneTest};
 use crate::error::{Error, Result};
 use crate::image::check_alpha;
 use crate::launch::{HostTree, Queue, ShowProgram};
-use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
+use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use crate::scene::Loaded;
 use crate::strategy::{Strategy, Workload};
 use std::sync::mpsc::channel;
@@ -58,15 +58,16 @@ fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3]
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
 /// program early if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // No thread can start while the driver's libraries are being loaded, so the threads that read the mesh start first.
+    // No thread can start while the driver's libraries are being loaded, so this call starts the threads that read the
+    // mesh (those of the library rayon) before the driver is loaded.
     rayon::current_num_threads();
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
     std::thread::scope(|scope| {
-        let (found, device_found) = channel();
+        let (send_device, device_receiver) = channel();
         let scene = scope.spawn(move || {
             let (loaded, load_ms) = timed(|| load(args));
-            let tree = |loaded: &Loaded| early_tree(args, &device_found.recv().ok()?, loaded);
+            let tree = |loaded: &Loaded| early_tree(args, &device_receiver.recv().ok()?, loaded);
             let tree = loaded.as_ref().ok().and_then(tree);
             (loaded, load_ms, tree)
         });
@@ -75,11 +76,11 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             let lane_test = if hurries { LaneTest::Later } else { LaneTest::Now };
             let device = one_device_with(args.subject.device.as_deref(), sources, lane_test)?;
             // If the loading thread has failed already, its error is returned below.
-            let _ = found.send(device.info.clone());
+            let _ = send_device.send(device.info.clone());
             let queue = Queue::open(&device)?;
             Ok((device, queue))
         });
-        drop(found);
+        drop(send_device);
         let early = opened.as_ref().ok().and_then(|(device, queue)| early(args, sources, device, queue));
         let show = opened.as_ref().ok().map(|(device, queue)| show(args, sources, device, queue));
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
@@ -117,17 +118,18 @@ fn early(
 ) -> Option<(ProgramSpec, BuiltProgram)> {
     let cache = guess::cache(args);
     let spec = guess::likely(&cache, args, sources, &device.info)?;
-    let kept = Kept::of(cache.clone(), &device.info);
+    let programs = ProgramCache::of(cache.clone(), &device.info);
     let hurries = hurry::may(args, &device.info, guess::sampling(args))
-        && !BuiltProgram::is_kept(queue.device, &spec, &kept);
+        && !BuiltProgram::is_cached(queue.device, &spec, &programs);
     let spec = if hurries { guess::quick(&cache, args, sources, &device.info)? } else { spec };
-    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept).ok()?;
+    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &programs).ok()?;
     Some((spec, built))
 }
 
-/// Returns the program for the display transform if the device does not share the host's memory. If the device's
-/// compiler refuses raycl's own program, the host applies the transform. If [`hurry::may`] returns true, the picture
-/// does not wait until this program is compiled: the uncompiled program is then returned as the second value.
+/// Returns the program for the display transform (from radiance to 8-bit colours) if the device does not share the
+/// host's memory. If the device's compiler refuses raycl's own program, the host applies the transform. If
+/// [`hurry::may`] returns true, the picture does not wait until this program is compiled: the uncompiled program is
+/// then returned as the second value.
 ///
 /// # Errors
 ///
@@ -141,13 +143,13 @@ fn show(
     if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {
         return Ok((None, None));
     }
-    let kept = Kept::of(guess::cache(args), &device.info);
+    let programs = ProgramCache::of(guess::cache(args), &device.info);
     let spec = ShowProgram::spec(sources, queue)?;
     let hurries = hurry::may(args, &device.info, guess::sampling(args));
-    if hurries && !BuiltProgram::is_kept(queue.device, &spec, &kept) {
+    if hurries && !BuiltProgram::is_cached(queue.device, &spec, &programs) {
         return Ok((None, Some(spec)));
     }
-    Ok((ShowProgram::usable(queue, &spec, &kept, (sources, &device.info))?, None))
+    Ok((ShowProgram::usable(queue, &spec, &programs, (sources, &device.info))?, None))
 }
 
 #[cfg(test)]
@@ -163,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_display_kernel_of_the_user_is_built_or_its_mistake_is_told_with_its_file() {
+    fn a_display_kernel_of_the_user_is_built_or_its_mistake_is_reported_with_its_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("display/show.cl");
         std::fs::create_dir(folder.path().join("display")).expect("a folder");

@@ -10,7 +10,7 @@ use crate::strategy::{Strategy, preset_of};
 use crate::words::{counted, rate};
 use serde::Serialize;
 
-/// The fields of `--json`.
+/// The report. With `--json`, raycl prints an object with these fields.
 #[derive(Debug, Default, Serialize)]
 pub struct Report {
     /// The scene's name.
@@ -25,7 +25,7 @@ pub struct Report {
     pub threads: Option<u32>,
     /// The preset that equals the strategy; null if there is none.
     pub preset: Option<&'static str>,
-    /// Every axis of the strategy.
+    /// The value of every axis of the strategy.
     pub strategy: String,
     /// Work-items per work-group, across and down.
     pub local_size: [u32; 2],
@@ -68,14 +68,15 @@ pub struct Report {
     pub parts: Vec<Part>,
     /// The sum of the parts: the time of the whole command.
     pub total_ms: f64,
-    /// Primary and shadow rays of a frame, divided by its time.
+    /// The number of primary and shadow rays of a frame, divided by the frame's device time in seconds.
     pub frame_rays_per_s: f64,
-    /// Primary rays divided by the time of the primary pass, if there is one.
+    /// The number of primary rays, divided by the time of the primary pass in seconds; null if there is no primary
+    /// pass.
     pub primary_rays_per_s: Option<f64>,
-    /// Shadow rays divided by the time of the shadow pass, if there is one.
+    /// The number of shadow rays, divided by the time of the shadow pass in seconds; null if there is no shadow pass.
     pub shadow_rays_per_s: Option<f64>,
-    /// Primary rays x triangles divided by the time of the primary pass, or of the frame if passes are fused;
-    /// null if not every triangle is tested.
+    /// The number of primary rays, multiplied by the number of triangles and divided by the time in seconds of the
+    /// primary pass, or of the frame if passes are fused. Null if not every triangle is tested.
     pub tests_per_s: Option<f64>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
@@ -150,7 +151,7 @@ impl Verified {
 }
 
 impl Report {
-    /// Fills in the fields that are known after casting; the caller adds the others.
+    /// Fills in the fields that are known after casting; the caller adds the other fields.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let triangles = scene.mesh.triangles.len();
@@ -294,11 +295,11 @@ mod tests {
     #[test]
     fn a_part_says_what_is_special_about_it() {
         let plain = Report { frames: 1, ..Report::default() };
-        let kept = Report { frames: 5, build_from_cache: true, ..Report::default() };
+        let cached = Report { frames: 5, build_from_cache: true, ..Report::default() };
         assert_eq!(["build", "casting", "load"].map(|part| plain.remark(part)), [""; 3]);
         let casting = " (5 timed frames; a first frame of up to 1 s is not timed)";
         assert_eq!(
-            ["build", "casting", "load"].map(|part| kept.remark(part)),
+            ["build", "casting", "load"].map(|part| cached.remark(part)),
             [" (from the cache)", casting, ""]
         );
     }
@@ -322,11 +323,11 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_of_the_pixels_is_told_from_all_of_them() {
+    fn a_sample_of_the_pixels_is_distinguished_from_all_of_them() {
         let text =
             |pixels| Verified { max_difference: 1.5e-6, uncertain_pixels: 1, pixels, of_pixels: 40 }.text();
-        let found = "against the reference picture: largest relative difference 1.5e-6, 1 pixel uncertain";
-        assert_eq!(text(40), format!("verified  {found}"));
-        assert_eq!(text(10), format!("verified  10 of 40 pixels, chosen at random, {found}"));
+        let result = "against the reference picture: largest relative difference 1.5e-6, 1 pixel uncertain";
+        assert_eq!(text(40), format!("verified  {result}"));
+        assert_eq!(text(10), format!("verified  10 of 40 pixels, chosen at random, {result}"));
     }
 }

@@ -17,25 +17,26 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The fields of `--json`.
+/// The report. With `--json`, raycl prints an object with these fields.
 #[derive(Serialize)]
 struct Report {
     scene: String,
     triangles: usize,
-    /// Every axis of the strategy, if all devices use the same strategy.
+    /// The value of every axis of the strategy, if all devices use the same strategy.
     strategy: Option<String>,
     /// Local size, if all devices use the same local size.
     local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
     /// Samples per pixel.
     samples: u32,
-    /// The longest of the devices' times; all devices cast at the same time.
+    /// The longest of the devices' times for the frame. It is the time of the whole frame, since all devices cast at
+    /// the same time.
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
     /// The longest time that a device takes to send its rows back.
     read_ms: f64,
-    /// Primary and shadow rays of all samples, divided by the longest device time.
+    /// The number of primary and shadow rays of all samples, divided by the longest device time in seconds.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
     /// Devices that were not used, because they would have slowed the frame down or because the frame has too few rows.
@@ -57,7 +58,7 @@ struct Row {
     device: String,
     /// The preset that equals the device's strategy; null if there is none.
     preset: Option<&'static str>,
-    /// Every axis of the strategy.
+    /// The value of every axis of the strategy.
     strategy: String,
     /// Work-items per work-group, across and down.
     local_size: [u32; 2],
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_is_told_once_only_if_all_devices_have_it() {
+    fn a_value_is_printed_once_only_if_all_devices_have_it() {
         let of = |sizes: &[[u32; 2]]| {
             let row = |&local_size: &[u32; 2]| Row::from(Share { local_size, ..share("one", [0, 1]) });
             same(&sizes.iter().map(row).collect::<Vec<_>>(), |row| row.local_size)

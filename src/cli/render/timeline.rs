@@ -1,5 +1,5 @@
-//! Measures where a command's time goes. The parts of this time follow one another without gaps, so that no time is
-//! left out.
+//! Measures how long each part of a command's work takes. The parts of this time follow one another without gaps, so
+//! that no time is left out.
 
 use crate::load::processor_time;
 use serde::Serialize;
@@ -14,7 +14,7 @@ pub struct Part {
     pub ms: f64,
 }
 
-/// The parts so far.
+/// The parts of a command's time that have ended so far.
 pub struct Timeline {
     /// The time at which the latest part ended; before the first part, the time at which the timeline was made.
     last: Instant,

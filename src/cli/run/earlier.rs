@@ -37,9 +37,9 @@ mod tests {
 
     #[test]
     fn records_come_from_all_folders_beside_and_the_latest_last() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         for (age_s, name) in [(10, "b"), (30, "a"), (20, "c")] {
-            let folder = place.path().join(name);
+            let folder = parent.path().join(name);
             std::fs::create_dir(&folder).unwrap();
             let record = Record { name: name.to_owned(), ..Record::default() };
             let journal = folder.join("records.jsonl");
@@ -47,15 +47,15 @@ mod tests {
             let changed = SystemTime::now() - Duration::from_secs(age_s);
             std::fs::File::options().append(true).open(&journal).unwrap().set_modified(changed).unwrap();
         }
-        std::fs::create_dir(place.path().join("empty")).unwrap();
+        std::fs::create_dir(parent.path().join("empty")).unwrap();
         let names: Vec<String> =
-            earlier(&place.path().join("b")).into_iter().map(|record| record.name).collect();
+            earlier(&parent.path().join("b")).into_iter().map(|record| record.name).collect();
         assert_eq!(names, ["a", "c", "b"]);
     }
 
     #[test]
     fn launches_that_the_run_has_completed_are_not_expected_again() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let experiment = experiment("local_sizes = [4]\ntiming = { launches = 2 }");
         let (device, locks) = (asleep::device(1.0), Locks::of_machine(false));
         let (devices, sources, arguments) = ([&device], [Sources::Embedded], args(&["a.toml"]));
@@ -65,13 +65,13 @@ mod tests {
         let planned = run.planned_points().unwrap().into_iter();
         let samples = planned.map(|(_, _, point)| (point.key, vec![taken; 5])).collect();
         let past = Past { samples, ..Past::default() };
-        let frames = |past: &Past| foreseen(&run, &place.path().join("out"), past).unwrap().least_frames;
+        let frames = |past: &Past| foreseen(&run, &folder.path().join("out"), past).unwrap().least_frames;
         assert_eq!([frames(&Past::default()), frames(&past)], [10, 5]);
     }
 
     #[test]
     fn failed_points_are_expected_again_only_if_they_are_retried() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let experiment = experiment("local_sizes = [4]");
         let (device, locks) = (asleep::device(1.0), Locks::of_machine(false));
         let devices = [&device];
@@ -104,7 +104,7 @@ mod tests {
             assert_eq!(done.len(), planned.len());
             let past = Past { records: done, ..Past::default() };
             [false, true]
-                .map(|retries| foreseen(&run(retries), &place.path().join("out"), &past).unwrap().points)
+                .map(|retries| foreseen(&run(retries), &folder.path().join("out"), &past).unwrap().points)
         };
         assert_eq!(counts(Outcome::BuildFailed, "no"), [0, 1]);
         assert_eq!(counts(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B"), [0, 1]);

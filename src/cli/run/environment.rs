@@ -1,4 +1,4 @@
-//! The machine, devices, program and files that a run records.
+//! Collects what a run records about the machine, the devices, the program and the input files.
 
 use crate::config::Experiment;
 use crate::device::{DeviceInfo, variables};
@@ -65,9 +65,9 @@ mod tests {
 
     #[test]
     fn the_environment_has_the_config_the_devices_and_the_hash_of_every_file() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
-        let config = place.path().join("a.toml");
+        let config = folder.path().join("a.toml");
         let text = format!(
             "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nlocal_sizes = [4]\nstrategies = ['naive']\n\
              image_sizes = [[8, 5]]\n"
@@ -75,19 +75,19 @@ mod tests {
         std::fs::write(&config, &text).unwrap();
         let experiment = crate::config::load(&config, &[("timing.seed".to_owned(), "3".to_owned())]).unwrap();
         let device = crate::experiment::asleep::device(1.0);
-        let own = Sources::Folder(place.path().to_owned());
-        let found = environment(&experiment, &[&device], &[Sources::Embedded, own.clone()]);
-        assert_eq!((found.config_path, found.config), (config.display().to_string(), text));
-        assert_eq!((found.overrides.len(), found.devices.len()), (1, 1));
-        assert_eq!(found.devices[0], DeviceEnvironment::of(&device));
+        let own = Sources::Folder(folder.path().to_owned());
+        let described = environment(&experiment, &[&device], &[Sources::Embedded, own.clone()]);
+        assert_eq!((described.config_path, described.config), (config.display().to_string(), text));
+        assert_eq!((described.overrides.len(), described.devices.len()), (1, 1));
+        assert_eq!(described.devices[0], DeviceEnvironment::of(&device));
         let hash = |path: &Path| Some(blake3::hash(&std::fs::read(path).unwrap()).to_hex().to_string());
         let expected = [
             ("config", config.display().to_string(), hash(&config)),
             ("scene", scene.display().to_string(), hash(&scene)),
             ("kernels", "built in".to_owned(), Sources::Embedded.hash()),
-            ("kernels", place.path().display().to_string(), own.hash()),
+            ("kernels", folder.path().display().to_string(), own.hash()),
         ];
-        let sources: Vec<_> = found
+        let sources: Vec<_> = described
             .sources
             .iter()
             .map(|source| (&*source.what, source.path.clone(), source.hash.clone()))

@@ -1,4 +1,4 @@
-//! The default folder for results.
+//! Chooses the folder for results if the user names none.
 
 use crate::settings::results;
 use std::io::ErrorKind;
@@ -44,22 +44,22 @@ mod tests {
 
     #[test]
     fn the_latest_folder_is_gone_on_with_and_a_new_run_takes_the_next_name() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         // If the name is an absolute path, `results` is not put before the name.
-        let name = place.path().join("quick").display().to_string();
+        let name = parent.path().join("quick").display().to_string();
         let numbered = |ending: &str| PathBuf::from(format!("{name}{ending}"));
-        let found = || [true, false].map(|resume| default_folder(&name, resume));
-        assert_eq!(found(), [numbered(""), numbered("")]);
+        let default_folders = || [true, false].map(|resume| default_folder(&name, resume));
+        assert_eq!(default_folders(), [numbered(""), numbered("")]);
         for ending in ["", "-2", "-3"] {
             std::fs::create_dir(numbered(ending)).unwrap();
         }
-        assert_eq!(found(), [numbered("-3"), numbered("-4")]);
+        assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
     }
 
     #[test]
     fn runs_that_begin_at_once_make_different_folders() {
-        let place = tempfile::tempdir().unwrap();
-        let name = |path: &str| place.path().join(path).display().to_string();
+        let parent = tempfile::tempdir().unwrap();
+        let name = |path: &str| parent.path().join(path).display().to_string();
         let quick = name("results/quick");
         let mut folders: Vec<PathBuf> = std::thread::scope(|scope| {
             let threads: Vec<_> = (0..3).map(|_| scope.spawn(|| new_folder(&quick))).collect();
@@ -69,7 +69,7 @@ mod tests {
         assert_eq!(folders, ["", "-2", "-3"].map(|ending| PathBuf::from(format!("{quick}{ending}"))));
         assert!(folders.iter().all(|folder| folder.is_dir()));
         // The reason why a folder cannot be made is reported later.
-        std::fs::write(place.path().join("file"), "").unwrap();
-        assert_eq!(new_folder(&name("file/quick")), place.path().join("file/quick"));
+        std::fs::write(parent.path().join("file"), "").unwrap();
+        assert_eq!(new_folder(&name("file/quick")), parent.path().join("file/quick"));
     }
 }

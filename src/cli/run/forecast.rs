@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_note_on_the_scene_of_several_points_is_told_once() {
+    fn a_note_on_the_scene_of_several_points_is_printed_once() {
         let noted = |words: &[&str]| {
             let scene_notes = words.iter().map(|note| (*note).to_owned()).collect();
             Forecast { scene_notes, ..point(None, None) }
@@ -117,22 +117,22 @@ mod tests {
         let other = point(Some("too large"), Some("for GPUs"));
         let end = ". Nothing was compiled or measured.";
         assert_eq!(counts(std::slice::from_ref(&fits)), format!("1 point, 0 of which do not fit{end}"));
-        let told = counts(&[fits.clone(), too_large.clone(), fits]);
-        assert_eq!(told, format!("3 points, 1 of which does not fit{end}"));
-        let told = counts(&[too_large.clone(), other.clone()]);
+        let line = counts(&[fits.clone(), too_large.clone(), fits]);
+        assert_eq!(line, format!("3 points, 1 of which does not fit{end}"));
+        let line = counts(&[too_large.clone(), other.clone()]);
         let other_kind = "devices of another kind";
-        assert_eq!(told, format!("2 points, 1 of which does not fit and 1 is meant for {other_kind}{end}"));
-        let told = counts(&[other.clone(), other]);
-        assert_eq!(told, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
+        assert_eq!(line, format!("2 points, 1 of which does not fit and 1 is meant for {other_kind}{end}"));
+        let line = counts(&[other.clone(), other]);
+        assert_eq!(line, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
     }
 
     #[test]
     fn points_that_need_not_be_measured_again_are_counted() {
         let (left, done) = (point(None, None), Forecast { done: true, ..point(None, None) });
         let end = ". Nothing was compiled or measured.";
-        let told = counts(&[done.clone(), left.clone()]);
-        assert_eq!(told, format!("2 points, 0 of which do not fit; 1 is done{end}"));
-        let told = counts(&[done.clone(), left, done]);
-        assert_eq!(told, format!("3 points, 0 of which do not fit; 2 are done{end}"));
+        let line = counts(&[done.clone(), left.clone()]);
+        assert_eq!(line, format!("2 points, 0 of which do not fit; 1 is done{end}"));
+        let line = counts(&[done.clone(), left, done]);
+        assert_eq!(line, format!("3 points, 0 of which do not fit; 2 are done{end}"));
     }
 }

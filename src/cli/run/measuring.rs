@@ -6,15 +6,15 @@ use crate::device::DeviceInfo;
 use crate::device_lock::LockName;
 use crate::error::Result;
 use crate::experiment::{Ahead, Builder, Observer, Processes, Results, Run, Spawner};
-use crate::program::Kept;
+use crate::program::ProgramCache;
 use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The largest number of builders.
+/// The largest number of builders (processes that compile programs before workers need them).
 const MOST_BUILDERS: usize = 16;
-/// Device memory per builder, in bytes: a driver needs some hundreds of megabytes for each process that opens the
-/// device.
+/// Device memory that is reserved per builder, in bytes. A driver needs some hundreds of megabytes for each process
+/// that opens the device.
 const BYTES_PER_BUILDER: u64 = 1 << 30;
 
 /// Measures the missing points; workers write their pictures into `folder`.
@@ -26,8 +26,8 @@ pub fn execute(
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Vec<Record>> {
-    let kept = of_workers(&run, |device| Kept::of(Cache::of_user(), device));
-    let ahead = Ahead::new(kept, of_workers(&run, |device| LockName::of(Some(device))));
+    let programs = of_workers(&run, |device| ProgramCache::of(Cache::of_user(), device));
+    let ahead = Ahead::new(programs, of_workers(&run, |device| LockName::of(Some(device))));
     // Workers that only wait (for tests) need no programs.
     let keeps = args.asleep.is_none() && Cache::of_user().keeps();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
@@ -61,8 +61,9 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..builder_count(cores, run.devices)).map(builder).collect()
 }
 
-/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than fit into each device's
-/// memory at the same time if scenes are small. If a scene is large, only some of the builders hold it.
+/// Returns the number of builders (processes that compile programs before workers need them). There is one builder per
+/// core, but at most `MOST_BUILDERS`, and no more than fit into each device's memory at the same time if scenes are
+/// small. If a scene is large, only some of the builders hold the scene.
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))

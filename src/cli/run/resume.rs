@@ -16,7 +16,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), path_word(&args.config)];
     words.extend(option("--out", out.display()));
     words.extend(choices(args));
-    // Once the peak rates are in the folder, the run does not need them again.
+    // Once the peak rates are in the folder, the run does not need the option `--peak` again.
     words.extend(peak_option(args).filter(|_| !out.join(peak::FILE).exists()));
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.spread.then(|| "--spread".to_owned()));
@@ -80,40 +80,40 @@ mod tests {
     #[test]
     fn names_that_begin_with_a_dash_are_not_read_as_options() {
         let dashed = args(&["--device=-h200", "--cl-dir=-kernels", "--", "-e.toml"]);
-        let told = resuming(&dashed, Path::new("-a"));
-        assert_eq!(told, "raycl run ./-e.toml --out=-a --device=-h200 --cl-dir=-kernels --resume");
-        let again = args(&told.split(' ').skip(2).collect::<Vec<_>>());
+        let command = resuming(&dashed, Path::new("-a"));
+        assert_eq!(command, "raycl run ./-e.toml --out=-a --device=-h200 --cl-dir=-kernels --resume");
+        let again = args(&command.split(' ').skip(2).collect::<Vec<_>>());
         assert_eq!(again.out.as_deref(), Some(Path::new("-a")));
-        assert_eq!(resuming(&again, Path::new("-a")), told);
+        assert_eq!(resuming(&again, Path::new("-a")), command);
     }
 
     #[test]
     fn the_command_that_continues_waits_as_little_and_has_the_peak_rates_unless_they_are_stored() {
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path().display().to_string();
-        let of = |more: &[&str]| resuming(&args(&[&["a.toml"], more].concat()), place.path());
-        let told = |options: &str| format!("raycl run a.toml --out {out}{options} --resume");
-        assert_eq!(of(&["--peak", "--no-wait"]), told(" --peak --no-wait"));
-        assert_eq!(of(&["--peak=h200.json"]), told(" --peak=h200.json"));
-        assert_eq!(of(&["--resume", "--retry-failed"]), told(" --retry-failed"));
-        std::fs::write(place.path().join(peak::FILE), "[]").unwrap();
-        assert_eq!(of(&["--peak=h200.json"]), told(""));
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().display().to_string();
+        let of = |more: &[&str]| resuming(&args(&[&["a.toml"], more].concat()), folder.path());
+        let command = |options: &str| format!("raycl run a.toml --out {out}{options} --resume");
+        assert_eq!(of(&["--peak", "--no-wait"]), command(" --peak --no-wait"));
+        assert_eq!(of(&["--peak=h200.json"]), command(" --peak=h200.json"));
+        assert_eq!(of(&["--resume", "--retry-failed"]), command(" --retry-failed"));
+        std::fs::write(folder.path().join(peak::FILE), "[]").unwrap();
+        assert_eq!(of(&["--peak=h200.json"]), command(""));
     }
 
     #[test]
     fn the_command_that_continues_fails_on_the_same_regression() {
         let two = args(&["a.toml", "--cl-dir", "a", "--cl-dir", "b", "--fail-on-regression", "2.5"]);
-        let told = resuming(&two, Path::new("c"));
-        assert_eq!(told, "raycl run a.toml --out c --cl-dir a --cl-dir b --fail-on-regression 2.5 --resume");
+        let line = resuming(&two, Path::new("c"));
+        assert_eq!(line, "raycl run a.toml --out c --cl-dir a --cl-dir b --fail-on-regression 2.5 --resume");
     }
 
     #[test]
     fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
-        let told =
+        let remedy_of =
             |error: Error| say_how_to_resume(error, &args(&["a.toml"]), Path::new("b")).remedy().to_owned();
         let command = "to continue from here: raycl run a.toml --out b --resume";
-        assert_eq!(told(Error::run("full").with_help("make room")), format!("make room\n{command}"));
-        assert_eq!(told(Error::interrupted("half")), command);
-        assert_eq!(told(Error::input("no").with_help("correct it")), "correct it");
+        assert_eq!(remedy_of(Error::run("full").with_help("make room")), format!("make room\n{command}"));
+        assert_eq!(remedy_of(Error::interrupted("half")), command);
+        assert_eq!(remedy_of(Error::input("no").with_help("correct it")), "correct it");
     }
 }

@@ -103,13 +103,13 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let mut expected_ms = vec![0.0; header.shards as usize];
     for block in &blocks {
         let borrowed = block.control.filter(|_| block.borrows_control());
-        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|place| costs.get(place)).sum();
+        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|point| costs.get(point)).sum();
         expected_ms[block.shard as usize - 1] += cost;
     }
     let points = run.plan_of_one_device().points;
     let mut cases: Vec<usize> = Vec::new();
-    for (place, point) in points.iter().enumerate() {
-        let is_new = place > 0 && !point.is_beside(&points[place - 1]);
+    for (index, point) in points.iter().enumerate() {
+        let is_new = index > 0 && !point.is_beside(&points[index - 1]);
         cases.push(cases.last().map_or(0, |case| case + usize::from(is_new)));
     }
     let points = points.iter().map(|point| point.label(run.experiment)).collect();
@@ -132,7 +132,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        // Only a device that neither the command nor the config names has to be noted.
+        // If neither the command nor the config names a device, the user's settings decide, so the device that they
+        // name is noted.
         let is_named = super::names_devices(self.args, self.run.experiment);
         let about = About {
             device: settings::device().filter(|_| !is_named),
@@ -143,15 +144,17 @@ impl Part<'_> {
         watch_launcher(&attempt, self.asked);
         let pulse = Pulse::start(&attempt.folder)?;
         let mut listener = observer(self.args.quiet, self.args.verbose);
-        let found = self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
-        // The last count must be in the folder before it is marked as ended; others may copy the folder from then on.
+        let result =
+            self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
+        // The attempt's counter must have its last value in the folder before the attempt is marked as ended: from then
+        // on, other processes may copy the folder.
         drop(pulse);
-        attempt.ended(&match &found {
+        attempt.ended(&match &result {
             Ok(_) => End::Done,
             Err(Error::Interrupted { .. }) => End::Interrupted,
             Err(error) => End::Failed(error.to_string()),
         })?;
-        found
+        result
     }
 
     fn attempt(
@@ -185,14 +188,14 @@ impl Part<'_> {
     /// The host counts as a kind of device if casters on the host are among these points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let plan = self.run.plan_of_one_device();
-        let mut own_points = own.iter().filter_map(|place| plan.points.get(*place));
+        let mut own_points = own.iter().filter_map(|index| plan.points.get(*index));
         let has_host = own_points.any(|point| point.device.is_none());
         let kinds = self
             .run
             .devices
             .iter()
             .enumerate()
-            .map(|(place, device)| (Some(place), device.label.clone(), identity(device)));
+            .map(|(index, device)| (Some(index), device.label.clone(), identity(device)));
         let host =
             has_host.then(|| (None, crate::record::HOST.to_owned(), crate::experiment::host_identity()));
         let wanted: Vec<_> = kinds.chain(host).collect();
@@ -244,10 +247,10 @@ mod tests {
 
     #[test]
     fn the_points_of_a_shard_are_counted_and_one_is_a_point() {
-        let told = |points| done(Shard { number: 1, of: 2 }, points, "out");
+        let line = |points| done(Shard { number: 1, of: 2 }, points, "out");
         let end = "When all shards have ended: raycl merge out";
         assert_eq!(
-            [told(1), told(2)],
+            [line(1), line(2)],
             ["1 point", "2 points"].map(|points| format!("shard 1/2: {points}. {end}"))
         );
     }
@@ -263,8 +266,8 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn a_folder_that_cannot_be_made_is_refused_before_the_devices_are_listed() {
-        let place = tempfile::tempdir().expect("a folder");
-        let (config, root) = (place.path().join("a.toml"), env!("CARGO_MANIFEST_DIR"));
+        let folder = tempfile::tempdir().expect("a folder");
+        let (config, root) = (folder.path().join("a.toml"), env!("CARGO_MANIFEST_DIR"));
         let lines = "question = '?'\nexpectation = '!'\nstrategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [4]";
         std::fs::write(&config, format!("{lines}\nscenes = ['{root}/scenes/triangle.toml']\n"))
             .expect("a file");
@@ -280,16 +283,16 @@ mod tests {
     /// measures (borrows) the control point of a group, although this point belongs to another shard.
     #[test]
     fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
-        let place = tempfile::tempdir().expect("a folder");
+        let folder = tempfile::tempdir().expect("a folder");
         let experiment = fixtures::experiment("local_sizes = [1, 2, 4, 8]\nbaselines = ['serial']");
         let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
         let (devices, sources, args) = ([&device], [Sources::Embedded], fixtures::args(&["a.toml"]));
         let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
         let header = Header { shards: 3, ..Header::default() };
-        let plan = make(&run, header.clone(), &place.path().join("out")).expect("a plan");
+        let plan = make(&run, header.clone(), &folder.path().join("out")).expect("a plan");
         assert_eq!(plan.header, header);
         assert_eq!(plan.cases, [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
-        let named = |place: usize| plan.points[place].as_str();
+        let named = |index: usize| plan.points[index].as_str();
         assert_eq!(plan.points.len(), 10);
         assert_eq!([named(0), named(9)], ["triangle 8x5 host serial-f32", "triangle 16x10 naive 8x8"]);
         check_times(&run, &plan);
@@ -302,8 +305,8 @@ mod tests {
     /// Checks that the expected time of each shard is that of its points and of its borrowed control points.
     fn check_times(run: &Run<'_>, plan: &ShardPlan) {
         let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
-        let ms = |place: usize| costs.iter().find(|cost| cost.point == place).expect("a cost").ms;
-        for (number, found) in (1..).zip(&plan.expected_ms) {
+        let ms = |point: usize| costs.iter().find(|cost| cost.point == point).expect("a cost").ms;
+        for (number, planned) in (1..).zip(&plan.expected_ms) {
             let own = plan.blocks.iter().filter(|block| block.shard == number);
             let expected: f64 = own
                 .map(|block| {
@@ -312,8 +315,8 @@ mod tests {
                 })
                 .sum();
             assert!(
-                expected > 0.0 && (found - expected).abs() < 1e-9 * expected,
-                "{number}: {found} {expected}"
+                expected > 0.0 && (planned - expected).abs() < 1e-9 * expected,
+                "{number}: {planned} {expected}"
             );
         }
     }
@@ -321,7 +324,7 @@ mod tests {
     /// In the plan, the host's point of the second scene lies between the device's points of both scenes.
     #[test]
     fn scenes_that_are_compared_are_in_one_block_of_each_device_and_size() {
-        let place = tempfile::tempdir().expect("a folder");
+        let folder = tempfile::tempdir().expect("a folder");
         let lines = "compare_scenes = true\nlocal_sizes = [1, 2]\nbaselines = ['serial']";
         let other = "[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
         let experiment = fixtures::experiment(&format!("{lines}\n{other}"));
@@ -329,7 +332,7 @@ mod tests {
         let (devices, sources, args) = ([&device], [Sources::Embedded], fixtures::args(&["a.toml"]));
         let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
         let header = Header { shards: 2, ..Header::default() };
-        let plan = make(&run, header, &place.path().join("out")).expect("a plan");
+        let plan = make(&run, header, &folder.path().join("out")).expect("a plan");
         let points: Vec<_> = plan.blocks.iter().map(|block| block.points.clone()).collect();
         assert_eq!(points, [vec![0, 3], vec![1, 2, 4, 5], vec![6, 9], vec![7, 8, 10, 11]]);
         check_times(&run, &plan);
@@ -341,18 +344,18 @@ mod tests {
             let experiment = fixtures::experiment(lines);
             header(&experiment, &Sources::Embedded, 4).expect("a header")
         };
-        let found = of("local_sizes = [1]");
+        let first = of("local_sizes = [1]");
         let scene =
             crate::scene::load_scene(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml"));
-        assert_eq!((found.shards, &found.kernels), (4, &Sources::Embedded.hash()));
-        assert_eq!(found.scenes, [scene.expect("a scene").scene.content_hash()]);
-        assert_ne!(found.config_hash, of("local_sizes = [2]").config_hash);
+        assert_eq!((first.shards, &first.kernels), (4, &Sources::Embedded.hash()));
+        assert_eq!(first.scenes, [scene.expect("a scene").scene.content_hash()]);
+        assert_ne!(first.config_hash, of("local_sizes = [2]").config_hash);
     }
 
     #[test]
     fn only_folders_of_shards_and_new_folders_are_written_to() {
-        let place = tempfile::tempdir().expect("a folder");
-        let [new, run, others] = ["new", "run", "others"].map(|name| place.path().join(name));
+        let parent = tempfile::tempdir().expect("a folder");
+        let [new, run, others] = ["new", "run", "others"].map(|name| parent.path().join(name));
         assert!(refuse_others(&new, false).is_ok());
         for (folder, file) in [(&run, "records.jsonl"), (&others, "thesis.tex")] {
             std::fs::create_dir(folder).expect("a folder");
@@ -361,7 +364,7 @@ mod tests {
         let refused = |folder: &Path, force| refuse_others(folder, force).map_err(|error| error.to_string());
         assert!(
             refused(&run, true)
-                .is_err_and(|told| told.ends_with("holds the results of a run without shards"))
+                .is_err_and(|message| message.ends_with("holds the results of a run without shards"))
         );
         assert!(refused(&others, false).is_err() && refused(&others, true).is_ok());
     }

@@ -7,7 +7,7 @@ use crate::record::{ordinary, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The file of blocks in the folder of results.
+/// The name of the file in the folder of results that stores a run's blocks.
 const FILE: &str = "blocks.json";
 
 /// The blocks into which the points of a run were cut.
@@ -70,29 +70,29 @@ mod tests {
     fn blocks_that_leave_a_point_out_are_not_gone_on_with() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(FILE);
-        let found = |text: &str| {
+        let block_count = |text: &str| {
             std::fs::write(&path, text).unwrap();
             read(&path).map(|spread| spread.blocks.len())
         };
         let text = r#"{"devices":2,"points":["a","b"],"blocks":[{"number":1,"shard":1,"points":[1,0],"control":null}]}"#;
-        assert_eq!(found(text), Some(1));
+        assert_eq!(block_count(text), Some(1));
         assert_eq!(
-            (found(&text.replace("[1,0]", "[1]")), found(&text.replace("[1,0]", "[1,1]"))),
+            (block_count(&text.replace("[1,0]", "[1]")), block_count(&text.replace("[1,0]", "[1,1]"))),
             (None, None)
         );
-        assert_eq!((found("{"), read(folder.path()).is_none()), (None, true));
+        assert_eq!((block_count("{"), read(folder.path()).is_none()), (None, true));
     }
 
     #[test]
     fn blocks_of_the_first_session_are_kept_for_the_same_points_on_as_many_devices() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
         let (sources, args) = ([Sources::Embedded], fixtures::args(&["a.toml", "--spread"]));
         let blocks_of = |lines: &str, devices: &[&DeviceInfo]| {
             let experiment = fixtures::experiment(lines);
             let run = super::super::run_of(&args, &experiment, devices, &sources, &locks).unwrap();
-            let spread = Spread::of(&run, place.path()).unwrap();
-            spread.write(place.path()).unwrap();
+            let spread = Spread::of(&run, folder.path()).unwrap();
+            spread.write(folder.path()).unwrap();
             spread.blocks
         };
         let lines = "local_sizes = [1, 2, 4, 8]";
@@ -102,7 +102,7 @@ mod tests {
         shards.dedup();
         assert_eq!(shards, [1, 2], "each device has a part");
         // The points are cut again only if the number of devices or the points have changed.
-        let path = place.path().join(FILE);
+        let path = folder.path().join(FILE);
         let text = std::fs::read_to_string(&path).unwrap();
         let marked = text.replacen("\"number\":1,", "\"number\":77,", 1);
         std::fs::write(&path, &marked).unwrap();

@@ -68,8 +68,8 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     }
 }
 
-/// Returns the kernels of two folders. Each folder's workers read the experiment with the values of their own folder,
-/// so an experiment with a value that only one folder has is refused.
+/// Returns the kernels of two folders. A folder may add values to axes, and each folder's workers know only the values
+/// of their own folder. So an experiment with a value that only one folder has is refused.
 fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     let (mut sources, mut refused) = (Vec::new(), Vec::new());
     for folder in folders {
@@ -79,12 +79,12 @@ fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     match refused.pop() {
         None => Ok(sources),
         Some((error, folder)) if refused.is_empty() => Err(refused_by(error, folder)),
-        // The mistake is in the experiment itself.
+        // The experiment is refused with both folders, so the mistake is in the experiment itself.
         Some((error, _)) => Err(error),
     }
 }
 
-/// Adds to an error about the experiment that only this folder's kernels cause the error.
+/// Adds, to the help of an error about the experiment, that the error occurs only with the kernels of `folder`.
 fn refused_by(error: Error, folder: &Path) -> Error {
     let help = format!(
         "this is so with the kernels of {} only; to compare two folders, both must have every value that the experiment names; {}",
@@ -132,7 +132,7 @@ mod tests {
         let of = |words: &[&str], spread| sources(&args(&[&["configs/quick.toml"], words].concat()), spread);
         let two = ["--cl-dir", "cl", "--cl-dir", "cl"];
         assert_eq!(
-            [of(&[], true), of(&two[..2], true), of(&two, false)].map(|found| found.unwrap().len()),
+            [of(&[], true), of(&two[..2], true), of(&two, false)].map(|folders| folders.unwrap().len()),
             [1, 1, 2]
         );
         assert!(of(&two, true).unwrap_err().to_string().contains("on one device"));

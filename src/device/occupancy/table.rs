@@ -74,8 +74,8 @@ pub fn capabilities() -> String {
 /// Returns the limits of a compute capability. The error names the nearest supported one.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
-    if let Some(found) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
-        return Ok(found);
+    if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
+        return Ok(sm);
     }
     let error = Error::input(format!(
         "'{compute_capability}' is not a supported compute capability; expected one of {}",

@@ -141,7 +141,7 @@ mod tests {
         Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
     }
 
-    /// Builds programs of these jobs and points, and returns the times in the replies.
+    /// Builds programs of these jobs and points, and returns the build times in the replies.
     fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
         let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
         let patience = Patience { limit, interrupted: &interrupted };

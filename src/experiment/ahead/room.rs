@@ -17,13 +17,14 @@ impl Room {
     /// The room for builders whose memory is not limited.
     pub const UNLIMITED: Self = Self { builders: usize::MAX, scenes: usize::MAX };
 
-    /// Returns how many builders fit into memory with a workload.
+    /// Returns how many builders fit into memory if they build programs for this workload, which describes the scene,
+    /// the image size and the local size.
     ///
     /// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process
     /// for each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together
     /// may use half of the `available_bytes` of the host's memory, and half of a device's memory. The other half is
-    /// left for the workers that measure, and for the few builders that need second processes, without the driver's
-    /// cache.
+    /// left for the workers that measure, and for the second processes of a few builders, which compile programs
+    /// without the driver's cache.
     pub fn of(
         strategy: &Strategy,
         workload: &Workload,
@@ -66,7 +67,7 @@ mod tests {
         assert_eq!([7, 8].map(|scenes| most(scenes * host_bytes, all, [1, 1])), [3, 4]);
         assert_eq!([[2, 1], [2, 2]].map(|processes| most(8 * host_bytes, all, processes)), [2, 1]);
         assert_eq!([5, 6].map(|scenes| most(all, scenes * device_bytes, [1, 1])), [2, 3]);
-        // The devices of a builder's processes have memories of their own.
+        // Each device has its own memory, so the number of devices does not matter here.
         assert_eq!([[2, 1], [1, 2]].map(|processes| most(all, 8 * device_bytes, processes)), [4, 2]);
         assert_eq!([most(0, all, [1, 1]), most(all, 0, [1, 1])], [1, 1]);
     }

@@ -4,7 +4,7 @@ use super::*;
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
-use crate::program::KeptProgram;
+use crate::program::StoredProgram;
 use crate::record::Record;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -117,19 +117,19 @@ fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
     };
     let (points, with, tally) = built(None, &mut [group(0, 0), group(3, 1)]);
     assert_eq!((points, with), (vec![0, 1, 2, 5], vec![0, 1, 2, 5]));
-    assert_eq!((tally.compiled, tally.kept), (3, 1));
+    assert_eq!((tally.compiled, tally.from_cache), (3, 1));
     let text = tally.text().unwrap();
     assert!(
         text.starts_with("Built: 3 programs compiled, 1 taken from the cache; this took 4.0 s of work"),
         "{text}"
     );
     assert_eq!(Tally::default().text(), None);
-    let text = Tally { compiled: 1, kept: 2, work_ms: 1500.0, waited_ms: 500.0 }.text().unwrap();
+    let text = Tally { compiled: 1, from_cache: 2, work_ms: 1500.0, waited_ms: 500.0 }.text().unwrap();
     assert_eq!(
         text,
         "Built: 1 program compiled, 2 taken from the cache; this took 1.5 s of work in all, and the run waited 0.5 s for programs"
     );
-    assert!(Tally { kept: 1, ..Tally::default() }.text().is_some());
+    assert!(Tally { from_cache: 1, ..Tally::default() }.text().is_some());
 }
 
 #[test]
@@ -158,8 +158,8 @@ fn a_run_that_ends_builds_nothing_more() {
 }
 
 /// Lets one builder build two programs one after the other. `scenes` is the number of builders whose scenes would fit
-/// into memory. After each program, waits until `ends` of the builder's processes have ended. Returns the
-/// number of processes that were started.
+/// into memory. After the first program, waits until `ends[0]` of the builder's processes have ended, and after the
+/// second, until `ends[1]` have ended. Returns the number of processes that were started.
 fn processes(scenes: usize, ends: [usize; 2]) -> usize {
     let (noting, never, ahead) = (Noting::default(), AtomicBool::new(false), Ahead::default());
     ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
@@ -224,7 +224,7 @@ fn a_builder_that_dies_costs_its_program_and_nothing_waits_for_ever() {
         vec![open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive"), open(2, 0, "c", "exhaustive")];
     let (points, with, tally) = built(Some(1), &mut [group]);
     assert_eq!((points, with), (vec![0, 1, 2], vec![0, 2]));
-    assert_eq!(tally.compiled + tally.kept, 2);
+    assert_eq!(tally.compiled + tally.from_cache, 2);
 }
 
 #[test]
@@ -239,7 +239,7 @@ fn a_program_of_the_driver_s_cache_is_compiled_again_for_its_messages_and_no_oth
     assert_eq!(*usual.built.lock().unwrap(), [0, 1]);
     assert_eq!(*again.built.lock().unwrap(), [1]);
     assert!(points.iter().all(|point| point.built.as_ref().is_some_and(|built| built.key.is_some())));
-    assert_eq!(ahead.tally().compiled + ahead.tally().kept, 2);
+    assert_eq!(ahead.tally().compiled + ahead.tally().from_cache, 2);
 }
 
 #[test]
@@ -258,18 +258,18 @@ fn casters_on_the_host_and_points_that_do_not_fit_have_no_program_and_ctrl_c_end
 
 #[test]
 fn what_an_earlier_run_has_stored_needs_no_builder() {
-    let place = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().unwrap();
     let device = crate::device::tests::example("PoCL", "cpu", crate::device::DeviceKind::Cpu, 2);
-    let kept = Kept::of(crate::cache::Cache::at(place.path(), 1 << 20), &device);
+    let stored = ProgramCache::of(crate::cache::Cache::at(folder.path(), 1 << 20), &device);
     let group = |scene| vec![open(0, scene, "a", "exhaustive"), open(1, scene, "b", "bvh")];
-    let run = |scene| built_by(&Ahead::new(vec![kept.clone()], Vec::new()), None, &mut [group(scene)]);
+    let run = |scene| built_by(&Ahead::new(vec![stored.clone()], Vec::new()), None, &mut [group(scene)]);
     assert_eq!(run(0).0, [0, 1]);
     assert_eq!(run(0).0, [0, 1], "the programs themselves are not stored yet");
     for point in [0, 1] {
-        let program = KeptProgram { log: String::new(), binary: vec![1] };
-        kept.keep(&format!("the program of point {point}"), &program);
+        let program = StoredProgram { log: String::new(), binary: vec![1] };
+        stored.keep(&format!("the program of point {point}"), &program);
     }
     let (points, with, tally) = run(0);
-    assert_eq!((points, with, tally.kept, tally.compiled), (vec![], vec![], 2, 0));
+    assert_eq!((points, with, tally.from_cache, tally.compiled), (vec![], vec![], 2, 0));
     assert_eq!(run(1).0, [1], "the tree of another scene may need another program");
 }

@@ -278,7 +278,8 @@ fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
     // The first launch consists of eleven requests: the point is checked once and cast five times, and the anchor runs
-    // once in each of the five rounds. So the user interrupts the run in the second launch.
+    // once in each of the five rounds. The next request, at which the user interrupts the run, belongs to the second
+    // launch.
     let first = Answering { interrupts_at: 12, ..Answering::default() };
     assert!(session(folder.path(), &lines, &first, plain).0.is_err());
     let second = Answering::default();
@@ -324,7 +325,7 @@ fn a_record_has_the_time_for_which_a_builder_built_its_program() {
     );
     let built = |record: &Record| (record.build_ms, record.build_from_cache);
     assert_eq!([built(&records[0]), built(&records[1])], [(Some(42.0), Some(true)); 2]);
-    assert_eq!(ahead.tally().kept, 2);
+    assert_eq!(ahead.tally().from_cache, 2);
 }
 
 /// The device in this test is a GPU.
@@ -422,10 +423,10 @@ fn the_order_of_groups_and_of_their_points_follows_from_the_seed() {
     for spread in [false, true] {
         let all = [1, 2, 3, 4, 5].map(|seed| orders(seed, spread));
         assert_eq!(all[0], orders(1, spread), "the same seed makes the same order");
-        for (place, count) in [(0, 3), (1, 15)] {
-            assert!(all.iter().all(|orders| orders[place].len() == count), "{all:?}");
-            let different: HashSet<&Vec<String>> = all.iter().map(|orders| &orders[place]).collect();
-            assert!(different.len() > 1, "{spread}: {:?}", all[0][place]);
+        for (index, count) in [(0, 3), (1, 15)] {
+            assert!(all.iter().all(|orders| orders[index].len() == count), "{all:?}");
+            let different: HashSet<&Vec<String>> = all.iter().map(|orders| &orders[index]).collect();
+            assert!(different.len() > 1, "{spread}: {:?}", all[0][index]);
         }
     }
 }
@@ -443,13 +444,13 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
         let samples: Vec<Sample> = read_lines(&folder.path().join("samples.jsonl")).unwrap().lines;
         (anchors, samples, heard)
     };
-    let (found, samples, _) = anchors(7, 2);
+    let (anchor_samples, samples, _) = anchors(7, 2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
     // In each launch, each of seven kernels is cast five times. The anchor is run after the frames 1, 7, 13, 19, 25 and
     // 31 of these 35 frames.
-    let of: Vec<_> = found.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
+    let of: Vec<_> = anchor_samples.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
     assert_eq!(of, [0, 1].map(|launch| [0, 0, 1, 2, 3, 4].map(|round| (launch, round))).concat());
-    for anchor in &found {
+    for anchor in &anchor_samples {
         assert_eq!((&anchor.anchor, anchor.ms), (&name, 1.0));
         let of_round = samples.iter().filter(|one| (one.launch, one.round) == (anchor.launch, anchor.round));
         let first_ms = of_round.filter_map(|one| one.at_ms).fold(f64::INFINITY, f64::min);
@@ -528,7 +529,8 @@ fn a_control_point_that_a_block_borrows_counts_as_steps_and_not_as_a_point() {
 
 #[test]
 fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
-    // Both scenes use the same program of `naive`, but each scene needs its own program of the tree.
+    // Both scenes use the same program of `naive`, but each scene needs its own program of `bvh`, which traverses the
+    // scene's tree.
     let more =
         "[[strategy]]\npreset = 'bvh'\nlocal_sizes = [1]\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
     let lines = format!("local_sizes = [1]\n{TIMING}\n{more}");

@@ -38,11 +38,13 @@ struct Noting {
     loads: Vec<RoundLoad>,
     anchors: Vec<AnchorSample>,
     waits: usize,
-    /// A lock of another process, which ends when this run has to wait.
+    /// A device's lock that another process seems to hold. The lock is released when this run has to wait for it.
     of_another: Option<Held>,
-    /// A folder of locks, which a file replaces when this run has to wait.
+    /// The folder of the locks. When this run has to wait, a file takes the place of the folder, so that no lock can be
+    /// taken.
     unusable: Option<PathBuf>,
-    /// The builders' list, and whether builders might begin programs on the first device at each wait.
+    /// The list of programs for builders. At each wait, `may_build` notes whether builders may begin programs for the
+    /// first device.
     ahead: Option<&'static Ahead>,
     may_build: Vec<bool>,
 }
@@ -206,7 +208,7 @@ fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_ano
         group.adopt(&run, &mut sink(&[(0, on_one), (1, on_two)]));
         group.whole.iter().map(|launch| launch.number).collect()
     };
-    // The launch 2 was measured when points were not distributed over the devices, so on the first device.
+    // Launch 2 was measured when points were not distributed over the devices, so the first device measured it.
     assert_eq!([adopted(0), adopted(1)], [vec![0, 2], vec![1]]);
     let may_go = |measured_on: &[(u32, &str)]| {
         let mut group = group();
@@ -236,7 +238,7 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
     };
     assert_eq!([Some("own"), None].map(taken_over), [(Some(0), 1); 2]);
     assert_eq!(taken_over(Some("another")), (None, 0));
-    // For later sessions, each sample names its device.
+    // Each sample that is stored names its device, so that later sessions know which device took it.
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
     workers.frames.set(DEADLY);
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
@@ -383,7 +385,8 @@ fn builders_begin_nothing_before_a_run_had_its_devices_lock_or_while_it_waits_fo
     assert_eq!(take(Some(of_another)), (vec![false], true));
 }
 
-/// The thread of another device may be waiting for a program, and it could wait until the user ends the run.
+/// The thread of another device may be waiting for a program. If builders did not go on, this thread would wait until
+/// the user ends the run.
 #[test]
 fn builders_go_on_if_a_device_waits_in_vain_for_a_lock() {
     let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
@@ -466,7 +469,7 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
 }
 
 #[test]
-fn an_additional_launch_is_told_and_is_no_step() {
+fn an_additional_launch_is_reported_and_is_no_step() {
     let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     let (device, locks) =

@@ -1,4 +1,4 @@
-//! One launch of a group.
+//! Measures one launch of a group of points.
 
 use super::device_of;
 use crate::anchor;
@@ -57,8 +57,8 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
 
-    /// Waits until the processors are near, but not longer than a launch that began `elapsed` ago may still wait.
-    /// Calls `begins` if there is a wait.
+    /// Waits until the processors run at their usual distance from each other. The wait ends at the latest when the
+    /// launch, which began `elapsed` ago, has waited for as long as a launch may. Calls `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
         let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
         let (start, most) = (Instant::now(), patience(elapsed, self.waited));
@@ -116,8 +116,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         else {
             return Ok(());
         };
-        let is_beside = |(place, other): &(usize, &PendingPoint)| {
-            other.job == pending.job && !other.record.is_baseline() && !self.failed.contains(place)
+        let is_beside = |(index, other): &(usize, &PendingPoint)| {
+            other.job == pending.job && !other.record.is_baseline() && !self.failed.contains(index)
         };
         let every = self.points.iter().enumerate().filter(is_beside).count().min(CASTS_PER_ANCHOR);
         if let Some(casts) = self.casts.get_mut(&pending.job).filter(|casts| **casts + 1 < every) {
@@ -125,8 +125,9 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.job, 0);
-        // Devices that stand for each other do equal work, so their anchors have one name, as their points have equal
-        // keys. Otherwise, a block that another one of these devices measured could not be compared with the anchor.
+        // If points are distributed over devices of the same model, these devices do equal work. Their anchors
+        // therefore all have the name of the first device's anchor, just as their points have equal keys. With
+        // different names, blocks that different devices measured could not be compared by their anchors.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

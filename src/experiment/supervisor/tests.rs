@@ -237,7 +237,7 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
     assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
     passes(&mut supervisor, task(1, 0, 0));
-    // If the anchor hangs instead of crashing, the run does not hang either.
+    // If the anchor hangs, the run waits only until the limit.
     noting.instead.borrow_mut().push_back(Wait::Silence);
     let error = supervisor.anchor(task(1, 0, 0)).unwrap().unwrap().unwrap_err();
     assert!(error.to_string().ends_with("failed: its process did not answer within 0 s and was ended"));
@@ -303,7 +303,7 @@ fn a_frame_is_not_cast_if_its_point_fails_the_check_and_is_cast_again_if_its_wor
 }
 
 #[test]
-fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_told() {
+fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_reported() {
     let never = AtomicBool::new(false);
     let noting = Noting { at_start: Some(Wait::Dead(Death::default())), ..Noting::default() };
     let mut spawner = noting.clone();
@@ -332,7 +332,7 @@ fn a_worker_that_reports_a_failed_launch_is_replaced_and_counts_as_lost() {
         let record = Box::new(Record { outcome, ..Record::default() });
         Wait::Reply(Reply::Checked { record, ready: false })
     };
-    // A point that does not fit on its device says nothing about the device's state.
+    // If a point does not fit on its device, nothing is wrong with the device's state, so the worker is kept.
     for (outcome, workers) in [(Outcome::Infeasible, 1), (Outcome::LaunchFailed, 2)] {
         noting.instead.borrow_mut().push_back(fails(outcome));
         assert!(matches!(supervisor.check(task(0, 0, 0)), Ok(Ok((_, false)))));

@@ -59,17 +59,17 @@ impl Caster {
         read_rows(&self.queue, &self.image, (0..height, width), |rows, values| {
             let bytes: &mut [u8] = &mut picture;
             let bytes = &mut bytes[3 * width * rows.start..3 * width * rows.end];
-            let found: Option<usize> =
+            let hits_of_rows: Option<usize> =
                 bytes.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum();
-            hits = hits.zip(found).map(|(all, more)| all + more);
+            hits = hits.zip(hits_of_rows).map(|(all, more)| all + more);
         })?;
         Ok(hits.map(|hits| (picture, hits)))
     }
 
     /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
-    /// transform itself. `take` is called with some rows at a time, from the top, as red, green and blue. Each call
-    /// except the last passes a multiple of `together` rows. Returns the number of pixels that hit something, or `None`
-    /// if a pixel is not finite, since it cannot be displayed.
+    /// transform itself. Each call of `take` passes some of the rows, from the top to the bottom, with three bytes per
+    /// pixel (red, green and blue). Each call except the last passes a multiple of `together` rows. Returns the number
+    /// of pixels that hit something, or `None` if a pixel is not finite, since it cannot be displayed.
     pub fn show(
         &self,
         program: &ShowProgram,
@@ -91,7 +91,8 @@ impl Caster {
         Ok(shares)
     }
 
-    /// Returns an error if the last kernel requested more values than the heap holds.
+    /// Returns an error if the last kernel requested more values than the heap holds. The heap is the buffer from which
+    /// a kernel allocates its working vectors (`vectors = heap`).
     fn check_heap(&self) -> Result<(), LaunchError> {
         let Working::Heap { top, size, .. } = &self.working else { return Ok(()) };
         let mut used = [0];

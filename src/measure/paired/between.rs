@@ -30,25 +30,29 @@ impl BetweenRuns {
         known(self.shared.powi(2) + self.own_variance(points))
     }
 
-    /// Returns the error that the differences between runs add to the ratio of the mean times of `points[0]` and
-    /// `points[1]` points.
+    /// Returns the error that the differences between runs add to a ratio: the mean time of `points[0]` points, divided
+    /// by the mean time of `points[1]` points. `other` states how much the times of the second points differ from run
+    /// to run.
     pub(super) fn of_ratio(self, other: Self, points: [usize; 2]) -> Error {
         let own = self.own_variance(points[0]) + other.own_variance(points[1]);
         known(own + self.shared_variance(other))
     }
 
-    /// Returns the part of [`Self::of_ratio`] that belongs to the ratio alone: the factors of its own points.
+    /// Returns the part of the error [`Self::of_ratio`] that other ratios to the same reference do not share. It comes
+    /// from the factors of the points whose time is divided by the reference; `points` is their number.
     pub(super) fn of_points(self, points: usize) -> Error {
         known(self.own_variance(points))
     }
 
-    /// Returns the variance that the differences between runs add to all ratios to the same reference: that of the
-    /// factors of the reference, which is the mean of `points` points.
+    /// Returns the variance that the differences between runs add to all ratios to the same reference. This variance
+    /// comes from the factors of the reference, which is the mean of `points` points.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }
 
-    /// Returns the variance of the quotient of the two kinds' shared factors.
+    /// Returns the variance of the logarithm of a quotient: the shared factor of one kind of device, divided by the
+    /// shared factor of another kind. If the values of both kinds are equal, the kinds are taken to be the same, so
+    /// their shared factor cancels.
     fn shared_variance(self, other: Self) -> f64 {
         if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) }
     }
@@ -74,7 +78,7 @@ mod tests {
     fn a_time_has_both_factors_and_a_ratio_only_those_of_its_points() {
         assert!((SLOW_HOURS.of_level(1).error - 0.05).abs() < 1e-12);
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [1, 1]).error - 0.03 * 2.0_f64.sqrt()).abs() < 1e-12);
-        // In the mean of nine points, the points' own factors average out to a third.
+        // The mean of nine points' own factors has a third of the standard deviation of one such factor.
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [9, 9]).error - 0.01 * 2.0_f64.sqrt()).abs() < 1e-12);
         for points in [[1, 9], [9, 1]] {
             assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, points).error - 0.01 * 10.0_f64.sqrt()).abs() < 1e-12);

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 /// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
 const ITERATIONS: usize = 5;
 /// The machine's speed at a sample is estimated from at most this many samples before it and as many after it. A
-/// machine stays at one speed for tens of samples.
+/// machine stays at one speed for tens of samples, so most of these samples were measured at the same speed.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
@@ -15,11 +15,12 @@ const MOST_NEIGHBOURS: usize = 6;
 ///
 /// The logarithm of a sample's time is taken as a sum: the level of the sample's point (the same for all samples of
 /// this point in the launch) plus the machine's drift at the moment of the sample. A median polish (Tukey 1977)
-/// separates the two terms: in turn, it computes each level as the median of the point's samples without drift, and the
-/// drift as a running median of what remains without the levels. The running median at a sample includes this sample
-/// and its neighbours in time, which may belong to any point. The drift is not one value per round, so it also follows
-/// a change of speed within a round. Every sample is thus compared with samples taken just before and after it, and a
-/// change that slows all points equally cancels.
+/// separates the two terms by repeating two steps. The first step subtracts the drift from the logarithms, and computes
+/// each level as the median of what remains of the point's samples. The second step subtracts the levels from the
+/// logarithms, and computes the drift as a running median of what remains. The running median at a sample includes this
+/// sample and its neighbours in time, which may belong to any point. The drift is not one value per round, so it also
+/// follows a change of speed within a round. Every sample is thus compared with samples taken just before and after it,
+/// and a change that slows all points equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = samples.iter().map(|sample| sample.point).collect::<HashSet<_>>().len();
@@ -32,7 +33,7 @@ pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64>
         left = logs
             .iter()
             .enumerate()
-            .map(|(place, log)| log - running_median(&residuals, place, reach))
+            .map(|(index, log)| log - running_median(&residuals, index, reach))
             .collect();
     }
     left
@@ -43,8 +44,8 @@ fn levels(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<f64> {
     by_point(samples, values, points).iter().map(|values| median_of(values).unwrap_or(0.0)).collect()
 }
 
-fn running_median(values: &[f64], place: usize, reach: usize) -> f64 {
-    let window = place.saturating_sub(reach)..(place + reach + 1).min(values.len());
+fn running_median(values: &[f64], index: usize, reach: usize) -> f64 {
+    let window = index.saturating_sub(reach)..(index + reach + 1).min(values.len());
     median_of(&values[window]).unwrap_or(0.0)
 }
 
@@ -55,8 +56,8 @@ mod tests {
     #[test]
     fn a_regime_that_begins_in_the_midst_of_a_round_is_taken_away() {
         // Three points take 1, 2 and 4 ms. From sample 20 on (counted from 0), all of them take twice as long.
-        let sample = |place: usize| {
-            let (point, slow) = (place % 3, if place < 20 { 1.0 } else { 2.0 });
+        let sample = |index: usize| {
+            let (point, slow) = (index % 3, if index < 20 { 1.0 } else { 2.0 });
             PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }
         };
         let samples: Vec<_> = (0..40).map(sample).collect();
@@ -72,8 +73,8 @@ mod tests {
     fn only_points_with_samples_count_as_neighbours() {
         // The times of two points increase from sample to sample; after 15 samples, they suddenly return to the time of
         // the first sample.
-        let ms = |place: usize| 1.0 + if place < 15 { place as f64 } else { 0.0 };
-        let sample = |place: usize| PairedSample { point: place % 2, launch: 0, ms: ms(place) };
+        let ms = |index: usize| 1.0 + if index < 15 { index as f64 } else { 0.0 };
+        let sample = |index: usize| PairedSample { point: index % 2, launch: 0, ms: ms(index) };
         let samples: Vec<_> = (0..30).map(sample).collect();
         assert_eq!(without_drift(&samples, 40), without_drift(&samples, 2));
     }

@@ -4,7 +4,8 @@ use super::error::Error;
 
 /// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
-/// Weights are computed as if every error were at least this large (a fraction of the value).
+/// [`Interval::mean`] computes the weights of values as if every value had at least this error, as a fraction of the
+/// value.
 const LEAST_ERROR: f64 = 1e-6;
 
 /// A value and its 95% interval.
@@ -18,10 +19,10 @@ pub struct Interval {
     pub high: f64,
     /// The standard error of the estimate's logarithm.
     pub error: f64,
-    /// Degrees of freedom of that standard error, for Student's t.
+    /// Degrees of freedom of the standard error `error`, for Student's t.
     pub degrees: f64,
-    /// By how much the estimate's logarithm may be wrong in either direction for a reason that the samples do not show.
-    /// Both ends of the interval include all of it.
+    /// The largest amount by which the estimate's logarithm may be wrong, in either direction, for a reason that the
+    /// samples do not show. Each end of the interval is moved outwards by this amount.
     pub bias: f64,
 }
 
@@ -40,7 +41,8 @@ impl Interval {
     /// inverse of its variance, so that an uncertain value has little weight; for the weights, the square of a value's
     /// bias counts as variance. The variances are only estimates, so the mean is less certain than they suggest. The
     /// result includes this additional error, by equation 1 of Meier, "Variance of a weighted mean" (Biometrics 9,
-    /// 1953). Biases may all have the same sign, so they do not average out: the mean has their weighted mean.
+    /// 1953). The biases of the values may all have the same sign, so they do not average out. The bias of the mean is
+    /// therefore the weighted mean of these biases.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without an error, a value would have an infinite weight.
         let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);
@@ -55,9 +57,10 @@ impl Interval {
         (!all.is_empty()).then(|| biased(log, Error { error, ..mean }, bias))
     }
 
-    /// Returns this value divided by a factor of which only the limits are known: its logarithm lies between 0 and
+    /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between 0 and
     /// `log`, which may be negative. The estimate is divided by the factor halfway between the limits. The true factor
-    /// may be at a limit, the same one in all samples, so half of `log` is a bias and not a part of the error.
+    /// may be equal to the same limit in all samples. Half of `log` is therefore a bias, and not a part of the standard
+    /// error, which would average out.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())
@@ -91,25 +94,25 @@ mod tests {
 
     #[test]
     fn an_interval_leaves_a_fortieth_on_each_side() {
-        let found = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
+        let actual = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
         // The quantiles of the normal distribution at 0.025 and 0.975 are -1.960 and 1.960; those at 0.05 and 0.95 are
         // -1.645 and 1.645.
-        assert!((found.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{found:?}");
-        assert!((found.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{found:?}");
+        assert!((actual.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{actual:?}");
+        assert!((actual.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{actual:?}");
     }
 
     #[test]
     fn the_mean_of_intervals_is_as_sure_as_its_parts_together() {
         let known = |middle, error| interval(middle, Error { error, degrees: f64::INFINITY });
         let one = known(2.0, 0.1);
-        let found = Interval::mean(&[one; 4]).unwrap();
+        let mean = Interval::mean(&[one; 4]).unwrap();
         // The mean of four values with independent, equal errors has half of that error.
-        assert!((found.middle.ln() - 2.0).abs() < 1e-12 && (found.error - 0.05).abs() < 1e-12, "{found:?}");
+        assert!((mean.middle.ln() - 2.0).abs() < 1e-12 && (mean.error - 0.05).abs() < 1e-12, "{mean:?}");
         assert!(Interval::mean(&[]).is_none());
         // A value with three times the error has a ninth of the weight.
-        let found = Interval::mean(&[one, known(3.0, 0.3)]).unwrap();
-        assert!((found.middle.ln() - 2.1).abs() < 1e-12, "{found:?}");
-        assert!((found.error - 0.1 * 0.9_f64.sqrt()).abs() < 1e-12, "{found:?}");
+        let mean = Interval::mean(&[one, known(3.0, 0.3)]).unwrap();
+        assert!((mean.middle.ln() - 2.1).abs() < 1e-12, "{mean:?}");
+        assert!((mean.error - 0.1 * 0.9_f64.sqrt()).abs() < 1e-12, "{mean:?}");
         // Two values without any error have equal weights.
         assert!(
             (Interval::mean(&[known(2.0, 0.0), known(3.0, 0.0)]).unwrap().middle.ln() - 2.5).abs() < 1e-12
@@ -119,23 +122,24 @@ mod tests {
     #[test]
     fn weights_that_are_estimates_make_the_mean_less_certain() {
         let estimated = interval(2.0, Error { error: 0.1, degrees: 4.0 });
-        let found = Interval::mean(&[estimated; 2]).unwrap();
-        // By Meier's equation, the variance of the mean, 0.1 * 0.1 / 2, grows by 4 * (1/4 + 1/4) / 4.
-        assert!((found.error - (0.005_f64 * 1.5).sqrt()).abs() < 1e-12, "{found:?}");
-        assert!((found.degrees - 8.0).abs() < 1e-9, "{found:?}");
+        let mean = Interval::mean(&[estimated; 2]).unwrap();
+        // By Meier's equation, the variance of the mean, 0.1 * 0.1 / 2, grows by the fraction 4 * (1/4 + 1/4) / 4 of
+        // itself.
+        assert!((mean.error - (0.005_f64 * 1.5).sqrt()).abs() < 1e-12, "{mean:?}");
+        assert!((mean.degrees - 8.0).abs() < 1e-9, "{mean:?}");
     }
 
     #[test]
     fn a_factor_that_is_unknown_between_limits_moves_the_middle_and_both_ends_allow_for_both_limits() {
-        // With two degrees of freedom, the error alone makes the interval reach 0.43 to each side.
+        // With two degrees of freedom, the error alone makes the interval of the logarithm extend by 0.43 to each side.
         let one = interval(2.0, Error { error: 0.1, degrees: 2.0 });
         for log in [0.6_f64, -0.6] {
-            let found = one.over_up_to(log);
-            assert!((found.middle.ln() - (2.0 - 0.5 * log)).abs() < 1e-12, "{found:?}");
-            assert!((found.low.ln() - (one.low.ln() - log.max(0.0))).abs() < 1e-12, "{found:?}");
-            assert!((found.high.ln() - (one.high.ln() - log.min(0.0))).abs() < 1e-12, "{found:?}");
-            let [sure, before] = [found, one].map(|one| one.surely_above(1e-4).ln());
-            assert!((sure - (before - log.max(0.0))).abs() < 1e-12, "{found:?}");
+            let divided = one.over_up_to(log);
+            assert!((divided.middle.ln() - (2.0 - 0.5 * log)).abs() < 1e-12, "{divided:?}");
+            assert!((divided.low.ln() - (one.low.ln() - log.max(0.0))).abs() < 1e-12, "{divided:?}");
+            assert!((divided.high.ln() - (one.high.ln() - log.min(0.0))).abs() < 1e-12, "{divided:?}");
+            let [sure, before] = [divided, one].map(|one| one.surely_above(1e-4).ln());
+            assert!((sure - (before - log.max(0.0))).abs() < 1e-12, "{divided:?}");
         }
         assert_eq!(Interval::ONE.over_up_to(0.0), Interval::ONE);
         let quotient = one.over_up_to(0.6).over(one.over_up_to(-0.2));

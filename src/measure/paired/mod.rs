@@ -9,27 +9,28 @@
 //! is needed.
 //!
 //! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times ([`drift`]). A
-//!    point's value is the median of its logarithms without the drift. This is a paired design, so samples of different
-//!    points must be interleaved.
+//!    point's value is the median of its logarithms without the drift. The drift can be distinguished from differences
+//!    between points only if samples of different points alternate. Such an experiment is called a paired design.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
 //!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points
 //!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
 //!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]). If
-//!    processors run an anchor, the variance of a pair of a point and this anchor is not averaged with the usual
-//!    variance.
+//!    an anchor runs on processors (CPUs), the variance of a pair of a point and this anchor is not averaged with the
+//!    usual variance.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
-//!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
-//!    plus those that other groups of the same run add, if they were measured on the same machine and devices. Each
-//!    group has a table of its own. The point's own spread is averaged with the spread between launches in the tables
-//!    of those other groups that have the same number of launches, and more than one. Together, these tables add at
-//!    most six degrees of freedom.
-//! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
-//!    differences between runs were measured once for each kind of device, and are added to every
-//!    interval ([`between`]).
+//!    points, these effects cancel. Each group of points has a table of its own. The point's own spread is averaged
+//!    with the spread between launches in the tables of other groups. These are the groups of the same run that were
+//!    measured on the same machine and devices, and have the same number of launches, at least two. The degrees of
+//!    freedom of a median's interval are the number of launches less one, plus those that the other tables add: at most
+//!    six for all of them together.
+//! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
+//!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
+//!    every interval ([`between`]).
 //!
-//! If there is only one launch, its time is split into five parts, which are treated as launches. Such a result is
-//! preliminary: its intervals do not include differences between launches.
+//! If there is only one launch, the samples of each point are split, in their order, into five parts, which are treated
+//! as launches. The result of a single launch is preliminary: its intervals do not include differences between
+//! launches.
 
 mod between;
 mod drift;
@@ -57,17 +58,17 @@ use sample::by_point;
 use spread::Pooled;
 use std::collections::BTreeMap;
 
-/// Number of parts into which the time of a single launch is split. Every point has at least this many
-/// samples.
+/// Number of parts into which a point's samples are split if there is a single launch. Every point has at least this
+/// many samples, so no part is empty.
 const STRETCHES: usize = MIN_SAMPLES;
 
 /// The comparison of points that were measured together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paired {
     launches: usize,
-    /// The points, and then the anchors; `None` for one with too few samples.
+    /// The points, and then the anchors; `None` for a point or an anchor with too few samples.
     points: Vec<Option<Point>>,
-    /// For each anchor, whether processors run it.
+    /// For each anchor, whether it runs on processors (CPUs), and not, for example, on a GPU.
     on_processors: Vec<bool>,
     /// How much the times of each point differ from run to run; zero if unknown.
     between: Vec<BetweenRuns>,
@@ -81,7 +82,7 @@ struct Point {
     median: f64,
     /// The median of each launch, or of each part of a single launch.
     plain: Vec<f64>,
-    /// The same medians after the drift was subtracted from the samples.
+    /// Medians like those in `plain`, but of samples from which the drift was subtracted.
     relative: Vec<f64>,
 }
 
@@ -92,7 +93,7 @@ pub struct Standing {
     point: Point,
     /// Number of points whose mean this is; 1 for a single point.
     points: usize,
-    /// Whether this is an anchor that processors run.
+    /// Whether this is an anchor that runs on processors (CPUs).
     is_anchor_on_processors: bool,
     between: BetweenRuns,
     pooled: Pooled,
@@ -127,16 +128,17 @@ impl Standing {
         interval(self.level() - other.level(), Error::of_sum([self.error_within_run(other), between]))
     }
 
-    /// Returns the ratio like [`Self::ratio`], with the differences between runs of `reference` kept apart.
+    /// Returns the ratio like [`Self::ratio`]. The error that all ratios to `reference` share, because the time of
+    /// `reference` differs from run to run, is kept apart (see [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
         Relative { ratio: interval(self.level() - reference.level(), error), common }
     }
 
-    /// Returns the error of a ratio without the differences between runs. Other programs may delay an anchor that
-    /// processors run far more than the points, and a few launches cannot show whether they do. The usual spread of all
-    /// points therefore has no part in the error of a ratio to such an anchor.
+    /// Returns the error of a ratio without the differences between runs. If an anchor runs on processors, other
+    /// programs may delay it far more than they delay the points. A few launches cannot show whether this happened. The
+    /// usual spread of all points therefore has no part in the error of a ratio to such an anchor.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -152,8 +154,9 @@ impl Standing {
         interval(self.point.median - other.point.median, error)
     }
 
-    /// Returns the ratio of this point's time to that of `earlier`, like [`Self::ratio_apart`]. The factors by which
-    /// all points of a kind of device differ from run to run are kept apart.
+    /// Returns the ratio of this point's time to that of `earlier`, like [`Self::ratio_apart`]. From run to run, the
+    /// times of all points of a kind of device change by a common factor. The error that this factor adds to the ratio
+    /// is kept apart (see [`Relative`]).
     pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
         let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
         let error = Error::of_sum([own(self), own(earlier)].concat());
@@ -167,7 +170,7 @@ impl Standing {
         let mean =
             |of: &dyn Fn(&Self) -> f64| points.iter().map(|one| of(one)).sum::<f64>() / points.len() as f64;
         let each = |of: fn(&Point) -> &Vec<f64>| {
-            (0..of(&first.point).len()).map(|place| mean(&|one| of(&one.point)[place])).collect()
+            (0..of(&first.point).len()).map(|index| mean(&|one| of(&one.point)[index])).collect()
         };
         let point = Point {
             median: mean(&|one| one.point.median),
@@ -191,16 +194,17 @@ impl Point {
 
 impl Paired {
     /// Compares `points` points by their samples. Within each launch, samples must be in the order in which they were
-    /// measured. Samples that are not a valid time are skipped.
+    /// measured. A sample is skipped if its time is not a positive, finite number.
     ///
     /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
-    /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any other launch.
+    /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any launch that is not ignored.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
         Self::beside_anchors(samples, points, &[])
     }
 
-    /// Compares points like [`Self::of`], which were measured together with anchors. `on_processors` says of each
-    /// anchor whether processors run it. In the samples, the indices of the anchors follow those of the points.
+    /// Compares points that were measured together with anchors; otherwise, this function is like [`Self::of`].
+    /// `on_processors` says of each anchor whether it runs on processors (CPUs). In the samples, the indices of the
+    /// anchors follow those of the points.
     pub fn beside_anchors(samples: &[PairedSample], points: usize, on_processors: &[bool]) -> Self {
         let (first_anchor, points) = (points, points + on_processors.len());
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
@@ -221,7 +225,7 @@ impl Paired {
         let points: Vec<_> = enough
             .iter()
             .enumerate()
-            .map(|(place, enough)| enough.then(|| point(place, &plain, &relative)).flatten())
+            .map(|(index, enough)| enough.then(|| point(index, &plain, &relative)).flatten())
             .collect();
         let known = || points[..first_anchor].iter().flatten();
         let relative: Vec<&[f64]> = known().map(|point| point.relative.as_slice()).collect();
@@ -240,13 +244,13 @@ impl Paired {
 
     /// Improves the estimates of several tables of one run on the same devices of one machine; a table has the points
     /// that were measured together. Each table also uses the spread between launches in the other tables that have the
-    /// same number of launches. A table with a single launch neither lends nor borrows: its repeats are parts of the
-    /// launch, which do not show how much launches differ.
+    /// same number of launches. A table with a single launch uses no other table, and no other table uses it: its
+    /// repeats are parts of the launch, which do not show how much launches differ.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let lenders: Vec<(usize, Pooled)> = all.iter().map(|one| (one.launches, one.pooled)).collect();
-        for (place, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {
+        for (index, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {
             let lends = |(other, (launches, pooled)): (usize, &(usize, Pooled))| {
-                (other != place && *launches == one.launches).then_some(*pooled)
+                (other != index && *launches == one.launches).then_some(*pooled)
             };
             let others: Vec<Pooled> = lenders.iter().enumerate().filter_map(lends).collect();
             one.pooled.borrow(&others);
@@ -254,10 +258,10 @@ impl Paired {
     }
 
     /// Returns a point, with the spread of all points that were measured with it; `None` if it has too few samples.
-    pub fn standing(&self, place: usize) -> Option<Standing> {
-        let point = self.points.get(place)?.clone()?;
-        let between = self.between.get(place).copied().unwrap_or_default();
-        let anchor = place.checked_sub(self.points.len() - self.on_processors.len());
+    pub fn standing(&self, index: usize) -> Option<Standing> {
+        let point = self.points.get(index)?.clone()?;
+        let between = self.between.get(index).copied().unwrap_or_default();
+        let anchor = index.checked_sub(self.points.len() - self.on_processors.len());
         let is_anchor_on_processors = anchor.is_some_and(|anchor| self.on_processors[anchor]);
         let (launches, pooled) = (self.launches, self.pooled);
         Some(Standing { launches, point, points: 1, is_anchor_on_processors, between, pooled })
@@ -302,9 +306,9 @@ fn counts(launch: &[PairedSample], points: usize) -> Vec<usize> {
 
 /// Returns a point's values: one per launch, or one per part of a single launch. `plain` and `relative` have, for each
 /// launch and point, the logarithms of the point's samples, with the drift and without it.
-fn point(place: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> Option<Point> {
+fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> Option<Point> {
     let own = |launches: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> {
-        launches.iter().map(|points| points[place].clone()).collect()
+        launches.iter().map(|points| points[index].clone()).collect()
     };
     let (plain, relative) = (own(plain), own(relative));
     let median = median_of(&plain.concat())?;

@@ -6,13 +6,15 @@ use statrs::function::gamma::digamma;
 /// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this multiple of
 /// the typical variance is reduced to this multiple. For the comparison, the logarithm of the observed variance is
 /// corrected for its bias. With two degrees of freedom, an observed variance therefore exceeds this limit if it is more
-/// than 9 times the typical variance; if all points are alike, one in 8,000 does so by chance.
+/// than 9 times the typical variance; if all points have the same true variance, one observed variance in 8,000 exceeds
+/// the limit by chance.
 const MOST_TIMES: f64 = 16.0;
 /// Before the distribution is estimated, a variance below this fraction of the mean variance is raised to this
 /// fraction. A variance can be 0, because with a coarse clock all times of a point can be equal.
 const LEAST_SHARE: f64 = 1e-4;
-/// The degrees of freedom are searched between these limits. Below the first limit, the variances of points have
-/// nothing in common; above the second, the true variances are equal.
+/// The degrees of freedom are searched between these limits. Degrees of freedom near the first limit mean that the true
+/// variances of points have practically nothing in common. Degrees of freedom near the second limit mean that the true
+/// variances are practically equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
 /// Number of halvings of the interval between the limits [`DEGREES`]. After so many halvings, the degrees of freedom
 /// are known with a relative error below a millionth.
@@ -70,8 +72,8 @@ fn log_bias(half: f64) -> f64 {
     digamma(half) - half.ln()
 }
 
-/// Returns the derivative of digamma for positive `x`: the recurrence up to 6, and from there on the asymptotic series
-/// (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
+/// Returns the derivative of digamma for positive `x`. Arguments below 6 are increased by the recurrence; from 6 on,
+/// the asymptotic series is used (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
 fn trigamma(x: f64) -> f64 {
     let (mut at, mut sum) = (x, 0.0);
     while at < 6.0 {
@@ -123,9 +125,9 @@ mod tests {
 
     #[test]
     fn points_that_vary_alike_borrow_without_limit() {
-        let found = Prior::of(&alike(), 2);
-        assert!(found.degrees > 100.0 && (found.variance - 1.0).abs() < 0.02, "{found:?}");
-        assert!((found.typical - 1.0).abs() < 0.02, "{found:?}");
+        let prior = Prior::of(&alike(), 2);
+        assert!(prior.degrees > 100.0 && (prior.variance - 1.0).abs() < 0.02, "{prior:?}");
+        assert!((prior.typical - 1.0).abs() < 0.02, "{prior:?}");
     }
 
     #[test]
@@ -135,10 +137,11 @@ mod tests {
         // A chi-square variable with four degrees of freedom is twice the sum of two exponential variables.
         let mut observed = || 4.0 / (2.0 * (exponential() + exponential())) * exponential();
         let observed: Vec<f64> = (0..20_000).map(|_| observed()).collect();
-        let found = Prior::of(&observed, 2);
-        assert!((found.degrees - 4.0).abs() < 0.6 && (found.variance - 1.0).abs() < 0.1, "{found:?}");
-        // By definition, ln(typical) = ln(1) - (digamma(2) - ln(2)).
-        assert!((found.typical - 1.31).abs() < 0.05, "{found:?}");
+        let prior = Prior::of(&observed, 2);
+        assert!((prior.degrees - 4.0).abs() < 0.6 && (prior.variance - 1.0).abs() < 0.1, "{prior:?}");
+        // By the definition of `typical`, ln(typical) = ln(1) - (digamma(2) - ln(2)). The 1 is the prior's variance,
+        // and 2 is half of its four degrees of freedom.
+        assert!((prior.typical - 1.31).abs() < 0.05, "{prior:?}");
     }
 
     /// Half of the points vary a hundred times as much as the others, so that the variance of one point says little
@@ -147,8 +150,8 @@ mod tests {
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =
             alike().iter().enumerate().map(|(k, v)| if k % 2 == 0 { *v } else { 100.0 * v }).collect();
-        let found = Prior::of(&of_two, 2);
-        assert!(found.degrees < 1.5 && found.variance < 10.0, "{found:?}");
+        let prior = Prior::of(&of_two, 2);
+        assert!(prior.degrees < 1.5 && prior.variance < 10.0, "{prior:?}");
     }
 
     #[test]
@@ -169,7 +172,7 @@ mod tests {
         assert_eq!(Prior::of(&[1.0, 3.0], 2), Prior { variance: 2.0, degrees: f64::INFINITY, typical: 2.0 });
         assert_eq!(Prior::of(&[0.0; 4], 2).variance, 0.0);
         assert_eq!(Prior::of(&[], 2).variance, 0.0);
-        // A clock with coarse steps shows some variances of zero.
+        // If a clock has coarse steps, some observed variances are zero.
         let coarse = Prior::of(&[0.0, 1.0, 1.0, 1.0, 1.0, 1.0], 3);
         assert!(coarse.variance > 0.0 && coarse.variance.is_finite() && coarse.degrees > 0.0, "{coarse:?}");
     }

@@ -1,12 +1,12 @@
-//! Ratios to a reference time that other ratios may have too.
+//! Ratios of times to a reference time, if several ratios may have the same reference.
 
 use super::between::known;
 use super::error::Error;
 use super::interval::{Interval, biased};
 
-/// A ratio, with the part of its error that other ratios have in common with it kept apart. The ratios of several
-/// groups of points to the time of the same anchor, for example, contain the same error of this anchor. The mean over
-/// these groups contains this error as well, however many groups there are.
+/// A ratio whose error is stored in two parts: one that belongs to this ratio only, and one that it has in common with
+/// other ratios. The ratios of several groups of points to the time of the same anchor, for example, contain the same
+/// error of this anchor. The mean over these groups contains this error as well, however many groups there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
     /// The ratio. Its error does not include `common`.
@@ -21,7 +21,7 @@ impl Relative {
         Self { ratio, common: 0.0 }
     }
 
-    /// Returns the quotient of ratios of two runs.
+    /// Returns this ratio divided by `other`, a ratio that was measured in another run.
     pub fn over(self, other: Self) -> Self {
         Self { ratio: self.ratio.over(other.ratio), common: self.common + other.common }
     }
@@ -34,8 +34,9 @@ impl Relative {
     }
 
     /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if there are none. The error that
-    /// the ratios have in common is added once, after averaging. If the variances of this error differ, the largest one
-    /// is added: the mean's error cannot be larger, whether or not the ratios really share it.
+    /// the ratios have in common is added once, after averaging. If the ratios state different variances of this error,
+    /// the largest variance is added. The true error of the mean cannot be larger than that, whether or not the ratios
+    /// really share the error.
     pub fn mean(all: &[Self]) -> Option<Interval> {
         let ratios: Vec<Interval> = all.iter().map(|one| one.ratio).collect();
         let mean = Interval::mean(&ratios)?;
@@ -73,8 +74,8 @@ mod tests {
         assert!((mean.low.ln() - 1.4).abs() < 1e-12 && (mean.high.ln() - 2.0).abs() < 1e-12, "{mean:?}");
     }
 
-    /// Six groups take 1.16 times as long as before (the logarithm is 0.15). One of them was measured beside other
-    /// programs, which may have made its ratio wrong by a factor of 1.35.
+    /// Six groups take 1.16 times as long as before (the logarithm is 0.15). While one of the groups was measured,
+    /// other programs ran, which may have made the group's ratio wrong by a factor of 1.35.
     #[test]
     fn an_unknown_factor_of_one_ratio_does_not_hide_what_the_others_show() {
         let mut groups = [Relative { ratio: ratio(0.15, 0.02), common: 1e-4 }; 6];

@@ -66,7 +66,7 @@ fn level(point: usize) -> f64 {
 }
 
 fn normal(rng: &mut impl Rng) -> f64 {
-    // Box and Muller 1958.
+    // The method of Box and Muller (1958) computes a normally distributed number from two uniformly distributed ones.
     let (radius, turn): (f64, f64) = (rng.random_range(1e-12..1.0), rng.random_range(0.0..1.0));
     (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }
@@ -121,7 +121,7 @@ struct Coverage {
     winners: usize,
 }
 
-fn found(machine: Machine, points: usize) -> Coverage {
+fn coverage(machine: Machine, points: usize) -> Coverage {
     let between = || vec![BetweenRuns::ON_PROCESSORS; points];
     let of = |seed| Paired::of(&run(machine, points, seed), points).over_runs(between());
     let runs: Vec<Paired> = (0..RUNS).map(of).collect();
@@ -151,8 +151,8 @@ fn agreement<R>(
     for point in points {
         let of: Vec<Interval> = runs.iter().map(|run| interval(run, point)).collect();
         halves.extend(of.iter().map(|one| 0.5 * (one.high - one.low) / one.middle));
-        for (place, one) in of.iter().enumerate() {
-            let others = of.iter().enumerate().filter(|(other, _)| *other != place);
+        for (index, one) in of.iter().enumerate() {
+            let others = of.iter().enumerate().filter(|(other, _)| *other != index);
             held += others.filter(|(_, other)| (one.low..=one.high).contains(&other.middle)).count();
             all += of.len() - 1;
         }
@@ -161,19 +161,19 @@ fn agreement<R>(
 }
 
 fn holds(machine: Machine, points: usize, half: [f64; 2]) {
-    let found = found(machine, points);
+    let coverage = coverage(machine, points);
     assert!(
-        found.held.iter().all(|part| *part >= 0.8),
+        coverage.held.iter().all(|part| *part >= 0.8),
         "intervals contain only these shares of other runs' estimates: {:?}",
-        found.held
+        coverage.held
     );
     assert!(
-        found.half.iter().zip(half).all(|(found, bar)| *found <= bar),
+        coverage.half.iter().zip(half).all(|(actual, bar)| *actual <= bar),
         "half of an interval: {:?}",
-        found.half
+        coverage.half
     );
-    assert_eq!(found.disjoint, 0, "pairs of runs whose winners have nothing in common");
-    assert!(found.winners <= 4, "of {points} points {} win", found.winners);
+    assert_eq!(coverage.disjoint, 0, "pairs of runs whose winners have nothing in common");
+    assert!(coverage.winners <= 4, "of {points} points {} win", coverage.winners);
 }
 
 #[test]
@@ -203,16 +203,16 @@ fn they_do_of_few_points_and_of_many() {
 /// results of other runs less often.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
-    let found = |machine, of: &dyn Fn(usize) -> bool| {
+    let coverage = |machine, of: &dyn Fn(usize) -> bool| {
         let between = || vec![BetweenRuns::ON_PROCESSORS; 30];
         let runs: Vec<Paired> =
             (0..RUNS).map(|seed| Paired::of(&run(machine, 30, seed), 30).over_runs(between())).collect();
         let ratio = |run: &Paired, point: usize| run.ratio(point, 0).expect("enough samples");
         agreement(&runs, (1..30).filter(|point| of(*point)), ratio)
     };
-    let all = found(BIMODAL, &|_| true);
+    let all = coverage(BIMODAL, &|_| true);
     let (steady, undisturbed) =
-        (found(BIMODAL, &|point| !is_bimodal(point)), found(MACHINE, &|point| !is_bimodal(point)));
+        (coverage(BIMODAL, &|point| !is_bimodal(point)), coverage(MACHINE, &|point| !is_bimodal(point)));
     assert!(all.0 >= 0.8 && steady.0 >= 0.8, "{all:?} {steady:?}");
     assert!(steady.1 <= 0.04 && steady.1 <= 1.2 * undisturbed.1, "{steady:?} {undisturbed:?}");
 }

@@ -48,7 +48,8 @@ impl Pooled {
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns the same table, with which the error of a difference follows from the difference's own rows only.
+    /// Returns a copy of this table in which the spread of all rows has no weight. The error of a difference then
+    /// follows only from the rows of this difference.
     pub(super) fn alone(self) -> Self {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
@@ -89,8 +90,9 @@ impl Pooled {
     }
 
     /// Returns how many degrees of freedom `prior`, the common spread of all rows, adds to those of an error's own
-    /// rows: at most its own degrees of freedom, at most [`BORROWED`], and at most those of the other rows. `own` is 1
-    /// for the error of a row's mean, and 2 for that of a difference.
+    /// rows. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and the degrees
+    /// of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error of a row's mean, and
+    /// 2 for the error of a difference between two rows.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
@@ -137,16 +139,17 @@ fn interaction(table: &[&[f64]]) -> Prior {
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
         // The effect of the column has an error, too, which makes the variance of the residuals larger. The division
-        // would correct this exactly if the effect were a mean of rows. The effect is a median, and the variance of a
-        // median's error is about a half larger (less for few rows), so the correction is slightly too small.
+        // below corrects the variance; it would do so exactly if the effect were a mean of rows. The effect is a
+        // median, and the variance of a median's error is about a half larger (less for few rows), so the correction is
+        // slightly too small.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
 /// Returns the rows that change most alike from column to column: a third of all rows, but at least [`LEAST_STEADY`] if
-/// there are so many. Each row forms a set with its nearest rows. The returned set is the one whose farthest row is
-/// nearest to the row that formed the set.
+/// there are so many. Each row forms a set with the rows that are nearest to it (by the sum of squared differences).
+/// The function returns the set in which the distance from the row that formed it to its farthest row is least.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);
@@ -165,8 +168,8 @@ fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
 
 /// Returns the median of at least two sorted values without one of them, `own`.
 fn median_of_others(sorted: &[f64], own: f64) -> f64 {
-    let place = sorted.partition_point(|value| value.total_cmp(&own).is_lt());
-    let other = |number: usize| sorted[number + usize::from(number >= place)];
+    let index = sorted.partition_point(|value| value.total_cmp(&own).is_lt());
+    let other = |number: usize| sorted[number + usize::from(number >= index)];
     let last = sorted.len() - 2;
     0.5 * (other(last / 2) + other(last.div_ceil(2)))
 }
@@ -183,8 +186,8 @@ mod tests {
     #[test]
     fn what_rows_and_columns_share_is_no_interaction() {
         assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
-        // Computed by hand, with means as the effects: the residuals are +-0.5 in all four cells. The sum of their
-        // squares is 1, with one degree of freedom.
+        // The expected variance was calculated without this code, with means as the effects: the residuals are +-0.5 in
+        // all four cells. The sum of their squares is 1, with one degree of freedom.
         assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
         assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }
@@ -215,8 +218,8 @@ mod tests {
         };
         let rows: Vec<Vec<f64>> =
             (0..37).map(|row| (0..4).map(|column| cell(row, column)).collect()).collect();
-        let found = steady(&rows.iter().map(|row| around_mean(row)).collect::<Vec<_>>());
-        assert!(found.len() == 13 && found.iter().all(|row| *row >= 20), "{found:?}");
+        let steady_rows = steady(&rows.iter().map(|row| around_mean(row)).collect::<Vec<_>>());
+        assert!(steady_rows.len() == 13 && steady_rows.iter().all(|row| *row >= 20), "{steady_rows:?}");
         let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
         let pooled = Pooled::of(&rows, &rows);
         let differences: Vec<f64> = rows[20].iter().zip(rows[21]).map(|(a, b)| a - b).collect();
@@ -228,9 +231,13 @@ mod tests {
     fn few_rows_are_all_taken_for_steady() {
         let rows: Vec<Vec<f64>> = (0..8).map(|row| vec![f64::from(row), 0.0]).collect();
         for (count, expected) in [(2, 2), (5, 5), (7, 6), (8, 6)] {
-            let found = steady(&rows[..count]);
-            assert_eq!(found.len(), expected, "{count}");
-            assert_eq!(found.iter().collect::<std::collections::HashSet<_>>().len(), expected, "{found:?}");
+            let steady_rows = steady(&rows[..count]);
+            assert_eq!(steady_rows.len(), expected, "{count}");
+            assert_eq!(
+                steady_rows.iter().collect::<std::collections::HashSet<_>>().len(),
+                expected,
+                "{steady_rows:?}"
+            );
         }
     }
 

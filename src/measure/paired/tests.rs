@@ -1,4 +1,4 @@
-//! Tests with results computed by hand.
+//! Tests whose expected results were calculated without the tested code.
 
 use super::*;
 use crate::measure::Ranking;
@@ -19,11 +19,11 @@ impl Paired {
     /// Returns the fastest point and all points that tie with it. A point ties if the lower end of the 95% interval of
     /// its ratio to the fastest point is at most 1 + `resolution`.
     pub(super) fn ranking(&self, resolution: f64) -> Ranking<usize> {
-        let level = |place: usize| self.points[place].as_ref().map(Point::level);
-        let ties = |place: usize, best: usize| {
-            place == best || self.ratio(place, best).is_some_and(|ratio| ratio.low <= 1.0 + resolution)
+        let level = |point: usize| self.points[point].as_ref().map(Point::level);
+        let ties = |point: usize, best: usize| {
+            point == best || self.ratio(point, best).is_some_and(|ratio| ratio.low <= 1.0 + resolution)
         };
-        Ranking::by((0..self.points.len()).map(|place| (place, level(place))), ties)
+        Ranking::by((0..self.points.len()).map(|point| (point, level(point))), ties)
     }
 }
 
@@ -57,9 +57,9 @@ fn medians_and_ratios_of_steady_points_are_found() {
 #[test]
 fn a_slow_launch_and_a_slow_hour_are_no_difference() {
     let mut samples = steady(3, 3, 9);
-    for (place, sample) in samples.iter_mut().enumerate() {
+    for (index, sample) in samples.iter_mut().enumerate() {
         let launch = if sample.launch == 1 { 1.3 } else { 1.0 };
-        sample.ms *= launch * if (40..70).contains(&place) { 1.7 } else { 1.0 };
+        sample.ms *= launch * if (40..70).contains(&index) { 1.7 } else { 1.0 };
     }
     let paired = Paired::of(&samples, 3);
     let ratio = paired.ratio(1, 0).expect("enough samples");
@@ -85,8 +85,8 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // Computed by hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends of the interval are a factor of
-    // 53 apart.
+    // The expected ratio follows from the formulas: the error is ln(4) / 3, and Student's t is 4.303, so the upper end
+    // of the interval is 53 times the lower end.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -164,7 +164,7 @@ fn with_launches(factors: [f64; 3]) -> Paired {
         launch,
         ms: (point + 1) as f64 * factors[launch as usize],
     };
-    let launch = |launch| (0..15).map(move |place| sample(launch, place % 3));
+    let launch = |launch| (0..15).map(move |index| sample(launch, index % 3));
     Paired::of(&(0..3).flat_map(launch).collect::<Vec<_>>(), 3)
 }
 
@@ -172,7 +172,7 @@ fn with_launches(factors: [f64; 3]) -> Paired {
 fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
     let own = |own: f64| BetweenRuns { shared: 0.0, own };
     let paired = with_launches([1.0; 3]).over_runs(vec![own(0.1), own(0.2), own(0.1)]);
-    let [one, two, three] = [0, 1, 2].map(|place| paired.standing(place).unwrap());
+    let [one, two, three] = [0, 1, 2].map(|point| paired.standing(point).unwrap());
     let errors = [&one, &two, &three].map(|point| point.median_ms().error);
     assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
     let pair = Standing::mean(&[&one, &three]).unwrap();
@@ -214,7 +214,7 @@ fn a_table_of_one_launch_neither_lends_nor_borrows() {
 fn the_factors_of_a_reference_are_kept_apart_from_those_of_the_ratios_points() {
     let (one, other) = (BetweenRuns { shared: 0.3, own: 0.1 }, BetweenRuns { shared: 0.4, own: 0.2 });
     let paired = with_launches([1.0; 3]).over_runs(vec![one, one, other]);
-    let [first, second, third] = [0, 1, 2].map(|place| paired.standing(place).unwrap());
+    let [first, second, third] = [0, 1, 2].map(|point| paired.standing(point).unwrap());
     for (reference, common) in [(&second, 0.01), (&third, 0.04 + 0.09 + 0.16)] {
         let (whole, parts) = (first.ratio(reference), first.relative_to(reference));
         assert!((parts.common - common).abs() < 1e-12, "{parts:?}");
@@ -258,7 +258,7 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     let alone = Paired::of(&without, 6);
     let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(1, 0).expect("enough samples"));
     assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
-    // On other devices, the anchor is compared like a point.
+    // If the anchor does not run on processors, it is compared like a point.
     let elsewhere = Paired::beside_anchors(&samples, 6, &[false]).ratio(0, 6).expect("enough samples");
     assert!((elsewhere.degrees - beside.degrees).abs() < 1e-9, "{elsewhere:?} {beside:?}");
 }

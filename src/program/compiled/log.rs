@@ -30,7 +30,7 @@ pub struct Resources {
 
 /// Returns the resources of `kernel`; empty if the log does not have them.
 pub fn resources(log: &str, kernel: &str) -> Resources {
-    let mut found = Resources::default();
+    let mut resources = Resources::default();
     let (mut entry, mut function) = (None, None);
     for line in log.lines() {
         if let Some(name) = between(line, "Compiling entry function '", '\'') {
@@ -41,12 +41,12 @@ pub fn resources(log: &str, kernel: &str) -> Resources {
             // The log states stacks for each function that a kernel calls, but registers only for the kernel.
             let own = function.is_none_or(|name| name.trim_matches('\'') == kernel);
             if own {
-                found.read_stack(line);
+                resources.read_stack(line);
             }
-            found.read_use(line);
+            resources.read_use(line);
         }
     }
-    found
+    resources
 }
 
 impl Resources {

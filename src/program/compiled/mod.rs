@@ -68,10 +68,10 @@ impl CompiledKernel {
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());
         if let (Some(sm), Some(registers)) = (sm, self.resources.registers) {
-            let found = occupancy(sm, registers, self.group_local_bytes(), items);
-            self.resident_groups = Some(found.groups);
-            self.occupancy = Some(found.fraction);
-            self.occupancy_limited_by = Some(found.limiter.to_string());
+            let predicted = occupancy(sm, registers, self.group_local_bytes(), items);
+            self.resident_groups = Some(predicted.groups);
+            self.occupancy = Some(predicted.fraction);
+            self.occupancy_limited_by = Some(predicted.limiter.to_string());
         }
         self
     }

@@ -161,8 +161,8 @@ $L__BB0_1:
 
     #[test]
     fn instructions_are_counted_by_space_in_one_kernel() {
-        let found = instruction_counts(PTX, "cast_frame").expect("a kernel");
-        let counts: Vec<_> = found.instructions.iter().map(|(name, n)| (name.as_str(), *n)).collect();
+        let kernel = instruction_counts(PTX, "cast_frame").expect("a kernel");
+        let counts: Vec<_> = kernel.instructions.iter().map(|(name, n)| (name.as_str(), *n)).collect();
         let expected = [
             ("atom.global", 1),
             ("ld.const", 1),
@@ -173,8 +173,8 @@ $L__BB0_1:
             ("st.shared", 1),
         ];
         assert_eq!(counts, expected);
-        assert_eq!((found.private_array_bytes, found.calls), (48, 1));
-        assert_eq!([found.reach("global"), found.reach("local")], [3, 0]);
+        assert_eq!((kernel.private_array_bytes, kernel.calls), (48, 1));
+        assert_eq!([kernel.reach("global"), kernel.reach("local")], [3, 0]);
     }
 
     #[test]

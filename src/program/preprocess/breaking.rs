@@ -138,12 +138,12 @@ fn continued(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let (mut lines, mut margin, mut open) = (Vec::new(), indent.chars().count(), Vec::new());
     let mut rest = statement;
     let further = margin + 4;
-    while let Some(place) = place_to_break(&rest, margin, open.clone(), further) {
-        let after = rest.split_off(place.at);
+    while let Some(line_break) = next_break(&rest, margin, open.clone(), further) {
+        let after = rest.split_off(line_break.at);
         lines.push(spelled(margin, &rest));
         rest = trimmed(after);
-        margin = place.column;
-        open = vec![margin; place.depth];
+        margin = line_break.column;
+        open = vec![margin; line_break.depth];
     }
     lines.push(spelled(margin, &rest));
     lines
@@ -155,7 +155,7 @@ fn spelled(margin: usize, tokens: &[Token]) -> String {
 }
 
 /// A line break: the token after it, the column where the next line starts, and the depth of brackets.
-struct Place {
+struct LineBreak {
     at: usize,
     column: usize,
     depth: usize,
@@ -164,11 +164,11 @@ struct Place {
 /// Returns where to break a line: of the positions up to which the line fits, the last one within the fewest brackets.
 /// Returns `None` if the whole line fits, or if it has no such position. `open` has the columns of brackets that were
 /// opened on earlier lines.
-fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
+fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;
     }
-    let (mut column, mut best) = (margin, None::<Place>);
+    let (mut column, mut best) = (margin, None::<LineBreak>);
     for (at, token) in tokens.iter().enumerate() {
         column += token.text.chars().count();
         if column > WIDEST + 1 {
@@ -177,7 +177,7 @@ fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further
         let depth = open.len();
         if may_break(tokens, at, depth) && best.as_ref().is_none_or(|best| depth <= best.depth) {
             let beside = open.last().copied().filter(|column| *column <= FURTHEST);
-            best = Some(Place { at: at + 1, column: beside.unwrap_or(further), depth });
+            best = Some(LineBreak { at: at + 1, column: beside.unwrap_or(further), depth });
         }
         match token.text.as_str() {
             "(" => open.push(column),

@@ -100,7 +100,7 @@ struct Parser<'a> {
 const MOST_NESTED: usize = 100;
 
 impl Parser<'_> {
-    /// Calls `parse` one level deeper.
+    /// Calls `parse` for an operand or a bracket that is nested one level deeper.
     fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<i64, String>) -> Result<i64, String> {
         if self.depth == MOST_NESTED {
             return Err(format!(
@@ -118,9 +118,9 @@ impl Parser<'_> {
     }
 
     fn next_is(&mut self, symbol: &str) -> bool {
-        let found = self.peek() == Some(symbol);
-        self.at += usize::from(found);
-        found
+        let matches = self.peek() == Some(symbol);
+        self.at += usize::from(matches);
+        matches
     }
 
     fn expect(&mut self, symbol: &str) -> Result<(), String> {

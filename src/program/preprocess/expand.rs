@@ -210,19 +210,19 @@ fn in_one_line(token: Token) -> Token {
 
 /// Removes the blanks at both ends, and replaces every other run of blanks by a single blank.
 fn trimmed(tokens: Vec<Token>) -> Vec<Token> {
-    let mut kept: Vec<Token> = Vec::new();
+    let mut remaining: Vec<Token> = Vec::new();
     for mut token in tokens {
         let blank = token.kind == Kind::Space;
-        if blank && kept.last().is_none_or(|last| last.kind == Kind::Space) {
+        if blank && remaining.last().is_none_or(|last| last.kind == Kind::Space) {
             continue;
         }
         if blank {
             token.text = " ".to_owned();
         }
-        kept.push(token);
+        remaining.push(token);
     }
-    if kept.last().is_some_and(|last| last.kind == Kind::Space) {
-        kept.pop();
+    if remaining.last().is_some_and(|last| last.kind == Kind::Space) {
+        remaining.pop();
     }
-    kept
+    remaining
 }

@@ -85,9 +85,9 @@ impl Layout {
 
     /// Returns the lines, without comments on removed directives, and without two empty lines in a row.
     pub fn lines(self) -> Vec<Line> {
-        let kept = without_orphans(self.0);
+        let rows = without_orphans(self.0);
         let mut lines: Vec<Line> = Vec::new();
-        for row in kept.into_iter().filter(|row| row.what != What::Cut) {
+        for row in rows.into_iter().filter(|row| row.what != What::Cut) {
             let same = |last: &Line| last.file == row.line.file && !last.text.is_empty();
             if row.what != What::Blank || lines.last().is_some_and(same) {
                 lines.push(row.line);
@@ -103,7 +103,7 @@ impl Layout {
 /// Removes a comment if only directives follow it before the next empty line, since the comment then describes removed
 /// definitions.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
-    let mut kept = Vec::new();
+    let mut remaining = Vec::new();
     // True if only directives, and comments on them, lie between here and the next empty line.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
@@ -118,9 +118,9 @@ fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
         };
         after = row.what;
         if row.what != What::Comment || !orphaned {
-            kept.push(row);
+            remaining.push(row);
         }
     }
-    kept.reverse();
-    kept
+    remaining.reverse();
+    remaining
 }

@@ -16,7 +16,8 @@ pub(super) struct Macro {
 }
 
 /// The largest number of tokens that all expansions of a program may make. The program with the most expansions in
-/// `cl/` makes some thousands of tokens. The macros that a token came from count too, since each token lists them.
+/// `cl/` makes some thousands of tokens. The names of the macros from which a token came count as tokens too, since
+/// each token contains a list of these names.
 const MOST_TOKENS: usize = 500_000;
 /// The largest number of expansions within each other. Each of them needs a part of the thread's stack.
 const MOST_NESTED: usize = 100;

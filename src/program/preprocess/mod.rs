@@ -92,19 +92,19 @@ struct Branch {
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,
-    /// The place of the `#if`.
-    place: Place,
+    /// The position of the `#if`.
+    position: Position,
 }
 
-/// A place in a file.
+/// A position in a file.
 #[derive(Clone, Debug)]
-struct Place {
+struct Position {
     file: Rc<str>,
     /// The line's number in the file.
     line: i64,
 }
 
-/// The help in an error about a line that may ask for a value: an `#error` or a condition.
+/// The help in an error about an `#error` or a condition: the line may require another value of a macro.
 const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
     width=4; otherwise correct the line in the folder of --cl-dir";
 /// The help in an error about any other line.
@@ -112,7 +112,7 @@ const CORRECT: &str = "correct the line in the folder of --cl-dir";
 /// The help in an error about an `#if` without `#endif`.
 const CLOSE: &str = "close the #if with #endif in the same file, in the folder of --cl-dir";
 
-impl Place {
+impl Position {
     fn mistake(&self, message: impl std::fmt::Display) -> Error {
         let file = if self.file.is_empty() { "the text" } else { &self.file };
         Error::input(format!("{file}, line {}: {message}", self.line))
@@ -150,14 +150,14 @@ impl Preprocessor {
         self.branches.last().is_none_or(|branch| branch.live)
     }
 
-    /// Returns the place, in the current file, of a line with this number in the whole text. The line must belong to
+    /// Returns the position, in the current file, of a line with this number in the whole text. The line must belong to
     /// the current file.
-    fn place_of(&self, line: u32) -> Place {
-        Place { file: Rc::clone(&self.file), line: i64::from(line) + self.offset }
+    fn position_of(&self, line: u32) -> Position {
+        Position { file: Rc::clone(&self.file), line: i64::from(line) + self.offset }
     }
 
     fn mistake(&self, line: u32, message: impl std::fmt::Display) -> Error {
-        self.place_of(line).mistake(message).with_help(CORRECT)
+        self.position_of(line).mistake(message).with_help(CORRECT)
     }
 
     fn line(&mut self, line: &[Token]) -> Result<()> {
@@ -176,7 +176,7 @@ impl Preprocessor {
     }
 
     /// Expands and lays out the text before a directive, with the macros that are defined at that
-    /// place.
+    /// position.
     fn flush(&mut self) -> Result<()> {
         let text = std::mem::take(&mut self.text);
         let expanded =
@@ -191,7 +191,7 @@ impl Preprocessor {
         let number = name.line;
         let code: Vec<Token> = rest.iter().filter(|token| token.is_code()).cloned().collect();
         match name.text.as_str() {
-            "line" => self.place(&code, number)?,
+            "line" => self.set_position(&code, number)?,
             "if" | "ifdef" | "ifndef" => self.open(&name.text, &code, number)?,
             "elif" | "else" | "endif" => self.turn(&name.text, &code, number)?,
             _ if !self.is_live() => {}
@@ -215,7 +215,7 @@ impl Preprocessor {
 
     /// Processes the directive `#line NUMBER "FILE"`, even in branches that are not compiled. The directive states the
     /// number and the file of the next line.
-    fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
+    fn set_position(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
         let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;
         self.offset = next - i64::from(line) - 1;
@@ -244,7 +244,7 @@ impl Preprocessor {
     fn open(&mut self, name: &str, code: &[Token], line: u32) -> Result<()> {
         let around = self.is_live();
         let live = around && self.decide(name, code, line)?;
-        self.branches.push(Branch { live, decided: live, around, place: self.place_of(line) });
+        self.branches.push(Branch { live, decided: live, around, position: self.position_of(line) });
         Ok(())
     }
 
@@ -265,7 +265,7 @@ impl Preprocessor {
     fn finish(mut self) -> Result<Preprocessed> {
         self.flush()?;
         if let Some(branch) = self.branches.last() {
-            return Err(branch.place.mistake("this #if has no #endif").with_help(CLOSE));
+            return Err(branch.position.mistake("this #if has no #endif").with_help(CLOSE));
         }
         let asked = self.compiler.asked.into_iter().collect();
         Ok(Preprocessed { lines: self.layout.lines(), asked, files: self.files })

@@ -1,5 +1,6 @@
 //! Lays out a preprocessed program for reading from top to bottom. Consecutive lines of one file form a part, under a
-//! comment with the file's name. Functions, types and variables that the chosen kernels do not use are left out.
+//! comment with the file's name. Functions, types and variables that are used by none of the chosen kernels are left
+//! out.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -19,13 +20,13 @@ pub struct Reading {
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
-    let is_kept = |item: &Item| match (&needed, &item.name) {
+    let is_needed = |item: &Item| match (&needed, &item.name) {
         (Some(needed), Some(name)) => needed.contains(name),
         _ => true,
     };
-    let left_out = items.iter().filter(|item| !is_kept(item)).map(|item| item.lines.len()).sum();
-    let kept: Vec<&Item> = items.iter().filter(|item| is_kept(item)).collect();
-    let parts = kept.chunk_by(|one, next| one.file() == next.file());
+    let left_out = items.iter().filter(|item| !is_needed(item)).map(|item| item.lines.len()).sum();
+    let remaining: Vec<&Item> = items.iter().filter(|item| is_needed(item)).collect();
+    let parts = remaining.chunk_by(|one, next| one.file() == next.file());
     let with_code = parts.filter(|part| part.iter().any(|item| item.has_code()));
     Reading { text: with_code.map(part).collect(), left_out }
 }
@@ -187,43 +188,43 @@ __kernel void other(void) { nor_this(); }
 ";
 
     fn reading(kernels: Option<&[&str]>) -> Reading {
-        let lines = preprocess(SOURCE, "", &BTreeMap::new()).map(|found| found.lines);
+        let lines = preprocess(SOURCE, "", &BTreeMap::new()).map(|preprocessed| preprocessed.lines);
         read(&lines.unwrap_or_else(|error| panic!("{error}")), kernels)
     }
 
     #[test]
     fn what_no_kernel_needs_is_left_out_and_counted() {
-        let found = reading(Some(&["mine"]));
+        let reading_of_mine = reading(Some(&["mine"]));
         for gone in ["Unused", "not_called", "nor_this", "b.cl", "other"] {
-            assert!(!found.text.contains(gone), "{gone} in:\n{}", found.text);
+            assert!(!reading_of_mine.text.contains(gone), "{gone} in:\n{}", reading_of_mine.text);
         }
-        for kept in [
+        for part in [
             "// The file.\n\ntypedef",
             "} Used;",
             "// Called.\nstatic",
             "// ---- c.cl, line 1 ----\n\n#pragma",
             "table[2]",
         ] {
-            assert!(found.text.contains(kept), "{kept} not in:\n{}", found.text);
+            assert!(reading_of_mine.text.contains(part), "{part} not in:\n{}", reading_of_mine.text);
         }
-        assert_eq!(found.left_out, 5);
+        assert_eq!(reading_of_mine.left_out, 5);
         assert!(reading(Some(&["other"])).text.contains("b.cl, line 1"));
     }
 
     #[test]
-    fn all_is_kept_where_it_is_asked_for() {
-        let found = reading(None);
-        assert_eq!(found.left_out, 0);
+    fn nothing_is_left_out_where_all_is_asked_for() {
+        let whole = reading(None);
+        assert_eq!(whole.left_out, 0);
         let lines = |text: &str| text.lines().filter(|line| !line.is_empty()).count();
-        assert_eq!(lines(&found.text), lines(SOURCE));
+        assert_eq!(lines(&whole.text), lines(SOURCE));
     }
 
     #[test]
     fn a_comment_after_a_pragma_that_a_macro_made_stays() {
         let pragma = "#define EXACT _Pragma(\"OPENCL FP_CONTRACT OFF\")\n";
         let source = format!("{pragma}EXACT // why\n__kernel void mine(void) {{}}\n");
-        let lines = preprocess(&source, "", &BTreeMap::new()).map(|found| found.lines).unwrap_or_default();
-        let found = read(&lines, Some(&["mine"])).text;
-        assert!(found.contains("#pragma OPENCL FP_CONTRACT OFF\n// why\n__kernel"), "{found}");
+        let lines = preprocess(&source, "", &BTreeMap::new()).map(|output| output.lines).unwrap_or_default();
+        let text = read(&lines, Some(&["mine"])).text;
+        assert!(text.contains("#pragma OPENCL FP_CONTRACT OFF\n// why\n__kernel"), "{text}");
     }
 }

@@ -16,7 +16,7 @@ fn text(source: &str) -> String {
 
 #[track_caller]
 fn mistake(source: &str) -> String {
-    run(source, "").map(|found| panic!("{}", found.text())).unwrap_or_else(|error| error.to_string())
+    run(source, "").map(|output| panic!("{}", output.text())).unwrap_or_else(|error| error.to_string())
 }
 
 /// Returns whether a condition is true, with `ONE` defined as 1.
@@ -92,7 +92,7 @@ fn one_branch_at_most_is_live() {
         ("-D A=1 -D B=0", "one\n"),
     ] {
         assert_eq!(
-            run(source, options).map(|found| found.text()).ok().as_deref(),
+            run(source, options).map(|output| output.text()).ok().as_deref(),
             Some(expected),
             "{options}"
         );
@@ -106,7 +106,7 @@ fn dead_branches_are_neither_read_nor_shown() {
 }
 
 #[test]
-fn what_is_not_closed_or_not_opened_is_told() {
+fn what_is_not_closed_or_not_opened_is_reported() {
     assert_eq!(mistake("a\n#if 1\nb\n"), "the text, line 2: this #if has no #endif");
     for name in ["else", "elif 1", "endif"] {
         assert!(mistake(&format!("#{name}\n")).contains("without #if"), "{name}");
@@ -125,7 +125,7 @@ fn an_if_without_endif_has_its_own_file_and_line_and_remedy() {
 }
 
 #[test]
-fn only_lines_that_may_ask_for_a_value_are_told_to_set_it() {
+fn only_errors_of_lines_that_may_ask_for_a_value_advise_to_set_it() {
     for (source, asks) in
         [("#error A\n", true), ("#if 1 / A\n#endif\n", true), ("#else\n", false), ("#nonsense\n", false)]
     {
@@ -146,12 +146,12 @@ fn an_error_that_is_reached_has_its_file_and_line() {
 fn every_line_knows_its_file() {
     let source =
         "#line 7 \"a.cl\"\na\n#define B \\\n    b; \\\n    c;\n\nB\n#line 1 \"b.cl\"\nd\n#line 20\ne\n";
-    let lines = run(source, "").map(|found| found.lines).unwrap_or_default();
-    let places: Vec<_> =
+    let lines = run(source, "").map(|output| output.lines).unwrap_or_default();
+    let lines_with_code: Vec<_> =
         lines.iter().filter(|line| line.is_code).map(|l| (&*l.file, l.number, &*l.text)).collect();
     let expected =
         [("a.cl", 7, "a"), ("a.cl", 12, "b;"), ("a.cl", 12, "c;"), ("b.cl", 1, "d"), ("b.cl", 20, "e")];
-    assert_eq!(places, expected);
+    assert_eq!(lines_with_code, expected);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn no_macro_is_called_out_of_its_own_expansion() {
 }
 
 #[test]
-fn macros_are_those_of_their_place() {
+fn macros_are_those_of_their_line() {
     assert_eq!(text("A\n#define A b\nA\n#undef A\nA\n#define A c\nA\n"), "A\nb\nA\nc\n");
 }
 
@@ -203,13 +203,14 @@ fn constants_keep_their_names() {
 #[test]
 fn the_compilers_own_macros_are_asked_for_and_left_alone() {
     let source = "#if defined(OWN) && OWN > 2\nOWN\n#elif defined(OTHER)\nother\n#endif\n#ifdef __has_builtin\n#if __has_builtin(f)\nbuiltin\n#endif\n#endif\n";
-    let absent = run(source, "").map(|found| (found.text(), found.asked)).ok();
+    let absent = run(source, "").map(|output| (output.text(), output.asked)).ok();
     let asked = ["OTHER", "OWN", "__has_builtin"].map(str::to_owned).to_vec();
     assert_eq!(absent, Some((String::new(), asked)));
     let given = [("OWN", 3), ("__has_builtin", 1), ("__has_builtin(f)", 1)]
         .map(|(name, value)| (name.to_owned(), value));
-    let found = preprocess(source, "", &BTreeMap::from(given)).map(|found| (found.text(), found.asked)).ok();
-    assert_eq!(found, Some(("OWN\nbuiltin\n".to_owned(), Vec::new())));
+    let known =
+        preprocess(source, "", &BTreeMap::from(given)).map(|output| (output.text(), output.asked)).ok();
+    assert_eq!(known, Some(("OWN\nbuiltin\n".to_owned(), Vec::new())));
 }
 
 #[test]
@@ -246,9 +247,9 @@ void f(void) {
 #[test]
 fn long_lines_that_macros_made_are_broken_beside_their_bracket() {
     let parameters = (0..8).map(|i| format!("const int parameter_{i}")).collect::<Vec<_>>();
-    let found = text(&format!("#define ALL {}\nvoid f(ALL) {{}}\n", parameters.join(", ")));
-    assert!(found.lines().count() == 2 && found.lines().all(|line| line.len() <= 120), "{found}");
-    assert!(found.lines().nth(1).is_some_and(|line| line.starts_with("       const int")), "{found}");
+    let broken = text(&format!("#define ALL {}\nvoid f(ALL) {{}}\n", parameters.join(", ")));
+    assert!(broken.lines().count() == 2 && broken.lines().all(|line| line.len() <= 120), "{broken}");
+    assert!(broken.lines().nth(1).is_some_and(|line| line.starts_with("       const int")), "{broken}");
 }
 
 #[test]
@@ -329,7 +330,7 @@ proptest::proptest! {
     fn what_is_preprocessed_stays_as_it_is(source in sources()) {
         // Some of the generated texts call the macro F wrongly, which is an error.
         if let Ok(once) = run(&source, "") {
-            let again = run(&once.text(), "").map(|found| found.text());
+            let again = run(&once.text(), "").map(|output| output.text());
             proptest::prop_assert_eq!(again.ok(), Some(once.text()));
         }
     }

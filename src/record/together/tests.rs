@@ -6,16 +6,16 @@ use super::*;
 /// Returns a record with five samples in each of two launches. A sample of the first launch takes `ms`. A sample of the
 /// second launch takes longer by the fraction `slower`.
 fn launches(name: &str, ms: f64, slower: f64) -> Record {
-    let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
-    sampled(name, (0..10).map(|place| (place / 5, at(place))))
+    let at = |index: u32| if index < 5 { ms } else { ms * (1.0 + slower) };
+    sampled(name, (0..10).map(|index| (index / 5, at(index))))
 }
 
 #[test]
 fn what_slows_all_is_in_the_interval_and_not_in_the_ratio() {
     let records = judged([launches("naive", 10.0, 0.5), launches("wide", 5.0, 0.5)]);
-    let found = ratio(&records[0], &records[1]).expect("enough samples");
+    let ratio = ratio(&records[0], &records[1]).expect("enough samples");
     let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
-    assert!((found.high / found.low - (2.0 * only_runs).exp()).abs() < 1e-5, "{found:?}");
+    assert!((ratio.high / ratio.low - (2.0 * only_runs).exp()).abs() < 1e-5, "{ratio:?}");
     let [low, high] = interval(&records[0]).expect("enough samples");
     assert!(low < 5.0 && high > 20.0, "{low} {high}");
 }
@@ -27,8 +27,8 @@ fn a_ratio_of_two_kinds_of_devices_has_the_differences_between_runs_of_both() {
     let variance = |of: BetweenRuns| of.shared.powi(2) + of.own.powi(2);
     let both = variance(BetweenRuns::ON_PROCESSORS) + variance(BetweenRuns::ON_OTHER_DEVICES);
     for [one, other] in [[0, 1], [1, 0]] {
-        let found = ratio(&records[one], &records[other]).expect("enough samples");
-        assert!(((found.high / found.low).ln() - 2.0 * 1.96 * both.sqrt()).abs() < 1e-4, "{found:?}");
+        let ratio = ratio(&records[one], &records[other]).expect("enough samples");
+        assert!(((ratio.high / ratio.low).ln() - 2.0 * 1.96 * both.sqrt()).abs() < 1e-4, "{ratio:?}");
     }
 }
 
@@ -81,7 +81,8 @@ fn one_launch_is_said_to_be_a_look() {
     assert!(how_sure(&[]).is_empty());
 }
 
-/// Differences between baselines, and between the devices of a group, are not differences between scenes.
+/// Baselines in a scene, and different devices in a scene, must not make the smallest difference seem to depend on the
+/// scene.
 #[test]
 fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() {
     let said = |records: &[Record]| how_sure(&judged(records)).remove(0);
@@ -106,8 +107,8 @@ fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() 
 fn where_times_are_too_noisy_no_percentage_is_said() {
     let group = |scene: &str, first_launch: u32, factor: f64| {
         ["naive", "wide"].map(|name| {
-            let slow = |place: u32| if (place < 5) == (name == "naive") { factor } else { 1.0 };
-            let samples = (0..10).map(move |place| (first_launch + place / 5, 10.0 * slow(place)));
+            let slow = |index: u32| if (index < 5) == (name == "naive") { factor } else { 1.0 };
+            let samples = (0..10).map(move |index| (first_launch + index / 5, 10.0 * slow(index)));
             let key = format!("{name} {scene}");
             Record { scene: scene.into(), key, ..sampled(name, samples) }
         })
@@ -123,12 +124,12 @@ fn where_times_are_too_noisy_no_percentage_is_said() {
     assert_eq!(all, "Differences below a factor of 100 between two points cannot be detected here.");
 }
 
-/// Returns two points that were measured in two launches. In each launch, the other point takes longer by the fraction
-/// `apart`.
+/// Returns two points that were measured in two launches. In the first launch, `naive` takes longer than the other
+/// point by the fraction `apart`. In the second launch, `wide` takes longer by this fraction.
 fn two_points(scene: &str, image_size: [u32; 2], device: &str, first_launch: u32, apart: f64) -> [Record; 2] {
     ["naive", "wide"].map(|name| {
-        let ms = |place: u32| if (place < 5) == (name == "naive") { 10.0 * (1.0 + apart) } else { 10.0 };
-        let record = sampled(name, (0..10).map(|place| (first_launch + place / 5, ms(place))));
+        let ms = |index: u32| if (index < 5) == (name == "naive") { 10.0 * (1.0 + apart) } else { 10.0 };
+        let record = sampled(name, (0..10).map(|index| (first_launch + index / 5, ms(index))));
         let key = format!("{name} {scene} {image_size:?} {device} {first_launch}");
         Record { key, scene: scene.into(), image_size, device: device.into(), ..record }
     })
@@ -167,7 +168,7 @@ fn only_what_the_smallest_difference_depends_on_is_named() {
 #[test]
 fn points_of_several_sessions_are_ranked_by_the_medians_of_which_their_ratios_are_computed() {
     let session = |name: &str, first_launch: u32, ms: [f64; 3]| {
-        sampled(name, (0..15).map(|place| (first_launch + place / 5, ms[place as usize / 5])))
+        sampled(name, (0..15).map(|index| (first_launch + index / 5, ms[index as usize / 5])))
     };
     let records = judged([session("wide", 0, [1.2; 3]), session("naive", 3, [1.0, 1.0, 4.0])]);
     let ranked = ranking(&records).ranked;
@@ -226,7 +227,7 @@ fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
 fn a_tie_is_decided_by_the_intervals_end() {
     // In one launch, this point is as fast as the other point; in the other launch, it is 6%
     // slower. The mean difference is 3%, and it is uncertain.
-    let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
+    let wavers = sampled("wide", (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 10.6 })));
     let records = judged([launches("naive", 10.0, 0.0), wavers]);
     assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);
     assert_eq!(ranking(&records).winners.len(), 2);
@@ -244,9 +245,9 @@ fn what_can_be_told_apart_is_beyond_a_tie() {
 #[test]
 fn samples_are_paired_in_the_order_they_were_taken() {
     let mut one = launches("naive", 10.0, 0.0);
-    one.samples_at_ms = (0..10).map(|place| f64::from(2 * place)).collect();
+    one.samples_at_ms = (0..10).map(|index| f64::from(2 * index)).collect();
     let mut other = launches("wide", 5.0, 0.0);
-    other.samples_at_ms = (0..10).map(|place| f64::from(2 * place + 1)).collect();
+    other.samples_at_ms = (0..10).map(|index| f64::from(2 * index + 1)).collect();
     let order: Vec<usize> =
         in_order([one, other].iter(), &[]).into_iter().map(|sample| sample.point).collect();
     assert_eq!(order, [0, 1].repeat(10));
@@ -301,11 +302,11 @@ fn each_device_is_compared_with_its_own_anchor() {
     let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
     let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
     judge_beside_anchors(&mut records, &anchors);
-    let found: Vec<_> = records
+    let actual: Vec<_> = records
         .iter()
         .map(|record| anchored(record).map(|(name, ratio)| (name, ratio.middle.round())))
         .collect();
-    assert_eq!(found, [Some(("one", 5.0)), Some(("one", 2.0)), None]);
+    assert_eq!(actual, [Some(("one", 5.0)), Some(("one", 2.0)), None]);
     let mean = Relative::mean(&[anchored_mean(&[&records[0]]).expect("an anchor")]).expect("one ratio");
     assert_eq!(mean.middle.round(), 5.0);
     judge(&mut records);
@@ -318,11 +319,11 @@ fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_po
     let degrees = |threads: Option<u32>| {
         let points = ["naive", "wide", "bvh", "tile"];
         let mut records = points.map(|name| Record { threads, ..launches(name, 10.0, 0.5) });
-        let anchor = |place: u32| AnchorSample {
+        let anchor = |index: u32| AnchorSample {
             anchor: "a".into(),
             device: records[0].device.clone(),
-            launch: place / 5,
-            at_ms: f64::from(place) + 0.5,
+            launch: index / 5,
+            at_ms: f64::from(index) + 0.5,
             ms: 2.0,
             ..AnchorSample::default()
         };
@@ -330,7 +331,8 @@ fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_po
         judge_beside_anchors(&mut records, &anchors);
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
-    // Two launches leave one degree of freedom. The two other points add two.
+    // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the points adds
+    // two: the number of points, less one for each side of the ratio.
     assert_eq!((degrees(Some(2)), degrees(None)), (Some(1.0), Some(3.0)));
 }
 
@@ -366,7 +368,7 @@ fn records_without_launch_numbers_were_measured_together_if_all_that_is_compared
         Record { scene_hash: Some("1".into()), ..old("naive") },
     ]);
     let together: Vec<usize> =
-        (0..records.len()).filter(|place| are_together(&records[0], &records[*place])).collect();
+        (0..records.len()).filter(|index| are_together(&records[0], &records[*index])).collect();
     assert_eq!(together, [0, 1]);
     assert_eq!((super::launches(&records[0]), super::launches(&Record::default())), (1, 0));
 }

@@ -1,12 +1,12 @@
 //! Determines with a few searches, instead of searches for every nudge, whether a pixel is certain. If a few searches
 //! are not enough, there is no result.
 
-use super::super::beam::Beam;
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
 use super::super::leaning::larger_hit;
 use super::super::pixel_sample::{PixelSample, Reach};
 use super::super::ray::Ray;
+use super::super::ray_packet::RayPacket;
 use super::super::shade::{Sight, surface_at};
 use super::super::shadows::{Points, Shadows};
 use super::super::soft::Seen;
@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use glam::DVec3;
 
 /// A ray and its hit.
-type Met = (Ray<f64>, Hit<f64>);
+type RayHit = (Ray<f64>, Hit<f64>);
 
 /// The nudged rays of a pixel, each with the size of its nudge.
 type Nudged = [(Reach, Ray<f64>); NUDGES];
@@ -25,12 +25,12 @@ type Nudged = [(Reach, Ray<f64>); NUDGES];
 struct Hits {
     triangle: u32,
     /// The hit of the ray itself.
-    centre: Met,
+    centre: RayHit,
     /// The hits of the nudged rays.
-    nudged: [(Reach, Met); NUDGES],
+    nudged: [(Reach, RayHit); NUDGES],
     /// The hit of the ray itself on the triangle that [`larger_hit`] enlarges by the largest rounding error of a
     /// device.
-    leaning: Met,
+    leaning: RayHit,
 }
 
 impl Hits {
@@ -39,22 +39,23 @@ impl Hits {
     fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
-        let meet = |ray: Ray<f64>| {
+        let hit_of = |ray: Ray<f64>| {
             let (t, weights) = moller_trumbore(&ray, corners, tree.culling())?;
             Some((ray, Hit { t, weights, triangle }))
         };
-        let centre = meet(ray)?;
+        let centre = hit_of(ray)?;
         let mut nudged = [(Reach::Wide, centre); NUDGES];
-        for (place, (reach, ray)) in nudged.iter_mut().zip(rays) {
-            *place = (*reach, meet(*ray)?);
+        for (slot, (reach, ray)) in nudged.iter_mut().zip(rays) {
+            *slot = (*reach, hit_of(*ray)?);
         }
-        let larger = larger_hit(&ray, triangle, corners, tree.culling()).filter(|found| found.is_certain)?;
+        let larger =
+            larger_hit(&ray, triangle, corners, tree.culling()).filter(|larger| larger.is_certain)?;
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
     /// Returns the hit points, including points that are moved off the triangle's plane by `offs`.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
-        let point = |(ray, hit): &Met| ray.origin + ray.direction * hit.t;
+        let point = |(ray, hit): &RayHit| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
         let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]);
         let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
@@ -64,17 +65,17 @@ impl Hits {
     }
 }
 
-/// Computes the result of [`super::sample`] faster if the whole beam of nudged rays hits a single triangle first, or
-/// nothing. One search is then enough for all nudges. For each light, one more search finds out whether the beam from
+/// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle first, or
+/// nothing. One search is then enough for all nudges. For each light, one more search finds out whether the packet from
 /// the light to the hits is occluded completely, or not at all. If neither is certain, shadow rays to this light are
-/// cast. `None` if it is uncertain what the rays hit, or if light grazes the triangle.
+/// cast. Returns `None` if it is uncertain what the rays hit, or if light grazes the triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
     let nudged = nudged_rays(asked, ray);
     let turns = nudged.iter().map(|(_, other)| other.direction.distance(ray.direction));
-    let beam = Beam::new(ray.origin, ray.direction, 1.1 * turns.fold(0.0, f64::max));
-    let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
+    let packet = RayPacket::new(ray.origin, ray.direction, 1.1 * turns.fold(0.0, f64::max));
+    let Some(triangle) = packet.first(tree, ray.near, RIVAL)? else {
         return Some(background(asked, &ray, &nudged));
     };
     let hits = Hits::of(asked, tree, (ray, &nudged), triangle)?;
@@ -85,12 +86,12 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let offs = off_plane(caster, &ray, &hit);
     let shadows = Shadows::new(seen, tree, hits.points(caster.scene(), offs), bias);
     // If it is uncertain whether a light reaches the points, a shadow ray to this light is cast.
-    let radiance_of = |seen: &Seen<'_>, (ray, hit): &Met, cast: &dyn Fn(&Sight<f64>) -> bool| {
+    let radiance_of = |seen: &Seen<'_>, (ray, hit): &RayHit, cast: &dyn Fn(&Sight<f64>) -> bool| {
         let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
         caster.shaded(seen, ray, Some(hit), &reaches)
     };
-    let with_bias = |at: &Met, bias: f64| radiance_of(seen, at, &|sight| caster.reaches(sight, bias));
-    let moved_by = |at: &Met, caster: &Caster<'_, f64>, off: DVec3| {
+    let with_bias = |at: &RayHit, bias: f64| radiance_of(seen, at, &|sight| caster.reaches(sight, bias));
+    let moved_by = |at: &RayHit, caster: &Caster<'_, f64>, off: DVec3| {
         radiance_of(seen, at, &|sight| caster.reaches(&moved(sight, off), bias))
     };
     let mut sample = PixelSample::of(with_bias(&hits.centre, bias), true);
@@ -134,8 +135,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
 /// Returns the nudged rays of the pixel whose own ray is `ray`.
 fn nudged_rays(asked: &Asked<'_>, ray: Ray<f64>) -> Nudged {
     let mut nudged = [(Reach::Wide, ray); NUDGES];
-    for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
-        *place = (reach, asked.caster.ray(x, y));
+    for (slot, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
+        *slot = (reach, asked.caster.ray(x, y));
     }
     nudged
 }

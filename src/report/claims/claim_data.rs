@@ -47,9 +47,10 @@ impl<'a> Run<'a> {
         &self.folder.path
     }
 
-    /// Returns the command that measures the points that the page lacks, with more options. The page's folder contains
-    /// the run's folder. The command repeats the run's devices and changed values; otherwise, it would measure another
-    /// plan, and the page would hide the records of this one.
+    /// Returns the command that measures the points that the page of `raycl reproduce` lacks. `more` is a text with
+    /// further options, which are added to the command. The page's folder contains the run's folder. The command
+    /// repeats the run's devices and changed values. Otherwise, it would measure another plan, and the page would hide
+    /// the records of the run's plan.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -63,8 +64,8 @@ impl<'a> Run<'a> {
 /// Returns the options `--device` in the command line of a run's environment.
 fn devices(environment: &Value) -> Vec<String> {
     let words = texts(environment, "command_line");
-    let given = words.iter().enumerate().filter_map(|(place, word)| match *word {
-        "--device" => words.get(place + 1).copied(),
+    let given = words.iter().enumerate().filter_map(|(index, word)| match *word {
+        "--device" => words.get(index + 1).copied(),
         joined => joined.strip_prefix("--device="),
     });
     given.flat_map(|name| option("--device", name)).collect()
@@ -81,8 +82,8 @@ fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
     environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
-/// Returns the command that measures what the page lacks about a device; `None` without runs. If the measurement of one
-/// of the device's points was not completed, the command measures such points again.
+/// Returns the command that measures what the page lacks about a device; `None` if there are no runs. If the
+/// measurement of at least one of the device's points was not completed, the command measures these points again.
 pub fn completion(runs: &[Run<'_>], device: &str) -> Option<String> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let is_retried = groups.flat_map(|group| &group.records).any(|record| is_incomplete(record));
@@ -139,7 +140,7 @@ impl<'a> ClaimData<'a> {
         Line { data: Data::Incomplete, ..Line::unclear(text, self.complete("a complete run of this point")) }
     }
 
-    /// Adds to `what` the command that measures points again whose measurement was not completed.
+    /// Adds to `what` the command that repeats the measurements that were not completed.
     pub(super) fn complete(&self, what: &str) -> String {
         format!("{what}: `{}`", self.run.completion(" --retry-failed"))
     }
@@ -159,21 +160,21 @@ impl<'a> ClaimData<'a> {
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
-        let Some(told) = ran.or(records.first()) else { return self.missing(&point.to_string()) };
-        let (name, scene) = (title(told), at_size(&point.scene, told.image_size));
-        match told.outcome {
+        let Some(record) = ran.or(records.first()) else { return self.missing(&point.to_string()) };
+        let (name, scene) = (title(record), at_size(&point.scene, record.image_size));
+        match record.outcome {
             Outcome::Measured => {
-                let time = median(told).map_or(String::new(), duration);
+                let time = median(record).map_or(String::new(), duration);
                 Line::decided(format!("{name} runs on {scene}: {time}"), wanted)
             }
             Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => {
-                Line::decided(format!("{name} on {scene} does not run: {}", first_line(told)), !wanted)
+                Line::decided(format!("{name} on {scene} does not run: {}", first_line(record)), !wanted)
             }
             Outcome::OtherKind => Line::unclear(
-                format!("{name} on {scene}: {}", first_line(told)),
-                format!("a device of the kind for which {} is meant", told.name),
+                format!("{name} on {scene}: {}", first_line(record)),
+                format!("a device of the kind for which {} is meant", record.name),
             ),
-            other => self.incomplete(format!("{name} on {scene}: {}: {}", other.name(), first_line(told))),
+            other => self.incomplete(format!("{name} on {scene}: {}: {}", other.name(), first_line(record))),
         }
     }
 
@@ -186,11 +187,11 @@ impl<'a> ClaimData<'a> {
 
     /// Returns the device's peak rates. The error says why there are none; `what` names the rate that is needed.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
-        let kept = Peak::kept_in(self.run.path()).map_err(|error| {
+        let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
             let decides = format!("a new measurement: delete this file, then `{}`", self.run.completion(""));
             Line::cannot(error.to_string(), decides)
         })?;
-        kept.into_iter().find(|peak| peak.device == self.device).ok_or_else(|| self.missing(what))
+        peaks.into_iter().find(|peak| peak.device == self.device).ok_or_else(|| self.missing(what))
     }
 
     /// Returns whether the run's environment describes the device as a CPU.
@@ -201,8 +202,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of
-/// several records ([`Size::Best`]), the text says so and names this record.
+/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of several records
+/// ([`Size::Best`]), the text says that its time is the best, and names the fastest record.
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

@@ -13,47 +13,48 @@ use crate::report::words::{at_size, title};
 use crate::strategy::{Requirements, Workload};
 
 /// Returns the result of a test, one line per comparison.
-pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
+pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
     match test {
         Test::Ratio { of, to, at_least, at_most } => {
             let held = at_least.unwrap_or(0.0)..=at_most.unwrap_or(f64::INFINITY);
-            of.iter().map(|of| found.ratio(of, to, held.clone())).collect()
+            of.iter().map(|of| data.ratio(of, to, held.clone())).collect()
         }
         Test::Rises { over, at_least } => {
             let pairs = over.windows(2);
-            pairs.map(|pair| found.ratio(&pair[1], &pair[0], *at_least..=f64::INFINITY)).collect()
+            pairs.map(|pair| data.ratio(&pair[1], &pair[0], *at_least..=f64::INFINITY)).collect()
         }
-        Test::Fastest(test) => vec![fastest(found, test)],
-        Test::Runs { points, runs } => points.iter().map(|point| found.runs(point, *runs)).collect(),
-        Test::Passes { point, of, to, at_least } => vec![passes(found, point, (*of, *to), *at_least)],
+        Test::Fastest(test) => vec![fastest(data, test)],
+        Test::Runs { points, runs } => points.iter().map(|point| data.runs(point, *runs)).collect(),
+        Test::Passes { point, of, to, at_least } => vec![passes(data, point, (*of, *to), *at_least)],
         Test::Fits { strategy, local_size, triangles, local_bytes, fits } => {
             vec![fits_in(strategy, *local_size, *triangles, *local_bytes, *fits)]
         }
         Test::Occupancy { compute_capability, registers, local_size, threads } => {
             vec![holds(&compute_capability.0, *registers, *local_size, *threads)]
         }
-        Test::Latency { memory, cycles, within } => vec![latency(found, *memory, *cycles, *within)],
+        Test::Latency { memory, cycles, within } => vec![latency(data, *memory, *cycles, *within)],
         Test::Judgement { reason, decides } => vec![Line::cannot(reason.clone(), decides.clone())],
     }
 }
 
 /// Tests whether every other point takes at least `by` times as long as the point that is claimed to be the fastest.
 /// For each other point, the ratio of its time to the claimed point's time has a verdict of its own. The result line
-/// shows the smallest ratio whose verdict equals that of the whole test. If all ratios hold, but the measurement of
-/// another point was not completed, the test is unclear, since that point may be the fastest.
-fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
-    let best = match found.measured(&test.is) {
+/// shows one ratio: the smallest of those whose verdict equals the verdict of the whole test. If all ratios are large
+/// enough, but the measurement of another point was not completed, the test is unclear, since that point may be the
+/// fastest.
+fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
+    let best = match data.measured(&test.is) {
         Ok(best) => best,
         Err(line) => return line,
     };
     // Every point must have a measured record; a point that names several local sizes (`best`, `square`) needs
     // only one such record.
-    if let Some(missing) = test.of.iter().find_map(|point| found.measured(point).err()) {
+    if let Some(missing) = test.of.iter().find_map(|point| data.measured(point).err()) {
         return missing;
     }
     let left_out =
-        |record: &Record| test.except.iter().chain([&test.is]).any(|point| point.is(record, found.device));
-    let others = test.of.iter().flat_map(|point| found.records(point)).filter(|record| !left_out(record));
+        |record: &Record| test.except.iter().chain([&test.is]).any(|point| point.is(record, data.device));
+    let others = test.of.iter().flat_map(|point| data.records(point)).filter(|record| !left_out(record));
     let others: Vec<&Record> = others.collect();
     let ratios: Vec<(&Record, Ratio)> =
         others.iter().filter_map(|other| Some((*other, Ratio::of(other, best)?))).collect();
@@ -62,10 +63,10 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
     let (untimed, decides) = (without_time(&others), "a complete run of the points without a time");
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
-        let compared = format!("point to compare with {}{}", test.is, exceptions(found, test));
-        let Some(untimed) = untimed else { return found.missing(&format!("a {compared}")) };
+        let compared = format!("point to compare with {}{}", test.is, exceptions(data, test));
+        let Some(untimed) = untimed else { return data.missing(&format!("a {compared}")) };
         let text = format!("no {compared} has a time: {untimed}");
-        return Line { data: Data::Incomplete, ..Line::unclear(text, found.complete(decides)) };
+        return Line { data: Data::Incomplete, ..Line::unclear(text, data.complete(decides)) };
     };
     let part = match ratios.len() {
         1 => "the only other one".to_owned(),
@@ -75,15 +76,16 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let line = ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY);
     match untimed {
         Some(untimed) if line.verdict == Verdict::Held => {
-            Line::unclear(format!("{}; without a time: {untimed}", line.text), found.complete(decides))
+            Line::unclear(format!("{}; without a time: {untimed}", line.text), data.complete(decides))
         }
         _ => line,
     }
 }
 
-/// Names the recorded points that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Empty if there are none.
-fn exceptions(found: &ClaimData<'_>, test: &FastestTest) -> String {
-    let recorded = test.except.iter().filter(|point| !found.records(point).is_empty());
+/// Names the recorded points that a test leaves out: " (left out: naive at 8 x 8 on teapot)". The text is empty if
+/// there are none.
+fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
+    let recorded = test.except.iter().filter(|point| !data.records(point).is_empty());
     let names: Vec<String> = recorded.map(ToString::to_string).collect();
     if names.is_empty() { String::new() } else { format!(" (left out: {})", names.join(", ")) }
 }
@@ -100,12 +102,12 @@ fn without_time(records: &[&Record]) -> Option<String> {
     Some(format!("{} ({}){more}", title(first), first.outcome.name()))
 }
 
-fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
-    let record = match found.measured(point) {
+fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
+    let record = match data.measured(point) {
         Ok(record) => record,
         Err(line) => return line,
     };
-    let samples = found.samples(record);
+    let samples = data.samples(record);
     let times: Vec<(u32, [f64; 2])> = samples
         .iter()
         .filter(|one| has(record, one))
@@ -124,8 +126,8 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
 /// leaves out, for example those of an incomplete launch or those that another program delayed. A record of an earlier
 /// version may not state the launches and times at which its samples were taken.
 fn has(record: &Record, sample: &Sample) -> bool {
-    let is_same = |(place, ms): (usize, &f64)| {
-        let (launch, at_ms) = (record.sample_launches.get(place), record.samples_at_ms.get(place));
+    let is_same = |(index, ms): (usize, &f64)| {
+        let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));
         *ms == sample.ms
             && launch.is_none_or(|launch| *launch == sample.launch)
             && at_ms.zip(sample.at_ms).is_none_or(|(own, other)| *own == other)
@@ -176,25 +178,25 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
     let Ok(sm) = multiprocessor(capability) else {
         return Line::cannot(capability.to_owned(), String::new());
     };
-    let found = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
+    let occupancy = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
     let text = format!(
         "by arithmetic: {} with {registers} registers per thread: {} threads (limited by {}), published {threads}",
         by(size.0),
-        found.threads,
-        found.limiter
+        occupancy.threads,
+        occupancy.limiter
     );
-    Line::decided(text, found.threads == threads)
+    Line::decided(text, occupancy.threads == threads)
 }
 
-fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
+fn latency(data: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
     let name = format!("{memory:?} memory").to_lowercase();
-    if found.is_cpu() && memory != Memory::Private {
+    if data.is_cpu() && memory != Memory::Private {
         let text = format!(
             "a CPU has no separate {name}: all address spaces of OpenCL are in main memory and its caches"
         );
         return Line::cannot(text, "a GPU".to_owned());
     }
-    let peak = match found.peak(&format!("the latency of {name}")) {
+    let peak = match data.peak(&format!("the latency of {name}")) {
         Ok(peak) => peak,
         Err(line) => return line,
     };
@@ -224,7 +226,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
             text,
             format!(
                 "a latency whose quartiles are closer together: `{}` measures again",
-                found.run.completion("")
+                data.run.completion("")
             ),
         ),
     }

@@ -57,19 +57,20 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     rows.into_iter().map(claim).collect()
 }
 
-/// Returns the lines of a test. If no run has the data of a comparison, the line comes from the run that lacks least,
-/// and of several such runs from one of the claim's configs, since other runs do not measure the claim's points.
+/// Returns the lines of a test. If no run has the data of a comparison, the line comes from the run that lacks least.
+/// If several runs lack equally little, a run of one of the claim's configs is preferred, since other configs do not
+/// measure the claim's points.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
     let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
         let is_other = !row.configs.contains(&run.folder.label);
         let lines = kinds::lines(test, &ClaimData { run, device }).into_iter();
         lines.map(|line| ((line.data, is_other && line.data != Data::Complete), line)).collect()
     };
-    let told = runs.iter().map(of).reduce(|known, more| {
+    let most_complete = runs.iter().map(of).reduce(|known, more| {
         let pairs = known.into_iter().zip(more);
         pairs.map(|(known, more)| if more.0 < known.0 { more } else { known }).collect()
     });
-    told.unwrap_or_default().into_iter().map(|(_, line)| line).collect()
+    most_complete.unwrap_or_default().into_iter().map(|(_, line)| line).collect()
 }
 
 /// Contradictions within the paper that can be shown without a measurement.
@@ -144,11 +145,11 @@ mod tests {
         assert_eq!(open.decides(), ["the missing record: `raycl reproduce --out . --resume`"]);
         for outcome in [Outcome::TimedOut, Outcome::Crashed, Outcome::WrongImage] {
             let record = Record { outcome, ..infeasible("gpu", "naive", 1, "why") };
-            let told = claim(FALLS, &[&[record, measured("gpu", "naive", 4, 1.0)]]);
-            assert_eq!(told.verdict, Verdict::Unclear, "{outcome:?}");
-            assert_eq!(told.lines[0].text, "naive at 1 x 1 on teapot has no time: why");
+            let result = claim(FALLS, &[&[record, measured("gpu", "naive", 4, 1.0)]]);
+            assert_eq!(result.verdict, Verdict::Unclear, "{outcome:?}");
+            assert_eq!(result.lines[0].text, "naive at 1 x 1 on teapot has no time: why");
             let command = "a complete run of this point: `raycl reproduce --out . --resume --retry-failed`";
-            assert_eq!(told.decides(), [command]);
+            assert_eq!(result.decides(), [command]);
         }
     }
 
@@ -162,9 +163,9 @@ mod tests {
     #[test]
     fn a_command_names_the_folder_of_the_page() {
         let folder = Folder { path: "my results/figure-6".into(), ..Folder::default() };
-        let told = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
+        let result = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
         let command = "the missing record: `raycl reproduce --out 'my results' --resume`";
-        assert_eq!(told.decides(), [command]);
+        assert_eq!(result.decides(), [command]);
     }
 
     #[test]
@@ -174,17 +175,17 @@ mod tests {
         let overrides = ["image_sizes = [[8,5]]", "question = \"a = b?\""];
         let environment = serde_json::json!({"command_line": words, "overrides": overrides});
         let folder = Folder { environment, path: "out/figure-6".into(), ..Folder::default() };
-        let told = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
+        let result = claim_in(&folder, FALLS, &[&[measured("gpu", "naive", 4, 10.0)]]);
         let options =
             "--device gpu --device 'my cpu' --set 'image_sizes=[[8,5]]' --set 'question=\"a = b?\"'";
         assert_eq!(
-            told.decides(),
+            result.decides(),
             [format!("the missing record: `raycl reproduce --out out {options} --resume`")]
         );
     }
 
     #[test]
-    fn of_several_runs_that_cannot_test_a_claim_the_one_that_lacks_least_is_told() {
+    fn of_several_runs_that_cannot_test_a_claim_the_one_that_lacks_least_is_reported() {
         let [own, other] =
             ["figure-6", "figure-8"].map(|label| Folder { label: label.into(), ..Folder::default() });
         let [one, eight] = [1, 8].map(|side| [measured("gpu", "naive", side, 10.0)]);
@@ -197,32 +198,32 @@ mod tests {
         let passes =
             "kind = 'passes', point = 'deferred 8x8 on teapot', of = 'shadow', to = 'primary', at_least = 2";
         let deferred = [measured("gpu", "deferred", 8, 10.0)];
-        let told = text(passes, &[(&other, &deferred[..]), (&own, &one[..])]);
-        assert!(told.starts_with("no sample of deferred at 8 x 8 on teapot"), "{told}");
+        let line = text(passes, &[(&other, &deferred[..]), (&own, &one[..])]);
+        assert!(line.starts_with("no sample of deferred at 8 x 8 on teapot"), "{line}");
     }
 
     #[test]
     fn times_rise_from_each_point_to_the_next() {
         let points = [1, 4, 8].map(|side| format!("'naive {side}x{side} on teapot'")).join(", ");
         let rises = format!("kind = 'rises', at_least = 1.5, over = [{points}]");
-        let told = |times: [f64; 3]| {
+        let verdict_of = |times: [f64; 3]| {
             let all = [1, 4, 8].into_iter().zip(times);
             let records: Vec<Record> = all.map(|(side, ms)| measured("gpu", "naive", side, ms)).collect();
             verdict(&rises, &records)
         };
-        assert_eq!(told([10.0, 20.0, 40.0]), Verdict::Held);
-        assert_eq!([told([40.0, 20.0, 10.0]), told([10.0, 20.0, 24.0])], [Verdict::NotHeld; 2]);
+        assert_eq!(verdict_of([10.0, 20.0, 40.0]), Verdict::Held);
+        assert_eq!([verdict_of([40.0, 20.0, 10.0]), verdict_of([10.0, 20.0, 24.0])], [Verdict::NotHeld; 2]);
     }
 
     #[test]
     fn times_of_two_runs_are_not_compared() {
         let [slow, fast] = [measured("gpu", "naive", 1, 100.0), measured("gpu", "naive", 4, 10.0)];
-        let told = |runs: &[&[Record]]| claim(FALLS, runs).verdict;
-        assert_eq!(told(&[std::slice::from_ref(&slow), std::slice::from_ref(&fast)]), Verdict::Cannot);
-        assert_eq!(told(&[&[], &[slow.clone(), fast.clone()]]), Verdict::Held);
-        assert_eq!(told(&[std::slice::from_ref(&slow), &[slow.clone(), fast.clone()]]), Verdict::Held);
+        let verdict_of = |runs: &[&[Record]]| claim(FALLS, runs).verdict;
+        assert_eq!(verdict_of(&[std::slice::from_ref(&slow), std::slice::from_ref(&fast)]), Verdict::Cannot);
+        assert_eq!(verdict_of(&[&[], &[slow.clone(), fast.clone()]]), Verdict::Held);
+        assert_eq!(verdict_of(&[std::slice::from_ref(&slow), &[slow.clone(), fast.clone()]]), Verdict::Held);
         let other_size = Record { image_size: [80, 50], ..fast };
-        assert_eq!(told(&[&[slow, other_size]]), Verdict::Cannot, "of two image sizes");
+        assert_eq!(verdict_of(&[&[slow, other_size]]), Verdict::Cannot, "of two image sizes");
     }
 
     #[test]
@@ -235,9 +236,9 @@ mod tests {
         let fastest =
             "kind = 'fastest', is = 'naive 8x8 on teapot', of = ['naive square on teapot'], by = 1.05";
         assert_eq!(verdict(fastest, &records), Verdict::Unclear);
-        let told = claim(FALLS, &[&records]);
-        assert_eq!(told.verdict, Verdict::Unclear);
-        assert!(told.lines[0].text.contains("not enough samples (n = 4)"), "{told:?}");
+        let result = claim(FALLS, &[&records]);
+        assert_eq!(result.verdict, Verdict::Unclear);
+        assert!(result.lines[0].text.contains("not enough samples (n = 4)"), "{result:?}");
         let baseline = Record { strategy: "serial-f32".into(), ..few("host", "serial", 0, 1798.0, 1) };
         let serial =
             "kind = 'ratio', of = ['serial-f32 host on teapot'], to = 'naive best on teapot', at_least = 2";
@@ -257,12 +258,12 @@ mod tests {
     #[test]
     fn the_fastest_point_is_ahead_of_each_other_by_the_stated_factor() {
         let records = sizes(&[(4, 10.0), (8, 11.0), (16, 20.5)]);
-        let told = |size: &str, more: &str| claim(&fastest(size, more), &[&records]);
-        assert_eq!(told("4x4", "by = 1.05").verdict, Verdict::Held);
-        assert_eq!(told("4x4", "by = 1.2").verdict, Verdict::NotHeld);
-        assert_eq!(told("8x8", "by = 1.05").verdict, Verdict::NotHeld);
-        assert_eq!(told("4x4", "by = 1.2, except = ['naive 8x8 on teapot']").verdict, Verdict::Held);
-        let text = &told("4x4", "by = 1.05").lines[0].text;
+        let result_of = |size: &str, more: &str| claim(&fastest(size, more), &[&records]);
+        assert_eq!(result_of("4x4", "by = 1.05").verdict, Verdict::Held);
+        assert_eq!(result_of("4x4", "by = 1.2").verdict, Verdict::NotHeld);
+        assert_eq!(result_of("8x8", "by = 1.05").verdict, Verdict::NotHeld);
+        assert_eq!(result_of("4x4", "by = 1.2, except = ['naive 8x8 on teapot']").verdict, Verdict::Held);
+        let text = &result_of("4x4", "by = 1.05").lines[0].text;
         assert!(
             text.starts_with(
                 "naive at 8 x 8 on teapot (11.00 ms), the decisive one of 2 others, takes 1.10 times"
@@ -284,28 +285,31 @@ mod tests {
     fn a_point_in_a_wide_tie_may_be_the_fastest() {
         let mut wide = sizes(&[(4, 10.0), (8, 10.5), (16, 20.5)]);
         wide[1].samples_ms = [[9.5; 5], [11.5; 5]].concat();
-        let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
-        assert_eq!(told.verdict, Verdict::Unclear, "{told:?}");
-        assert!(told.lines[0].text.starts_with("naive at 8 x 8"), "the ratio that is unclear: {told:?}");
-        assert!(told.decides()[0].contains("contains the bound 1.05"), "{told:?}");
+        let result = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
+        assert_eq!(result.verdict, Verdict::Unclear, "{result:?}");
+        assert!(result.lines[0].text.starts_with("naive at 8 x 8"), "the ratio that is unclear: {result:?}");
+        assert!(result.decides()[0].contains("contains the bound 1.05"), "{result:?}");
         wide.push(few("gpu", "naive", 1, 9.0, 4));
-        let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
-        assert!(told.lines[0].text.starts_with("naive at 8 x 8"), "a ratio and not a missing one: {told:?}");
+        let result = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
+        assert!(
+            result.lines[0].text.starts_with("naive at 8 x 8"),
+            "a ratio and not a missing one: {result:?}"
+        );
         wide.push(measured("gpu", "naive", 2, 10.05));
-        let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
-        assert_eq!(told.verdict, Verdict::NotHeld, "one sure ratio is enough: {told:?}");
-        assert!(told.lines[0].text.starts_with("naive at 2 x 2"), "the ratio that decides: {told:?}");
+        let result = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
+        assert_eq!(result.verdict, Verdict::NotHeld, "one sure ratio is enough: {result:?}");
+        assert!(result.lines[0].text.starts_with("naive at 2 x 2"), "the ratio that decides: {result:?}");
     }
 
     #[test]
     fn a_point_without_others_is_not_the_fastest_of_any() {
-        let told = claim(&fastest("4x4", "by = 1.05"), &[&sizes(&[(4, 10.0)])]);
-        assert_eq!(told.verdict, Verdict::Cannot);
+        let result = claim(&fastest("4x4", "by = 1.05"), &[&sizes(&[(4, 10.0)])]);
+        assert_eq!(result.verdict, Verdict::Cannot);
         let missing = "no record of a point to compare with naive at 4 x 4 on teapot";
-        assert_eq!(told.lines[0].text, missing);
+        assert_eq!(result.lines[0].text, missing);
         let except = fastest("4x4", "by = 1.05, except = ['naive 8x8 on teapot', 'naive 2x2 on teapot']");
-        let told = claim(&except, &[&sizes(&[(4, 10.0), (8, 11.0)])]);
-        assert_eq!(told.lines[0].text, format!("{missing} (left out: naive at 8 x 8 on teapot)"));
+        let result = claim(&except, &[&sizes(&[(4, 10.0), (8, 11.0)])]);
+        assert_eq!(result.lines[0].text, format!("{missing} (left out: naive at 8 x 8 on teapot)"));
     }
 
     #[test]
@@ -313,8 +317,8 @@ mod tests {
         let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "naive", 6, "why") };
         let wrong = Record { outcome: Outcome::WrongImage, ..infeasible("gpu", "naive", 2, "why") };
         let with = |more: &[Record]| [&sizes(&[(4, 10.0), (16, 20.0)])[..], more].concat();
-        let told = |size: &str, more: &[Record]| claim(&fastest(size, "by = 1.05"), &[&with(more)]);
-        let open = told("4x4", std::slice::from_ref(&crashed));
+        let result_of = |size: &str, more: &[Record]| claim(&fastest(size, "by = 1.05"), &[&with(more)]);
+        let open = result_of("4x4", std::slice::from_ref(&crashed));
         assert_eq!(open.verdict, Verdict::Unclear);
         let text = &open.lines[0].text;
         assert!(
@@ -323,7 +327,7 @@ mod tests {
         );
         assert!(text.ends_with("; without a time: naive at 6 x 6 (crashed)"), "{text}");
         assert!(open.decides()[0].ends_with("--resume --retry-failed`"), "{open:?}");
-        let several = told("4x4", &[crashed.clone(), wrong]);
+        let several = result_of("4x4", &[crashed.clone(), wrong]);
         assert!(several.lines[0].text.ends_with(" and 1 more"), "{several:?}");
         let only = claim(
             &fastest("4x4", "by = 1.05"),
@@ -333,8 +337,8 @@ mod tests {
             "no point to compare with naive at 4 x 4 on teapot has a time: naive at 6 x 6 (crashed)";
         assert_eq!((only.verdict, only.lines[0].text.as_str()), (Verdict::Unclear, no_time));
         assert!(only.decides()[0].ends_with("--resume --retry-failed`"), "{only:?}");
-        assert_eq!(told("16x16", &[crashed]).verdict, Verdict::NotHeld, "one faster point is enough");
-        assert_eq!(told("4x4", &[infeasible("gpu", "naive", 6, "why")]).verdict, Verdict::Held);
+        assert_eq!(result_of("16x16", &[crashed]).verdict, Verdict::NotHeld, "one faster point is enough");
+        assert_eq!(result_of("4x4", &[infeasible("gpu", "naive", 6, "why")]).verdict, Verdict::Held);
     }
 
     #[test]
@@ -372,26 +376,26 @@ mod tests {
             few("gpu", "naive", 16, 2.0, 1),
             infeasible("gpu", "naive", 32, "scratch: 9 GiB"),
         ];
-        let told = |runs: bool, records: &[Record]| {
+        let result_of = |runs: bool, records: &[Record]| {
             let test = format!("kind = 'runs', points = ['naive square on teapot'], runs = {runs}");
             claim(&test, &[records])
         };
-        let held = told(true, &records);
+        let held = result_of(true, &records);
         assert_eq!(
             (held.verdict, held.lines[0].text.contains("at 8 x 8")),
             (Verdict::Held, true),
             "{held:?}"
         );
-        assert_eq!(told(false, &records).verdict, Verdict::NotHeld);
+        assert_eq!(result_of(false, &records).verdict, Verdict::NotHeld);
         // If the point runs at no local size, the line names the smallest local size.
-        let neither = told(false, &[records[3].clone(), records[0].clone()]);
+        let neither = result_of(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");
     }
 
     #[test]
     fn a_latency_is_certain_only_if_its_quartiles_agree() {
-        let told = |[q1, median, q3]: [f64; 3]| {
+        let verdict_of = |[q1, median, q3]: [f64; 3]| {
             let folder = tempfile::tempdir().unwrap();
             let private_ns = Figure { q1, median, q3, repeats: 9 };
             // At a clock frequency of 1000 MHz, a cycle takes a nanosecond.
@@ -402,9 +406,9 @@ mod tests {
             let test = "kind = 'latency', memory = 'private', cycles = 20, within = 2";
             claim_in(&run, test, &[&[measured("gpu", "naive", 8, 10.0)]]).verdict
         };
-        assert_eq!(told([15.0, 20.0, 30.0]), Verdict::Held);
-        assert_eq!([told([5.0, 20.0, 30.0]), told([15.0, 20.0, 50.0])], [Verdict::Unclear; 2]);
-        assert_eq!([told([2.0, 5.0, 9.0]), told([41.0, 50.0, 60.0])], [Verdict::NotHeld; 2]);
+        assert_eq!(verdict_of([15.0, 20.0, 30.0]), Verdict::Held);
+        assert_eq!([verdict_of([5.0, 20.0, 30.0]), verdict_of([15.0, 20.0, 50.0])], [Verdict::Unclear; 2]);
+        assert_eq!([verdict_of([2.0, 5.0, 9.0]), verdict_of([41.0, 50.0, 60.0])], [Verdict::NotHeld; 2]);
     }
 
     #[test]
@@ -419,14 +423,14 @@ mod tests {
 
     #[test]
     fn threads_by_arithmetic_are_compared_with_the_published_number() {
-        let told = |threads: u32| {
+        let verdict_of = |threads: u32| {
             let test = format!(
                 "kind = 'occupancy', compute_capability = '2.0', registers = 63, local_size = '16x16', threads = {threads}"
             );
             verdict(&test, &[measured("gpu", "naive", 8, 10.0)])
         };
         // A thread's 63 registers are rounded up to 64, so 512 threads (two groups of 256) use all 32768 registers.
-        assert_eq!([512, 1536, 256].map(told), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
+        assert_eq!([512, 1536, 256].map(verdict_of), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
     }
 
     /// Returns the verdict on the built-in claim whose sentence starts with these words.
@@ -434,9 +438,9 @@ mod tests {
         let mut rows = table().expect("it reads");
         rows.retain(|row| row.sentence.starts_with(start));
         let (folder, records) = (Folder::default(), judged(records));
-        let found = claims(rows, &Run::of(&folder, groups(&records)), "gpu");
-        assert_eq!(found.len(), 1, "{start}");
-        found[0].verdict
+        let results = claims(rows, &Run::of(&folder, groups(&records)), "gpu");
+        assert_eq!(results.len(), 1, "{start}");
+        results[0].verdict
     }
 
     #[test]
@@ -448,9 +452,9 @@ mod tests {
             ..measured("gpu", name, side, ms)
         };
         let scaled = |of_16: f64, growth: f64| {
-            let of_scene = |(place, scene): (i32, &str)| {
+            let of_scene = |(index, scene): (i32, &str)| {
                 let times = [(4, 1.0), (8, 1.1), (16, of_16)];
-                times.map(|(side, ms)| of(scene, "naive", side, ms * growth.powi(place)))
+                times.map(|(side, ms)| of(scene, "naive", side, ms * growth.powi(index)))
             };
             let scenes = ["triangle", "pyramid-upper", "still-life", "gourd", "teapot"];
             let records: Vec<Record> = (0..).zip(scenes).flat_map(of_scene).collect();
@@ -486,11 +490,11 @@ mod tests {
             measured("gpu", "naive", 4, 10.0),
         ];
         let best = "kind = 'ratio', of = ['naive 1x1 on teapot'], to = 'naive best on teapot', at_least = 5";
-        let told = claim(best, &[&records]);
-        assert_eq!(told.verdict, Verdict::Held);
+        let result = claim(best, &[&records]);
+        assert_eq!(result.verdict, Verdict::Held);
         assert!(
-            told.lines[0].text.contains("as long as naive at 4 x 4 on teapot (its best, 10.00 ms)"),
-            "{told:?}"
+            result.lines[0].text.contains("as long as naive at 4 x 4 on teapot (its best, 10.00 ms)"),
+            "{result:?}"
         );
     }
 
@@ -499,7 +503,7 @@ mod tests {
         let point =
             "kind = 'passes', point = 'deferred 8x8 on teapot', of = 'shadow', to = 'primary', at_least = 2";
         let record = measured("gpu", "deferred", 8, 10.0);
-        let told = |shadow_ms: f64, launch: u32| {
+        let verdict_of = |shadow_ms: f64, launch: u32| {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join(crate::record::journals::SAMPLES);
             let mut journal = crate::record::JsonLines::append_to(&path).unwrap();
@@ -520,12 +524,13 @@ mod tests {
             let run = Folder { path: folder.path().into(), ..Folder::default() };
             claim_in(&run, point, &[std::slice::from_ref(&record)]).verdict
         };
-        assert_eq!([told(6.0, 0), told(3.0, 0)], [Verdict::Held, Verdict::NotHeld]);
-        assert_eq!(told(6.0, 7), Verdict::Cannot, "another launch");
-        assert_eq!(told(0.0, 0), Verdict::Unclear, "below the timer's resolution");
+        assert_eq!([verdict_of(6.0, 0), verdict_of(3.0, 0)], [Verdict::Held, Verdict::NotHeld]);
+        assert_eq!(verdict_of(6.0, 7), Verdict::Cannot, "another launch");
+        assert_eq!(verdict_of(0.0, 0), Verdict::Unclear, "below the timer's resolution");
     }
 
-    /// Each launch has samples that the record leaves out. Their shadow passes took much longer.
+    /// Each launch has samples that the record leaves out. The shadow passes of these samples took much longer than
+    /// those of the record's own samples.
     #[test]
     fn samples_that_the_record_leaves_out_decide_nothing() {
         let point =
@@ -535,7 +540,7 @@ mod tests {
         let path = folder.path().join(crate::record::journals::SAMPLES);
         let mut journal = crate::record::JsonLines::append_to(&path).unwrap();
         for n in 0..10_u32 {
-            let kept = crate::record::Sample {
+            let own = crate::record::Sample {
                 key: record.key.clone(),
                 launch: n / 5,
                 at_ms: Some(f64::from(n)),
@@ -544,19 +549,20 @@ mod tests {
                 shadow_ms: Some(3.0),
                 ..Default::default()
             };
-            journal.append(&kept).unwrap();
-            // The device time of a delayed sample may be the same, so the moment of the sample counts too.
-            for (at_ms, ms) in [(Some(100.0), 10.0), (kept.at_ms, 11.0)] {
-                let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..kept.clone() };
+            journal.append(&own).unwrap();
+            // A sample that another program delayed may have the same time on the device as a sample of the record. It
+            // is recognised by the moment at which it was taken.
+            for (at_ms, ms) in [(Some(100.0), 10.0), (own.at_ms, 11.0)] {
+                let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..own.clone() };
                 (0..3).for_each(|_| journal.append(&left_out).unwrap());
             }
         }
         let run = Folder { path: folder.path().into(), ..Folder::default() };
-        let told = claim_in(&run, point, &[std::slice::from_ref(&record)]);
-        assert_eq!(told.verdict, Verdict::NotHeld);
+        let result = claim_in(&run, point, &[std::slice::from_ref(&record)]);
+        assert_eq!(result.verdict, Verdict::NotHeld);
         assert!(
-            told.lines[0].text.contains("1.50 times") && told.lines[0].text.contains("n = 10"),
-            "{told:?}"
+            result.lines[0].text.contains("1.50 times") && result.lines[0].text.contains("n = 10"),
+            "{result:?}"
         );
     }
 
@@ -569,7 +575,7 @@ mod tests {
 
     #[test]
     fn each_memory_has_its_own_latency() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let of = |ns: f64| Figure { q1: ns, median: ns, q3: ns, repeats: 9 };
         let peak = |device: &str, by: f64, max_clock_mhz| Peak {
             device: device.into(),
@@ -582,12 +588,12 @@ mod tests {
         };
         let write = |max_clock_mhz| {
             let both = [peak("other", 7.0, Some(1000)), peak("gpu", 0.5, max_clock_mhz)];
-            Peak::write(&both, &place.path().join(FILE)).unwrap();
+            Peak::write(&both, &folder.path().join(FILE)).unwrap();
         };
         // At 2000 MHz, a cycle takes half a nanosecond.
         write(Some(2000));
         let run = |kind: &str| Folder {
-            path: place.path().into(),
+            path: folder.path().into(),
             environment: serde_json::json!({ "devices": [{ "device": "gpu", "kind": kind }] }),
             ..Folder::default()
         };
@@ -610,11 +616,11 @@ mod tests {
         assert_eq!(on_cpu[1].decides(), ["a GPU"]);
         write(None);
         assert_eq!(of_latency(&run("gpu"), "local", 40).decides(), ["the clock frequency in MHz"]);
-        std::fs::write(place.path().join(FILE), "no rates").unwrap();
+        std::fs::write(folder.path().join(FILE), "no rates").unwrap();
         let damaged = of_latency(&run("gpu"), "local", 40);
         assert!(damaged.lines[0].text.contains("peak.json does not contain peak rates: "), "{damaged:?}");
         assert!(damaged.decides()[0].contains("delete this file, then `raycl reproduce"), "{damaged:?}");
-        std::fs::remove_file(place.path().join(FILE)).unwrap();
+        std::fs::remove_file(folder.path().join(FILE)).unwrap();
         let unknown = of_latency(&run("gpu"), "local", 40);
         assert_eq!(
             (unknown.verdict, unknown.lines[0].text.as_str()),
@@ -625,21 +631,21 @@ mod tests {
 
     #[test]
     fn an_attempt_that_did_not_end_decides_nothing_and_a_driver_that_refuses_does() {
-        let told = |outcome| {
+        let verdict_of = |outcome| {
             let record = Record { outcome, ..infeasible("gpu", "naive", 8, "why") };
             let test = "kind = 'runs', points = ['naive 8x8 on teapot'], runs = false";
             claim(test, &[&[record]]).verdict
         };
         for outcome in [Outcome::BuildFailed, Outcome::LaunchFailed, Outcome::Infeasible] {
-            assert_eq!(told(outcome), Verdict::Held, "{outcome:?}");
+            assert_eq!(verdict_of(outcome), Verdict::Held, "{outcome:?}");
         }
         for outcome in [Outcome::TimedOut, Outcome::Crashed, Outcome::WrongImage, Outcome::OtherKind] {
-            assert_eq!(told(outcome), Verdict::Unclear, "{outcome:?}");
+            assert_eq!(verdict_of(outcome), Verdict::Unclear, "{outcome:?}");
         }
     }
 
     #[test]
-    fn what_would_decide_a_claim_is_told_once_and_only_if_it_is_open() {
+    fn what_would_decide_a_claim_is_stated_once_and_only_if_it_is_open() {
         let points = "of = ['naive 1x1 on teapot', 'naive 2x2 on teapot'], to = 'naive 4x4 on teapot'";
         let ratio = format!("kind = 'ratio', {points}, at_least = 5");
         let all = [(1, 100.0), (2, 100.0), (4, 10.0)].map(|(side, ms)| measured("gpu", "naive", side, ms));

@@ -117,17 +117,17 @@ mod tests {
 
     #[test]
     fn a_point_is_a_strategy_a_size_and_a_scene() {
-        let found = point("naive 32x2 on teapot").expect("it is one");
+        let parsed = point("naive 32x2 on teapot").expect("it is one");
         assert_eq!(
-            (found.size, found.to_string().as_str()),
+            (parsed.size, parsed.to_string().as_str()),
             (Size::At([32, 2]), "naive at 32 x 2 on teapot")
         );
         assert_eq!(point("serial-f32 host on gourd").map(|point| point.size), Ok(Size::Host));
     }
 
     #[test]
-    fn a_misspelt_point_is_told_the_nearest_name() {
-        for (text, told) in [
+    fn the_error_of_a_misspelt_point_suggests_the_nearest_name() {
+        for (text, expected) in [
             ("naiv 8x8 on teapot", "'naiv' is not a known preset; did you mean 'naive'?"),
             ("naive 8x8 on teapott", "'teapott' is not a known scene; did you mean 'teapot'?"),
             ("serial host on teapot", "'serial' is not a known baseline; did you mean 'serial-f32'?"),
@@ -136,7 +136,7 @@ mod tests {
             ("naive 8x8 teapot", "is not a point; expected"),
         ] {
             let error = point(text).expect_err(text);
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.contains(expected), "{text}: {error}");
         }
     }
 

@@ -33,7 +33,7 @@ impl Ratio {
         let timed = times.iter().filter(|(_, both)| is_timed(both));
         let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
         let sure = match ratio_of_passes(record, &ratios) {
-            Some(found) => Ok((found.middle, [found.low, found.high])),
+            Some(ratio) => Ok((ratio.middle, [ratio.low, ratio.high])),
             None => Err(why_unsure_of_passes(times)),
         };
         (!times.is_empty()).then_some(Self { sure, n: ratios.len() })
@@ -116,8 +116,8 @@ fn is_timed(both: &[f64; 2]) -> bool {
     both.iter().all(|ms| *ms > 0.0)
 }
 
-/// Returns why the ratio of two passes has no interval. As for records, n is the number of samples in the launch that
-/// has the fewest, and samples with a time of 0 do not count.
+/// Returns why the ratio of two passes has no interval. The reason may state n, which is the number of samples in the
+/// launch with the fewest samples. Samples with a time of 0 do not count.
 fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
         let of =
@@ -130,7 +130,8 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Returns a text that says how many samples a verdict needs. A launch takes fewer only if the config's limit is lower.
+/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples only if the config limits
+/// their number to fewer (`timing.max_samples`).
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"
@@ -222,9 +223,9 @@ mod tests {
     fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
         let record = measured("gpu", "deferred", 8, 10.0);
         let of = |per_launch: u32, timed: u32| {
-            let sample = |launch, place| (launch, [if place < timed { 2.0 } else { 0.0 }, 1.0]);
+            let sample = |launch, index| (launch, [if index < timed { 2.0 } else { 0.0 }, 1.0]);
             let launches =
-                (0..4_u32).flat_map(|launch| (0..per_launch).map(move |place| sample(launch, place)));
+                (0..4_u32).flat_map(|launch| (0..per_launch).map(move |index| sample(launch, index)));
             let ratio = Ratio::of_passes(&record, &launches.collect::<Vec<_>>()).expect("there are samples");
             (ratio.text(), ratio.line("a".into(), LONGER).decides)
         };
@@ -236,10 +237,10 @@ mod tests {
         assert!(of(9, 9).0.starts_with("2.00 times"));
     }
 
-    /// From run to run, the time of each pass has a factor of its own.
+    /// From run to run, the time of each pass changes by a factor of its own.
     #[test]
     fn the_ratio_of_two_passes_includes_the_differences_between_runs() {
-        let steady: Vec<(u32, [f64; 2])> = (0..10).map(|place| (place / 5, [2.0, 1.0])).collect();
+        let steady: Vec<(u32, [f64; 2])> = (0..10).map(|index| (index / 5, [2.0, 1.0])).collect();
         for (threads, own) in [(None, 0.004), (Some(2), 0.011)] {
             let record = Record { threads, ..measured("gpu", "deferred", 8, 10.0) };
             let ratio = Ratio::of_passes(&record, &steady).expect("enough samples");

@@ -20,7 +20,7 @@ pub struct Row {
     pub place: String,
     /// The values that the paper published on the claim, or a note that there are none.
     pub published: String,
-    /// Our interpretation of the sentence.
+    /// The sentence as the authors of raycl interpret it.
     pub reading: String,
     /// A contradiction within the paper, or between the paper and arithmetic.
     #[serde(default)]
@@ -106,7 +106,7 @@ impl Preset {
     }
 }
 
-/// Local size as "8x8": work-items across and down.
+/// A local size, written like "8x8": the numbers of work-items across and down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct LocalSize(pub [u32; 2]);
@@ -159,7 +159,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// Returns the first mistake that serde cannot detect; `None` if there is none.
+    /// Returns the first mistake that the crate serde does not detect when it reads the row; `None` if there is none.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),
@@ -241,10 +241,10 @@ mod tests {
     }
 
     #[test]
-    fn a_misspelt_row_is_told_the_nearest_name() {
+    fn the_error_of_a_misspelt_row_suggests_the_nearest_name() {
         let ratio = "of = [\"naive 8x8 on teapot\"], to = \"naive 4x4 on teapot\"";
         read("t", &one(&format!("kind = \"ratio\", {ratio}"))).expect("it is right");
-        for (text, told) in [
+        for (text, expected) in [
             (one(&format!("kind = \"raito\", {ratio}")), "did you mean `ratio`?"),
             (one(&format!("kind = \"ratio\", {ratio}, at_lest = 1")), "did you mean `at_least`?"),
             (one("kind = \"rises\", at_least = 1, over = [\"naiv 8x8 on teapot\"]"), "did you mean 'naive'?"),
@@ -266,7 +266,7 @@ mod tests {
             ),
         ] {
             let error = read("t", &text).expect_err("a mistake");
-            assert!(error.to_string().contains(told), "{told}: {error}");
+            assert!(error.to_string().contains(expected), "{expected}: {error}");
         }
     }
 }

@@ -57,10 +57,11 @@ impl Verdict {
     }
 }
 
-/// Whether a run has the data of a comparison. If no run has them, the page shows the line that is least in this order.
+/// Whether a run has the data of a comparison. If no run has the data, the page shows the line of the run whose value
+/// comes first in the order of these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Data {
-    /// The run has them.
+    /// The run has the data.
     Complete,
     /// The run has records of the points, but something else is missing, such as a time.
     Incomplete,

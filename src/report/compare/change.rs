@@ -22,13 +22,14 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
     Some((ratio_to_mean(after, &second)?.over(ratio_to_mean(before, &first)?), against))
 }
 
-/// The points by whose mean time the times of other points are divided, and what they are. They depend only on the
-/// rounds in which the two runs measured a point, so they are found once for all points of the same rounds.
+/// The references: points by whose mean time the times of other points are divided. The kind of reference is stored
+/// with them. The references of a point depend only on the rounds in which the two runs measured the point, so they are
+/// found once for all points of the same rounds.
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
-    /// Finds the references among `all` points: the compared points and, if blocks borrowed control points, those that
-    /// were measured in the same rounds.
+    /// Finds the references among `all` points. These are the compared points and the control points that were measured
+    /// in the same rounds by a block to which they do not belong (a block that borrowed them).
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
@@ -50,14 +51,15 @@ impl<'a> References<'a> {
     }
 }
 
-/// Returns what identifies the rounds in which the two runs measured a point.
+/// Returns two hashes that identify the rounds in which the two runs measured a point.
 fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns the references of points that were measured in the same rounds, `beside` each other. These are the baselines
-/// that both runs measured in these rounds with the same program. Without such baselines, these are the kernels of the
-/// same rounds whose times changed by similar factors; of only two kernels, nobody knows which one changed.
+/// Returns the references of points that were measured in the same rounds, `beside` each other. The references are the
+/// baselines that both runs measured in these rounds with the same program. Without such baselines, the references are
+/// the kernels of the same rounds whose times changed by similar factors. Fewer than three kernels are no references,
+/// since it cannot be known which of two kernels changed.
 fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'a>> = beside.iter().filter(untouched).copied().collect();
@@ -119,9 +121,9 @@ mod tests {
         let alike_of = |times: &[f64]| -> Vec<f64> {
             let after: Vec<Record> = times.iter().map(|ms| measured("gpu", "naive", 8, *ms)).collect();
             let pairs = after.iter().map(|after| (&before, after)).collect();
-            let mut found: Vec<f64> = alike(pairs).iter().filter_map(|(_, after)| median(after)).collect();
-            found.sort_by(f64::total_cmp);
-            found
+            let mut medians: Vec<f64> = alike(pairs).iter().filter_map(|(_, after)| median(after)).collect();
+            medians.sort_by(f64::total_cmp);
+            medians
         };
         assert_eq!(alike_of(&[2.0, 1.01, 0.4, 1.0, 1.02]), [1.0, 1.01, 1.02]);
         assert_eq!(alike_of(&[0.5, 1.0, 4.0]), [0.5, 1.0]);
@@ -141,8 +143,8 @@ mod tests {
         judged([group(0), group(1)].concat())
     }
 
-    fn middle(found: Option<(Interval, Against)>) -> Option<(f64, Against)> {
-        found.map(|(change, against)| ((100.0 * change.middle).round() / 100.0, against))
+    fn middle(change: Option<(Interval, Against)>) -> Option<(f64, Against)> {
+        change.map(|(change, against)| ((100.0 * change.middle).round() / 100.0, against))
     }
 
     #[test]
@@ -166,8 +168,8 @@ mod tests {
         let references = References::among(&all);
         assert_eq!(references.0.len(), 2, "they are found once for each group");
         for (kernel, baseline) in [(0, 1), (2, 3)] {
-            let (found, against) = references.of(&all[kernel..=kernel]).expect("a baseline");
-            assert_eq!((found, against), (vec![all[baseline]], Against::Baselines));
+            let (actual, against) = references.of(&all[kernel..=kernel]).expect("a baseline");
+            assert_eq!((actual, against), (vec![all[baseline]], Against::Baselines));
             assert_eq!(references.of(&all[baseline..=baseline]), None, "no reference of itself");
         }
     }
@@ -187,7 +189,7 @@ mod tests {
         };
         let [naive, wide, bvh] = ["naive", "wide", "bvh"].map(|name| ("gpu", name, 1.0));
         let slow = ("gpu", "naive", 1.5);
-        // Of two points, nobody knows which one changed.
+        // If there are only two points, it cannot be known which one changed.
         assert_eq!(changes(&[naive, wide], &[slow, wide]), [None, None]);
         let in_common = |factor| Some((factor, Against::PointsInCommon));
         let of_three = changes(&[naive, wide, bvh], &[slow, wide, bvh]);

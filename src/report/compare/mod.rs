@@ -54,8 +54,9 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
-    /// The pairs of a control point's records that were measured in the same rounds as compared points. A block of at
-    /// least one folder borrowed the control point, so these pairs are not in `pairs`.
+    /// The pairs of a control point's records that were measured in the same rounds as compared points. In at least one
+    /// folder, the record is from a block to which the control point does not belong (a block that borrowed it), so
+    /// these pairs are not in `pairs`.
     controls: Vec<[Record; 2]>,
     /// True if a folder has several devices, so that the name of a point must include its device.
     several_devices: bool,
@@ -100,16 +101,17 @@ impl Comparison {
             (scene.clone(), record.image_size, device.to_owned(), record.name.clone(), record.local_size)
         };
         let after_records = merged(std::slice::from_ref(after));
-        let mut found: HashMap<_, _> = after_records.iter().map(|record| (point(record), record)).collect();
+        let mut unmatched: HashMap<_, _> =
+            after_records.iter().map(|record| (point(record), record)).collect();
         let mut comparison = Self::without_points([before, after], threshold);
         let mut only = [Vec::new(), Vec::new()];
         for record in merged(std::slice::from_ref(before)) {
-            match found.remove(&point(&record)) {
+            match unmatched.remove(&point(&record)) {
                 Some(other) => comparison.add(record, other),
                 None => only[0].push(record),
             }
         }
-        only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
+        only[1].extend(after_records.iter().filter(|record| unmatched.contains_key(&point(record))).cloned());
         comparison.controls = pairs_of_controls([before, after], &comparison.pairs, point);
         comparison.say_what_only_one_has(&only, by_content);
         comparison.notes.extend(moved_between([before, after], &comparison.labels));
@@ -125,7 +127,7 @@ impl Comparison {
         let mut labels: Vec<&String> =
             folder.records.iter().filter_map(|record| record.kernels_of.as_ref()).collect();
         labels.dedup();
-        let [Some(first), Some(second)] = [0, 1].map(|place| labels.get(place).map(|label| (*label).clone()))
+        let [Some(first), Some(second)] = [0, 1].map(|index| labels.get(index).map(|label| (*label).clone()))
         else {
             comparison.notes.push(
                 "The two folders of kernels compile to the same programs, so no points are compared."
@@ -230,9 +232,9 @@ impl Comparison {
         }
     }
 
-    /// Returns whether the change of a point is relative to these measurements.
+    /// Returns whether the change of at least one point is relative to the measurements `against`.
     fn has_change(&self, against: Against) -> bool {
-        self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against))
+        self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, own)| own == against))
     }
 
     /// Returns a note if other programs may have delayed a point and its anchor so differently that the point seems to
@@ -252,7 +254,7 @@ impl Comparison {
     }
 
     /// Returns a note on the points whose changes are relative to points that changed by similar factors, if there are
-    /// such points. If they are not all points, the note names them.
+    /// such points. The note names these points, unless they are all points that have a change.
     fn without_baseline(&self) -> Option<String> {
         let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
         let names: Vec<String> =
@@ -412,11 +414,12 @@ fn pairs_of_controls<P: Eq + Hash>(
 
 /// Returns copies of the folders in which each record also has its times relative to the times of the records and
 /// anchors that were measured together with it. These records include the control points that blocks borrowed. The
-/// intervals of the times stay those of all other views.
+/// intervals of the times themselves do not change: they are the same as in reports and tables.
 ///
 /// Without processor times, the preempted samples of an anchor are unknown, so all of its samples remain. If preempted
-/// samples were left out in one folder only, the anchor would seem to be slower in the other one. If an anchor has
-/// samples without processor times in either folder, all of its samples therefore remain in both.
+/// samples (samples that other programs delayed) were left out in one folder only, the anchor would seem to be slower
+/// in the other one. If an anchor has samples without processor times in either folder, all of its samples therefore
+/// remain in both.
 fn beside_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());

@@ -80,7 +80,7 @@ impl Comparison {
     /// Plots the second folder's times against those of the first folder.
     pub fn plot(&self) -> Plot {
         let [a, b] = &self.labels;
-        let series = Verdict::ALL.into_iter().enumerate().filter_map(|(place, verdict)| {
+        let series = Verdict::ALL.into_iter().enumerate().filter_map(|(index, verdict)| {
             let pairs: Vec<_> = self.pairs.iter().filter(|pair| pair.verdict == verdict).collect();
             let marks = pairs.iter().filter_map(|pair| {
                 let tip = format!(
@@ -98,9 +98,9 @@ impl Comparison {
                     tip,
                 })
             });
-            // As in the table, green means faster, vermilion slower, blue same, and grey unclear. The verdicts on
-            // points without a change have colours of their own.
-            let look = Look::of([2, 1, 0, 6, 4, 5, 3][place]);
+            // Green means faster, vermilion slower, blue same, and grey unclear, as in the table. Each verdict on
+            // points whose change cannot be computed has another colour.
+            let look = Look::of([2, 1, 0, 6, 4, 5, 3][index]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
         });

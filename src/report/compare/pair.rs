@@ -82,10 +82,10 @@ impl Pair {
         };
     }
 
-    /// Returns the verdict on a point whose change cannot be computed: the reason.
+    /// Returns the verdict on a point whose change cannot be computed. This verdict states the reason.
     fn without_change(&self) -> Verdict {
         let records = [&self.before, &self.after];
-        if records.iter().all(|record| record.place.is_some()) {
+        if records.iter().all(|record| record.relative_times.is_some()) {
             Verdict::CannotTell
         } else if records.into_iter().any(is_below_resolution) {
             Verdict::BelowResolution

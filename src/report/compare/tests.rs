@@ -33,8 +33,8 @@ fn another_machines_results_are_compared_point_by_point() {
     let markdown = comparison.markdown();
     assert!(markdown.contains("| slower |"), "{markdown}");
     // The largest changes come first: 2 times as long, then 0.6 times as long, then no change.
-    let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
-    assert!(places.is_sorted(), "{markdown}");
+    let positions = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
+    assert!(positions.is_sorted(), "{markdown}");
 }
 
 #[test]
@@ -80,14 +80,15 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let before = |baseline| strategies("old", baseline, |_| 1.0);
     let slow = |name: &str| if name == "wide" { 1.5 } else { 1.0 };
     let against = of(&before(Some(100.0)), &strategies("new", Some(100.0), slow));
-    let found = against.regressions(25.0);
-    assert!(found[0].starts_with("wide at its 2 points is 50.0% slower"), "{found:?}");
-    assert_eq!((found.len(), against.left_out_of_means()), (3, None), "{found:?}");
+    let regressions = against.regressions(25.0);
+    assert!(regressions[0].starts_with("wide at its 2 points is 50.0% slower"), "{regressions:?}");
+    assert_eq!((regressions.len(), against.left_out_of_means()), (3, None), "{regressions:?}");
     let in_common = of(&before(None), &strategies("new", None, slow));
-    let found = in_common.regressions(25.0);
-    assert!(found[0].starts_with("wide at its 2 points is 50.0% slower"), "{found:?}");
-    assert_eq!(found.len(), 3, "{found:?}");
-    // Nothing shows whether all points became slower, and the points of `wide` must not be compared with themselves.
+    let regressions = in_common.regressions(25.0);
+    assert!(regressions[0].starts_with("wide at its 2 points is 50.0% slower"), "{regressions:?}");
+    assert_eq!(regressions.len(), 3, "{regressions:?}");
+    // Without a baseline, nothing shows whether all points became slower. The points of `wide` must not be compared
+    // with themselves.
     let note = in_common.left_out_of_means().unwrap();
     assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
 }
@@ -101,14 +102,14 @@ fn a_group_without_an_anchor_does_not_hide_the_others() {
         both
     };
     let comparison = of(&run("old", 1.0, 10), &run("new", 1.2, 20));
-    let found = comparison.regressions(5.0);
-    assert!(found[0].starts_with("all points together are 20.0% slower"), "{found:?}");
+    let regressions = comparison.regressions(5.0);
+    assert!(regressions[0].starts_with("all points together are 20.0% slower"), "{regressions:?}");
     let note = comparison.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 4 of 8 points)"), "{note}");
 }
 
 /// The points of ten scenes were measured beside the same anchor. From run to run, the time of each point differs by
-/// 0.4%. These differences average out over many points, but that of the anchor does not.
+/// 0.4%. These differences average out over many points, but the difference of the anchor does not.
 #[test]
 fn the_anchors_own_difference_between_runs_does_not_average_out() {
     let record = |number: u32, record: &Record| Record {
@@ -136,8 +137,8 @@ fn the_anchors_own_difference_between_runs_does_not_average_out() {
     // The difference of the two anchors has a standard deviation of 0.4% times the square root of 2. In one of 150
     // comparisons, it is above 1.4%.
     assert_eq!(comparison.regressions(1.0), Vec::<String>::new());
-    let found = comparison.regressions(0.3);
-    assert!(found[0].starts_with("all points together are 2.0% slower"), "{found:?}");
+    let regressions = comparison.regressions(0.3);
+    assert!(regressions[0].starts_with("all points together are 2.0% slower"), "{regressions:?}");
 }
 
 #[test]
@@ -158,15 +159,15 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // The point is 10% slower in one launch (worker process) and 50% slower in another. So even the fastest samples are
-    // slower than before, but the 95% interval of the mean change is wide.
+    // The point is 10% slower in one launch (worker process) and 50% slower in another. Even the fastest samples are
+    // therefore slower than before, but the 95% interval of the mean change is wide.
     let mut after = before.clone();
     after[2].samples_ms[..5].iter_mut().for_each(|ms| *ms *= 1.1);
     after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.5);
     after[2].median_ms = Some(6.5);
     let comparison = of(&folder("old", before), &folder("new", after));
-    let found = comparison.pairs[2].change_percent();
-    assert!(found.is_some_and(|percent| percent > 20.0), "{found:?}");
+    let change = comparison.pairs[2].change_percent();
+    assert!(change.is_some_and(|percent| percent > 20.0), "{change:?}");
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
@@ -179,8 +180,8 @@ fn one_kernel_that_is_slower_is_found_among_others() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let regressions = comparison.regressions(5.0);
     assert!(regressions[0].contains("bvh"), "{regressions:?}");
-    // The permitted probability of a false report is 2%. A third of it is for single points, and each of the five
-    // points has a fifth of this third.
+    // The permitted probability of a false report is 2%. A third of this probability is for the tests of single points,
+    // and the test of each of the five points has a fifth of this third.
     let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
     let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
     assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
@@ -193,7 +194,7 @@ fn a_machine_of_two_speeds_is_no_regression() {
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
     let slow_from = |fast: usize| {
         let mut after = before.clone();
-        let is_slow = |(place, _): &(usize, &mut f64)| place % 5 >= fast;
+        let is_slow = |(index, _): &(usize, &mut f64)| index % 5 >= fast;
         after[2].samples_ms.iter_mut().enumerate().filter(is_slow).for_each(|(_, ms)| *ms *= 1.5);
         after[2].median_ms = Some(7.5);
         of(&folder("old", before.clone()), &folder("new", after))
@@ -224,7 +225,7 @@ fn scenes_correspond_by_name_if_a_folder_has_not_recorded_their_content() {
     let before = folder("old", vec![timed("a", "naive", 10.0)]);
     let comparison = of(&before, &folder("new", vec![known("naive")]));
     assert_eq!((comparison.pairs.len(), comparison.others.len()), (1, 0), "{:?}", comparison.others);
-    // Nothing shows that the scenes of this name differ.
+    // The first folder has no hashes of scenes, so nothing shows that the scenes of this name differ.
     let before = folder("old", vec![timed("a", "naive", 10.0), timed("a", "wide", 10.0)]);
     let comparison = of(&before, &folder("new", vec![known("naive"), known("bvh")]));
     assert_eq!(comparison.pairs.len(), 1);
@@ -247,7 +248,7 @@ fn few_samples_of_either_are_no_verdict() {
 }
 
 #[test]
-fn times_of_zero_are_told_as_such() {
+fn times_of_zero_are_reported_as_such() {
     let run = |label: &str| folder(label, vec![few("a", "naive", 8, 0.0, 30), timed("a", "wide", 1.0)]);
     let comparison = of(&run("old"), &run("new"));
     let markdown = comparison.markdown();
@@ -275,15 +276,16 @@ fn five_points(slow: impl Fn(&str) -> f64) -> Vec<Record> {
     ["wide", "naive", "bvh", "tile", "raster"].map(|name| timed("a", name, slow(name))).to_vec()
 }
 
-/// Returns the same group as two blocks. The first block has the first three points, of which `wide` is the control
-/// point. The second block has two points, and borrows the control point.
+/// Returns the points of [`five_points`] as a group of two blocks. The first block has the first three points, of which
+/// `wide` is the control point. The second block has the other two points, and also measures (borrows) the control
+/// point.
 fn two_blocks(label: &str, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = five_points(slow);
     records.push(Record { is_control: true, ..records[0].clone() });
     let control = records[0].key.clone();
-    for (place, record) in records.iter_mut().enumerate() {
+    for (index, record) in records.iter_mut().enumerate() {
         record.control = Some(control.clone());
-        record.sample_launches.iter_mut().for_each(|launch| *launch += if place < 3 { 0 } else { 2 });
+        record.sample_launches.iter_mut().for_each(|launch| *launch += if index < 3 { 0 } else { 2 });
     }
     let mut records = judged(records);
     let controls = records.split_off(5);
@@ -299,7 +301,8 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not relative to the control point alone.
+    // The mean of all points is not tested: it would be relative to the control point, which is itself one of all
+    // points.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
     // In the other folder, all points were measured in the same rounds.
@@ -331,14 +334,14 @@ fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = Vec::new();
     let mut anchors = Vec::new();
     let speed = |launch: u32| machine * (1.0 + 0.1 * f64::from(launch));
-    for (place, (name, side)) in
+    for (index, (name, side)) in
         [("naive", 4), ("naive", 8), ("wide", 4), ("wide", 8)].into_iter().enumerate()
     {
         let mut record = measured("gpu", name, side, 1.0);
-        let at = |n: u32| (n / 6, f64::from(10 * (n % 6) + place as u32));
+        let at = |n: u32| (n / 6, f64::from(10 * (n % 6) + index as u32));
         record.sample_launches = (0..18).map(|n| at(n).0).collect();
         record.samples_at_ms = (0..18).map(|n| at(n).1).collect();
-        let wobble = |n: u32| 1.0 + 0.004 * f64::from((n * 7 + place as u32 * 3) % 5);
+        let wobble = |n: u32| 1.0 + 0.004 * f64::from((n * 7 + index as u32 * 3) % 5);
         record.samples_ms =
             (0..18).map(|n| slow(name) * speed(at(n).0) * wobble(n) * f64::from(side)).collect();
         record.median_ms = Some(f64::from(side));
@@ -371,19 +374,23 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert_eq!(all.summary(), "0 faster, 4 slower, 0 same, 0 unclear");
     let one = of(&usual, &anchored("new", 1.2, |name| if name == "wide" { 1.1 } else { 1.0 }));
     assert_eq!(one.summary(), "0 faster, 2 slower, 2 same, 0 unclear");
-    let found = one.regressions(5.0);
-    assert!(found[0].starts_with("wide at its 2 points is 10"), "{found:?}");
-    assert!(found.iter().all(|line| !line.contains("naive") && !line.contains("all points")), "{found:?}");
+    let regressions = one.regressions(5.0);
+    assert!(regressions[0].starts_with("wide at its 2 points is 10"), "{regressions:?}");
+    assert!(
+        regressions.iter().all(|line| !line.contains("naive") && !line.contains("all points")),
+        "{regressions:?}"
+    );
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// A point's drift, and thus its ratio to the anchor, is computed from all samples of its rounds.
+/// The drift that is subtracted from a point's times is computed from all samples of the same rounds. It affects the
+/// point's ratio to the anchor.
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {
         let mut whole = anchored(label, 1.0, |_| 1.0);
-        for (place, ms) in whole.records[3].samples_ms.iter_mut().enumerate() {
-            *ms *= 1.0 + unsteady * (place % 2) as f64;
+        for (index, ms) in whole.records[3].samples_ms.iter_mut().enumerate() {
+            *ms *= 1.0 + unsteady * (index % 2) as f64;
         }
         whole.records = judged(whole.records);
         let mut block = whole.clone();
@@ -394,9 +401,9 @@ fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_t
         of(before, after).pairs.into_iter().map(|pair| (pair.before.key, pair.change)).collect()
     };
     let ((old, old_block), (new, new_block)) = (run("old", 0.0), run("new", 0.1));
-    let found = changes(&old_block, &new_block);
-    assert!(found.iter().all(|(_, change)| matches!(change, Some((_, Against::Anchor)))), "{found:?}");
-    assert_eq!(found, changes(&old, &new)[..3]);
+    let actual = changes(&old_block, &new_block);
+    assert!(actual.iter().all(|(_, change)| matches!(change, Some((_, Against::Anchor)))), "{actual:?}");
+    assert_eq!(actual, changes(&old, &new)[..3]);
 }
 
 /// Returns a folder with the points and anchors of two folders. The second folder's points and anchors get this device,
@@ -433,12 +440,12 @@ fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
         // the first group take as long as before. So the geometric mean of all changes is the square root of 1.2.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
         assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
-        let found = slow_kernels.regressions(5.0);
-        assert!(found[0].starts_with("all points together are 9."), "{found:?}");
-        assert!(found[1].starts_with("naive at its 4 points is 9."), "{found:?}");
-        assert_eq!(found.iter().filter(|line| line.starts_with("room ")).count(), 4, "{found:?}");
-        let on = found.iter().filter(|line| line.contains(", another is ")).count();
-        assert_eq!(on, if device == "another" { 4 } else { 0 }, "{found:?}");
+        let regressions = slow_kernels.regressions(5.0);
+        assert!(regressions[0].starts_with("all points together are 9."), "{regressions:?}");
+        assert!(regressions[1].starts_with("naive at its 4 points is 9."), "{regressions:?}");
+        assert_eq!(regressions.iter().filter(|line| line.starts_with("room ")).count(), 4, "{regressions:?}");
+        let on = regressions.iter().filter(|line| line.contains(", another is ")).count();
+        assert_eq!(on, if device == "another" { 4 } else { 0 }, "{regressions:?}");
     }
 }
 
@@ -553,9 +560,9 @@ fn a_point_that_is_a_hundred_times_as_fast_changed_more_than_one_that_takes_twic
     };
     let comparison = Comparison::of(&run("old", 1.0, 100.0), &run("new", 2.0, 1.0), 0.02, true);
     let markdown = comparison.markdown();
-    let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
-    assert!(places.is_sorted(), "{markdown}");
-    // By these values, the page sorts the rows by their change.
+    let positions = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
+    assert!(positions.is_sorted(), "{markdown}");
+    // The page sorts its rows by these values, which are the changes in percent.
     let html = comparison.html().expect("it renders");
     let values = html.split("data-v=\"").skip(1).map(|rest| rest.split('"').next()?.parse::<f64>().ok());
     let rounded = |value: Option<f64>| value.map(f64::round);
@@ -569,8 +576,8 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     let comparison = Comparison::of_kernels(&run, 0.02);
     assert_eq!(comparison.labels, ["old", "new"]);
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 0 same, 0 unclear");
-    let found = comparison.pairs[0].change_percent();
-    assert!(found.is_some_and(|percent| percent > 90.0), "{found:?}");
+    let change = comparison.pairs[0].change_percent();
+    assert!(change.is_some_and(|percent| percent > 90.0), "{change:?}");
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
 }
 
@@ -599,8 +606,11 @@ fn kernels_of_two_sessions_are_not_compared_as_if_they_were_measured_in_the_same
     assert_eq!(comparison.regressions(0.0), Vec::<String>::new());
     let notes = &comparison.notes;
     assert!(matches!(&notes[..], [note] if note.contains("in an earlier session")), "{notes:?}");
-    let found = Comparison::of_kernels(&run(2.0), 0.02).regressions(5.0);
-    assert!(found.iter().any(|line| line.starts_with("all points together are 100.0% slower")), "{found:?}");
+    let regressions = Comparison::of_kernels(&run(2.0), 0.02).regressions(5.0);
+    assert!(
+        regressions.iter().any(|line| line.starts_with("all points together are 100.0% slower")),
+        "{regressions:?}"
+    );
 }
 
 /// If a run compares two folders of kernels, a point's name ends with the folder of its kernels. The message on a
@@ -683,7 +693,7 @@ fn devices_correspond_by_name_in_any_order() {
 }
 
 #[test]
-fn a_pair_is_told_in_json_and_in_a_table_with_the_first_folder_first() {
+fn a_pair_is_written_in_json_and_in_a_table_with_the_first_folder_first() {
     let before = Folder { notes: vec!["a note".into()], ..folder("old", vec![timed("a", "naive", 10.0)]) };
     let after = Folder { notes: vec!["another".into()], ..folder("new", vec![timed("b", "naive", 20.0)]) };
     let comparison = Comparison::of(&before, &after, 0.02, true);
@@ -722,20 +732,22 @@ fn notes_tell_what_changes_are_relative_to() {
     let about =
         |comparison: &Comparison, what: &str| comparison.notes.iter().any(|note| note.starts_with(what));
     let starts = ["Changes are relative to work that is the same", "No baseline was measured", "Plain times"];
-    let told = |comparison: &Comparison| starts.map(|start| about(comparison, start));
+    let has_notes = |comparison: &Comparison| starts.map(|start| about(comparison, start));
     let kernels = || vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0), timed("a", "bvh", 2.0)];
     let with_host = || [kernels(), vec![timed("host", "serial", 100.0)]].concat();
-    assert_eq!(told(&of(&folder("old", with_host()), &folder("new", with_host()))), [true, false, false]);
-    assert_eq!(told(&of(&folder("old", kernels()), &folder("new", kernels()))), [false, true, false]);
+    let hosts = of(&folder("old", with_host()), &folder("new", with_host()));
+    assert_eq!(has_notes(&hosts), [true, false, false]);
+    assert_eq!(has_notes(&of(&folder("old", kernels()), &folder("new", kernels()))), [false, true, false]);
     let bare = Comparison::of(&folder("old", kernels()), &folder("new", kernels()), 0.02, true);
-    assert_eq!(told(&bare), [false, false, true]);
+    assert_eq!(has_notes(&bare), [false, false, true]);
     let anchor = anchored("a", 1.0, |_| 1.0);
-    assert_eq!(told(&of(&anchor, &anchor)), [true, false, false]);
+    assert_eq!(has_notes(&of(&anchor, &anchor)), [true, false, false]);
 }
 
-/// Another seed, for example, is another setting. The key of the only baseline then differs between the runs.
+/// The seed, for example, is a setting that is part of a record's key. If the seeds of two runs differ, the keys of the
+/// only baseline differ too.
 #[test]
-fn only_points_without_a_baseline_and_an_anchor_are_told_to_be_relative_to_others() {
+fn only_points_without_a_baseline_and_an_anchor_are_said_to_be_relative_to_others() {
     let run = |key: &str| {
         let mut folder = anchored("a", 1.0, |_| 1.0);
         let Record { sample_launches, samples_at_ms, samples_ms, .. } = folder.records[0].clone();
@@ -829,7 +841,7 @@ fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
         assert!(entry.split("</g>").next().is_some_and(|entry| entry.contains(name)), "{name}: {svg}");
     }
     let slower = svg.split("class=\"series s1\"").nth(1).unwrap();
-    let places: Vec<[f64; 2]> = slower
+    let positions: Vec<[f64; 2]> = slower
         .split("class=\"dot\"")
         .skip(1)
         .take(2)
@@ -838,10 +850,13 @@ fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
             Some([x.parse().ok()?, y.parse().ok()?])
         })
         .collect();
-    assert!(places[0][0] < places[1][0] && places[0][1] == places[1][1], "{places:?}");
+    assert!(positions[0][0] < positions[1][0] && positions[0][1] == positions[1][1], "{positions:?}");
     let bar =
         slower.split("class=\"interval\" d=\"M").nth(1).and_then(|rest| rest.split('M').next()).unwrap();
     let (low, high) = bar.split_once(' ').and_then(|(_, ends)| ends.split_once('V')).unwrap();
     let [low, high] = [low, high].map(|end| end.parse::<f64>().unwrap());
-    assert!(high < places[0][1] && places[0][1] < low, "the interval of the second time: {bar} {places:?}");
+    assert!(
+        high < positions[0][1] && positions[0][1] < low,
+        "the interval of the second time: {bar} {positions:?}"
+    );
 }

@@ -61,8 +61,8 @@ fn every_note_on_a_scene_is_shown_once() {
     assert_eq!(scene_notes(&groups(&records)[0]), ["a", "b", "c"]);
 }
 
-/// On two devices, there are two scenes whose names differ only in characters that file names do not have, at two image
-/// sizes.
+/// Two scenes were measured on two devices at two image sizes. The scenes' names differ only in characters that are
+/// replaced in the names of files.
 #[test]
 fn every_plot_has_a_file_of_its_own_that_a_later_report_can_remove() {
     let of = |device: &str, (scene, triangles): (&str, u64), width: u32, side: u32| Record {
@@ -90,11 +90,11 @@ fn every_plot_has_a_file_of_its_own_that_a_later_report_can_remove() {
 
 #[test]
 fn a_scene_with_a_long_name_has_plots_and_exports() {
-    let place = tempfile::tempdir().expect("a folder");
+    let out_folder = tempfile::tempdir().expect("a folder");
     let record = Record { scene: "a".repeat(240), ..measured("gpu", "naive", 8, 1.0) };
     let folder = Folder { records: judged([record]), ..Folder::default() };
     let choice = Choice::new(false, "--out DIR");
-    let mut out = OutFolder::open(place.path(), choice).expect("an empty folder");
+    let mut out = OutFolder::open(out_folder.path(), choice).expect("an empty folder");
     let written = crate::report::write(&[folder], &mut out).expect("the names are short enough");
     let files = |folder: &std::path::Path| std::fs::read_dir(folder).expect("a folder").count();
     assert_eq!((files(&written.plots.0), files(&written.exports)), (2 * written.plots.1, 3));
@@ -102,9 +102,9 @@ fn a_scene_with_a_long_name_has_plots_and_exports() {
 
 #[test]
 fn the_small_picture_of_an_answer_comes_from_its_own_folder() {
-    let place = tempfile::tempdir().expect("a folder");
+    let parent = tempfile::tempdir().expect("a folder");
     let folder = |(label, grey): (&str, u8)| {
-        let path = place.path().join(label);
+        let path = parent.path().join(label);
         std::fs::create_dir(&path).expect("a folder");
         let picture = image::RgbImage::from_pixel(3, 2, image::Rgb([grey; 3]));
         picture.save(path.join("naive.png")).expect("it saves");
@@ -116,6 +116,6 @@ fn the_small_picture_of_an_answer_comes_from_its_own_folder() {
         Folder { path, label: label.to_owned(), records: judged([record]), ..Folder::default() }
     };
     let page = Page::of(&[("before", 1), ("after", 2)].map(folder));
-    let [before, after] = [0, 1].map(|place| page.answers[place].1.clone());
+    let [before, after] = [0, 1].map(|index| page.answers[index].1.clone());
     assert!(before.is_some() && after.is_some() && before != after, "{before:?}, {after:?}");
 }

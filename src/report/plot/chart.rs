@@ -91,13 +91,13 @@ impl Chart {
             let [low, high] = mark.interval.unwrap_or([mark.y; 2]);
             [low, mark.y, high]
         });
-        let places = [layout.left, right];
+        let positions = [layout.left, right];
         let across = match &self.across {
             Across::Names(names) => {
                 let ends = [-0.5, names.len().max(1) as f64 - 0.5];
-                Scale::between(Kind::Linear, ends, places)
+                Scale::between(Kind::Linear, ends, positions)
             }
-            Across::Numbers(kind) => Scale::over(*kind, marks().map(|mark| mark.x), places),
+            Across::Numbers(kind) => Scale::over(*kind, marks().map(|mark| mark.x), positions),
         };
         Frame { layout, across, up: Scale::over(self.up, heights, [bottom, top]), top, bottom, right }
     }
@@ -110,13 +110,13 @@ impl Chart {
     fn draw_axes(&self, svg: &mut Svg, frame: &Frame) {
         let left = frame.layout.left;
         for tick in frame.up.ticks() {
-            let Some(y) = frame.up.place(tick) else { continue };
+            let Some(y) = frame.up.position(tick) else { continue };
             svg.line("grid", GRID, [left, y], [frame.right, y]);
             svg.text_in("faint", FAINT, [left - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
         }
         let slanted = self.names_are_slanted(frame.layout);
         for (tick, name) in self.ticks_across(frame) {
-            let Some(x) = frame.across.place(tick) else { continue };
+            let Some(x) = frame.across.position(tick) else { continue };
             svg.line("grid", GRID, [x, frame.top], [x, frame.bottom]);
             if slanted {
                 svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], &shorten(&name, 20));
@@ -157,7 +157,7 @@ impl Chart {
             Across::Names(names) => {
                 let every = (names.len() as f64 * 15.0 / frame.layout.width).ceil().max(1.0) as usize;
                 let labelled = names.iter().enumerate().step_by(every);
-                labelled.map(|(place, name)| (place as f64, name.clone())).collect()
+                labelled.map(|(index, name)| (index as f64, name.clone())).collect()
             }
             Across::Numbers(_) => {
                 frame.across.ticks().into_iter().map(|tick| (tick, scale::label(tick))).collect()
@@ -173,8 +173,8 @@ fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
     if ends[0] >= ends[1] {
         return;
     }
-    let place = |value| Some([frame.across.place(value)?, frame.up.place(value)?]);
-    if let (Some(low), Some(high)) = (place(ends[0]), place(ends[1])) {
+    let point_at = |value| Some([frame.across.position(value)?, frame.up.position(value)?]);
+    if let (Some(low), Some(high)) = (point_at(ends[0]), point_at(ends[1])) {
         svg.line("axis dashed", FAINT, low, high);
         svg.text_in("faint small", FAINT, [high[0] - 6.0, high[1] + 16.0], Anchor::End, "equal");
     }
@@ -226,7 +226,7 @@ mod tests {
         assert_eq!([2, 20].map(slanted), [false, true]);
     }
 
-    /// A fitted line has no entry in the legend. It belongs to the series before it.
+    /// A series without a name is a fitted line. It has no entry in the legend, and belongs to the series before it.
     #[test]
     fn series_have_the_numbers_of_their_entries_in_the_legend() {
         let series = |name: &str| chart(name).series.remove(0);
@@ -242,27 +242,28 @@ mod tests {
     }
 
     /// Returns the positions of the markers, which are discs.
-    fn places(svg: &str) -> Vec<[f64; 2]> {
+    fn positions(svg: &str) -> Vec<[f64; 2]> {
         let marks = svg.split("class=\"mark\"").skip(1);
-        let place = |mark: &str| {
+        let position = |mark: &str| {
             let path = mark.split("class=\"dot\"").nth(1)?.split(" d=\"M").nth(1)?;
             let (x, y) = path.split('a').next()?.split_once(' ')?;
-            // A disc begins at its left end, four pixels from its middle.
+            // The path of a disc begins at the disc's left end, four pixels from its centre.
             Some([x.parse::<f64>().ok()? + 4.0, y.parse().ok()?])
         };
-        marks.filter_map(place).collect()
+        marks.filter_map(position).collect()
     }
 
     #[test]
     fn marks_stand_above_their_names_and_longer_times_are_further_up() {
         let chart = chart("naive");
-        let [one, other] = places(&chart.svg())[..] else { panic!("two marks") };
+        let [one, other] = positions(&chart.svg())[..] else { panic!("two marks") };
         // The x axis is 640 pixels long and begins at 66; each of the two names has half of it.
         assert_eq!([one[0], other[0]], [66.0 + 160.0, 66.0 + 480.0]);
         assert!(one[1] < other[1], "10 ms at {one:?}, 1 ms at {other:?}");
         let frame = chart.frame(WIDE);
         assert!(frame.top < one[1] && other[1] < frame.bottom);
-        let ends = [15.0, 5.0].map(|ms| frame.up.place(ms).map(super::super::svg::number).expect("a place"));
+        let ends =
+            [15.0, 5.0].map(|ms| frame.up.position(ms).map(super::super::svg::number).expect("a position"));
         let bar = format!("M226 {}V{}", ends[1], ends[0]);
         assert!(chart.svg().contains(&bar), "{bar}: {}", chart.svg());
     }

@@ -1,5 +1,5 @@
-//! Draws heat maps with rows and columns. Dark cells are slow, light cells are fast, and points
-//! without a time are hatched.
+//! Draws heat maps with rows and columns. The cells of slow points are dark, and those of fast points are light. The
+//! cells of points without a time are hatched.
 
 use super::layout::LETTER;
 use super::legend::shorten;
@@ -12,7 +12,7 @@ use crate::image::viridis;
 pub enum Cell {
     /// A time.
     Time {
-        /// The time divided by the fastest time with which it is compared: 1 or more.
+        /// The point's time divided by the shortest time with which it is compared; the ratio is 1 or more.
         slower: f64,
         /// The time, or a ratio of times, as text.
         text: String,
@@ -35,8 +35,8 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page. The hatching pattern's name contains this name, and so is
-    /// unique too.
+    /// A name that is unique on the page. The name of the hatching pattern contains this name, which makes it unique
+    /// too.
     pub id: String,
     /// The map's title.
     pub title: String,
@@ -63,16 +63,16 @@ impl HeatMap {
         let mut svg = Svg::default();
         svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
         let hatch = self.hatch(&mut svg, "wide");
-        for (place, name) in self.columns.iter().enumerate() {
-            let x = LEFT + (place as f64 + 0.5) * column;
+        for (index, name) in self.columns.iter().enumerate() {
+            let x = LEFT + (index as f64 + 0.5) * column;
             svg.text_in("faint", FAINT, [x, TOP - 9.0], Anchor::Middle, name);
         }
         svg.text_in("faint", FAINT, [LEFT - 10.0, TOP - 9.0], Anchor::End, &self.x_label);
-        for (place, (name, cells)) in self.rows.iter().enumerate() {
-            let y = TOP + place as f64 * ROW;
+        for (row, (name, cells)) in self.rows.iter().enumerate() {
+            let y = TOP + row as f64 * ROW;
             svg.text("label", [LEFT - 10.0, y + 19.0], Anchor::End, &shorten(name, 25));
-            for (place, cell) in cells.iter().enumerate() {
-                let at = [LEFT + place as f64 * column, y];
+            for (index, cell) in cells.iter().enumerate() {
+                let at = [LEFT + index as f64 * column, y];
                 draw_cell(&mut svg, cell, at, column, worst, &hatch);
             }
         }
@@ -141,9 +141,9 @@ impl HeatMap {
 pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     const STEPS: usize = 44;
     let step = SCALE_WIDTH / STEPS as f64;
-    for place in 0..STEPS {
-        let colour = hex(viridis(1.0 - place as f64 / (STEPS - 1) as f64));
-        let x = number(left + place as f64 * step);
+    for index in 0..STEPS {
+        let colour = hex(viridis(1.0 - index as f64 / (STEPS - 1) as f64));
+        let x = number(left + index as f64 * step);
         let width = number(step + 0.3);
         svg.element(
             "rect",
@@ -177,8 +177,8 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
             svg.close("g");
         }
         Cell::Time { slower, text, wins, tip } => {
-            let place = 1.0 - slower.max(1.0).ln() / worst.ln();
-            let colour = viridis(place);
+            let position = 1.0 - slower.max(1.0).ln() / worst.ln();
+            let colour = viridis(position);
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
             rect(svg, [x, y], [width, ROW], "cell", &hex(colour));
             svg.text_in("", ink_on(colour), middle, Anchor::Middle, text);
@@ -253,8 +253,8 @@ mod tests {
 
     #[test]
     fn what_stands_on_any_colour_can_be_read() {
-        for place in 0..=100 {
-            let colour = viridis(f64::from(place) / 100.0);
+        for percent in 0..=100 {
+            let colour = viridis(f64::from(percent) / 100.0);
             let ink = if ink_on(colour) == "#ffffff" { 1.0 } else { 0.0 };
             let [one, other] = [ink, luminance(colour)].map(|part| part + 0.05);
             assert!(one.max(other) / one.min(other) >= 4.5, "{colour:?}");
@@ -355,7 +355,7 @@ mod tests {
                 .collect()
         };
         let colours: Vec<String> = cells(&map(&[1.0, 2.0, 4.0])).into_iter().map(|(fill, _)| fill).collect();
-        assert_eq!(colours, [1.0, 0.5, 0.0].map(|place| hex(viridis(place))));
+        assert_eq!(colours, [1.0, 0.5, 0.0].map(|position| hex(viridis(position))));
         // If all times are similar, the colour scale still extends to twice the fastest time, so that noise does not
         // look like a difference.
         assert_eq!([map(&[1.0, 1.1]).worst(), map(&[1.0, 3.0]).worst()], [2.0, 3.0]);

@@ -7,7 +7,7 @@ use super::palette::FAINT;
 use super::svg::{Anchor, LINE, Svg};
 use crate::image::viridis;
 
-/// Largest number of cells per line. There are fewer if the columns have long names.
+/// Largest number of cells per line. A line has fewer cells if the columns have long names.
 const MOST_ACROSS: usize = 6;
 /// Space beside a column's name in its cell.
 const BESIDE: f64 = 6.0;
@@ -48,8 +48,8 @@ impl HeatMap {
         let top = y + 2.0 + LINE * names.len() as f64;
         let across = self.across();
         let width = (NARROW.whole_width() - 2.0 * LEFT) / across as f64;
-        for (place, (column, cell)) in self.columns.iter().zip(cells).enumerate() {
-            let at = [LEFT + (place % across) as f64 * width, top + (place / across) as f64 * HEIGHT];
+        for (index, (column, cell)) in self.columns.iter().zip(cells).enumerate() {
+            let at = [LEFT + (index % across) as f64 * width, top + (index / across) as f64 * HEIGHT];
             draw(svg, column, cell, (at, [width, HEIGHT]), (worst, hatch));
         }
         top + cells.len().div_ceil(across) as f64 * HEIGHT + GAP
@@ -139,7 +139,7 @@ mod tests {
             columns: sizes.map(str::to_owned).to_vec(),
             rows: vec![(
                 "naive".into(),
-                (0..7).map(|place| time(1.0 + f64::from(place))).chain([none]).collect(),
+                (0..7).map(|index| time(1.0 + f64::from(index))).chain([none]).collect(),
             )],
             codes: vec![(
                 "L".into(),
@@ -186,11 +186,11 @@ mod tests {
             rest.and_then(|text| text.parse().ok()).expect("a number")
         };
         let marks: Vec<&str> = svg.split("class=\"mark\"").skip(1).collect();
-        let place = |mark: &str| {
+        let bounds = |mark: &str| {
             let cell = mark.split("class=\"cell\"").nth(1).expect("a cell");
             ["x", "y", "width"].map(|name| value(cell, name))
         };
-        let [first, sixth, seventh] = [0, 5, 6].map(|number| place(marks[number]));
+        let [first, sixth, seventh] = [0, 5, 6].map(|number| bounds(marks[number]));
         assert_eq!([first[1], first[0]], [sixth[1], seventh[0]]);
         assert_eq!(seventh[1] - first[1], HEIGHT);
         assert!(sixth[0] - first[0] > 5.0 * first[2] && sixth[0] + sixth[2] < NARROW.whole_width());

@@ -1,4 +1,4 @@
-//! The layout of a chart: on a screen with its legend on the right, on a phone with its legend below.
+//! The two layouts of a chart. On a screen, the legend is on the right of the chart; on a phone, it is below the chart.
 
 /// Approximate width of a letter in pixels.
 pub const LETTER: f64 = 7.0;

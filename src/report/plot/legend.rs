@@ -10,10 +10,10 @@ const LONGEST: usize = 24;
 
 /// Draws the entries downwards from a position; returns the y coordinate of their lower end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
-    for (place, (name, look)) in entries.iter().enumerate() {
-        let y = top + place as f64 * STEP;
+    for (index, (name, look)) in entries.iter().enumerate() {
+        let y = top + index as f64 * STEP;
         let class = format!("entry {}", look.class());
-        svg.open("g", &[("class", &class), ("data-for", &place), ("data-tip", name)]);
+        svg.open("g", &[("class", &class), ("data-for", &index), ("data-tip", name)]);
         svg.element(
             "rect",
             &[
@@ -32,9 +32,9 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning
-/// and the end of the name remain, since names differ there: the preset is at the beginning; the value of an axis, or
-/// the exponent of a fitted power law, is at the end.
+/// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning and the end of the
+/// name remain, since names differ there. A name begins with the preset, and may end with the value of an axis or with
+/// the exponent of a fitted power law.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

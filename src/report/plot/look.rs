@@ -7,11 +7,11 @@ use super::svg::{Svg, number};
 /// Number of different markers.
 const MARKERS: usize = 6;
 
-/// The colour and marker of a series. Seven colours and six markers, whose numbers have no common divisor,
-/// give 42 combinations.
+/// The colour and marker of a series. There are seven colours and six markers. Seven and six have no common divisor, so
+/// 42 series in a row have different combinations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// The number of the series.
+    /// The number of the series, which determines its colour and marker.
     pub number: usize,
     /// True if the series has a dashed line and empty markers, as for values that the paper published.
     pub dashed: bool,
@@ -47,8 +47,8 @@ impl Look {
 /// down or cross. All look similarly large.
 fn shape(which: usize, [x, y]: [f64; 2]) -> String {
     let polygon = |corners: &[[f64; 2]]| {
-        let places = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));
-        format!("M{}Z", places.collect::<Vec<_>>().join("L"))
+        let points = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));
+        format!("M{}Z", points.collect::<Vec<_>>().join("L"))
     };
     match which {
         0 => format!("M{} {}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0Z", number(x - 4.0), number(y)),

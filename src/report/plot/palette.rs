@@ -1,7 +1,7 @@
 //! Colours that colour-blind readers can distinguish.
 
-/// The palette of M. Okabe and K. Ito (2008) with a darker orange, and with grey instead of black and yellow, since
-/// black is hard to see on a dark background, and yellow on a white one.
+/// The palette of M. Okabe and K. Ito (2008) with a darker orange, and with grey instead of black and yellow. Black is
+/// hard to see on a dark background, and yellow is hard to see on a white background.
 pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
 /// The colour of text.
 pub const INK: &str = "#1c2530";

@@ -15,13 +15,13 @@ pub enum Kind {
 pub struct Scale {
     kind: Kind,
     values: [f64; 2],
-    places: [f64; 2],
+    positions: [f64; 2],
 }
 
 impl Scale {
     /// Creates a scale that contains all `values` with some margin. Values that a logarithmic scale
     /// cannot show are left out.
-    pub fn over(kind: Kind, values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
+    pub fn over(kind: Kind, values: impl Iterator<Item = f64>, positions: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -29,7 +29,8 @@ impl Scale {
             _ if low > high => [1.0, 10.0],
             Kind::Linear => {
                 let span = high - low.min(0.0);
-                // If all values are 0, as with a coarse timer, the axis ends at 1: its ticks must be readable numbers.
+                // All values can be 0, for example if a timer is coarse. The axis then ends at 1, so that its ticks are
+                // readable numbers.
                 let room = if span > 0.0 { 0.05 * span } else { 1.0 };
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
@@ -39,22 +40,22 @@ impl Scale {
                 [low / room, high * room]
             }
         };
-        Self { kind, values, places }
+        Self { kind, values, positions }
     }
 
-    /// Creates a scale between two values and their positions.
-    pub fn between(kind: Kind, values: [f64; 2], places: [f64; 2]) -> Self {
-        Self { kind, values, places }
+    /// Creates a scale from the values at its two ends, and the positions of these ends.
+    pub fn between(kind: Kind, values: [f64; 2], positions: [f64; 2]) -> Self {
+        Self { kind, values, positions }
     }
 
     /// Returns the position of a value; `None` if the scale cannot show it.
-    pub fn place(&self, value: f64) -> Option<f64> {
+    pub fn position(&self, value: f64) -> Option<f64> {
         let along = match self.kind {
             Kind::Linear => (value - self.values[0]) / (self.values[1] - self.values[0]),
             Kind::Log => (value / self.values[0]).ln() / (self.values[1] / self.values[0]).ln(),
         };
-        let place = self.places[0] + along * (self.places[1] - self.places[0]);
-        place.is_finite().then_some(place)
+        let position = self.positions[0] + along * (self.positions[1] - self.positions[0]);
+        position.is_finite().then_some(position)
     }
 
     /// Returns the values at the ends.
@@ -121,9 +122,9 @@ mod tests {
     #[test]
     fn a_log_scale_gives_equal_factors_equal_room_and_leaves_out_zero() {
         let scale = Scale::over(Kind::Log, [0.0, 1.0, 100.0].into_iter(), [0.0, 100.0]);
-        let [a, b, c] = [1.0, 10.0, 100.0].map(|value| scale.place(value).expect("it is on the scale"));
+        let [a, b, c] = [1.0, 10.0, 100.0].map(|value| scale.position(value).expect("it is on the scale"));
         assert!((b - a - (c - b)).abs() < 1e-9 && a > 0.0 && c < 100.0);
-        assert_eq!(scale.place(0.0), None);
+        assert_eq!(scale.position(0.0), None);
     }
 
     #[test]
@@ -136,7 +137,7 @@ mod tests {
     #[test]
     fn a_linear_axis_of_zeros_ends_at_1() {
         let scale = Scale::over(Kind::Linear, [0.0, 0.0].into_iter(), [0.0, 100.0]);
-        assert_eq!((scale.ends(), scale.place(0.0)), ([0.0, 1.0], Some(0.0)));
+        assert_eq!((scale.ends(), scale.position(0.0)), ([0.0, 1.0], Some(0.0)));
     }
 
     #[test]
@@ -160,10 +161,10 @@ mod tests {
     #[test]
     fn a_linear_scale_between_values_other_than_zero_places_them_evenly() {
         let scale = Scale::between(Kind::Linear, [10.0, 20.0], [100.0, 200.0]);
-        assert_eq!([10.0, 15.0, 20.0].map(|value| scale.place(value)), [100.0, 150.0, 200.0].map(Some));
+        assert_eq!([10.0, 15.0, 20.0].map(|value| scale.position(value)), [100.0, 150.0, 200.0].map(Some));
         // The values of a vertical axis grow upwards, while the y coordinates of pixels grow downwards.
         let up = Scale::between(Kind::Linear, [10.0, 20.0], [200.0, 100.0]);
-        assert_eq!(up.place(12.5), Some(175.0));
+        assert_eq!(up.position(12.5), Some(175.0));
     }
 
     #[test]

@@ -39,7 +39,7 @@ struct Form {
     layout: Layout,
     /// Height of a row.
     row: f64,
-    /// Space for a name above its dots.
+    /// Height of the space for a row's name above the row's dots; 0 if names are beside the dots.
     head: f64,
 }
 
@@ -76,14 +76,14 @@ impl Strip {
         let mut svg = Svg::default();
         svg.lines("title", [layout.left.min(16.0), 18.0], Anchor::Start, &title);
         for tick in across.ticks() {
-            let Some(x) = across.place(tick) else { continue };
+            let Some(x) = across.position(tick) else { continue };
             svg.line(if tick == 0.0 { "axis" } else { "grid" }, GRID, [x, top], [x, bottom]);
             let sign = if tick > 0.0 { "+" } else { "" };
             let label = format!("{sign}{}%", scale::label(tick));
             svg.text_in("faint", FAINT, [x, bottom + 17.0], Anchor::Middle, &label);
         }
-        for (place, one) in self.rows.iter().enumerate() {
-            draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
+        for (index, one) in self.rows.iter().enumerate() {
+            draw_row(&mut svg, one, top + index as f64 * row, (&across, reach), form);
         }
         let lines = layout.lines(LABEL);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
@@ -93,7 +93,8 @@ impl Strip {
     }
 
     /// Returns how far the x axis extends on both sides of 0, in percent of the median. Nearly all samples are within
-    /// this range. Outliers may lie outside, so that the axis does not compress the other samples.
+    /// this range. A few samples that are far from the median may lie outside this range, so that the other samples
+    /// have enough space.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
@@ -105,7 +106,7 @@ impl Strip {
 
 fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), form: Form) {
     let Form { layout: Layout { left, width, .. }, head, .. } = form;
-    let x = |deviation: f64| across.place(deviation.clamp(-reach, reach)).unwrap_or(left);
+    let x = |deviation: f64| across.position(deviation.clamp(-reach, reach)).unwrap_or(left);
     svg.open("g", &[("class", &"mark s0"), ("data-tip", &row.tip)]);
     svg.element(
         "rect",
@@ -130,13 +131,13 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), 
         ("quartiles", row.quartiles, [top + 5.0, height - 10.0]),
         ("sure", row.interval, [top + 3.0, height - 6.0]),
     ];
-    for (class, ends, place) in bars {
-        ends.iter().for_each(|ends| bar(svg, class, ends.map(x), place));
+    for (class, ends, extent) in bars {
+        ends.iter().for_each(|ends| bar(svg, class, ends.map(x), extent));
     }
     let every = row.deviations.len().div_ceil(DOTS).max(1);
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
-    let dots = row.deviations.iter().enumerate().step_by(every).map(|(place, deviation)| {
-        let y = top + 7.0 + (height - 14.0) * place as f64 / last;
+    let dots = row.deviations.iter().enumerate().step_by(every).map(|(index, deviation)| {
+        let y = top + 7.0 + (height - 14.0) * index as f64 / last;
         // A line of zero length with round ends is a dot. One path contains all dots of a row.
         format!("M{} {}h0", number(x(*deviation)), number(y))
     });
@@ -190,9 +191,9 @@ mod tests {
 
     #[test]
     fn the_axis_shows_nearly_all_samples_on_both_sides_and_no_outlier() {
-        let close = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+        let close = |actual: f64, expected: f64| (actual - expected).abs() < 1e-9;
         // One sample in a hundred takes ten times as long as the median.
-        let mut samples: Vec<f64> = (0..99).map(|place| if place % 2 == 0 { 2.0 } else { -4.0 }).collect();
+        let mut samples: Vec<f64> = (0..99).map(|index| if index % 2 == 0 { 2.0 } else { -4.0 }).collect();
         samples.push(900.0);
         assert!(close(reach(samples), 1.15 * 4.0));
         assert!(close(reach(vec![0.01, -0.02]), 0.5), "not less than half a per cent");
@@ -256,7 +257,7 @@ mod tests {
 
     #[test]
     fn an_outlier_is_shown_at_the_edge_and_of_many_samples_some_are_shown() {
-        let places = |deviations: Vec<f64>| -> Vec<f64> {
+        let positions = |deviations: Vec<f64>| -> Vec<f64> {
             let row = Row {
                 name: String::new(),
                 value: String::new(),
@@ -275,8 +276,8 @@ mod tests {
         };
         let mut samples = vec![1.0; 39];
         samples.push(900.0);
-        let found = places(samples);
-        assert_eq!((found.len(), found[39]), (40, 262.0 + 510.0));
-        assert_eq!([120, 121, 300].map(|count| places(vec![1.0; count]).len()), [120, 61, 100]);
+        let actual = positions(samples);
+        assert_eq!((actual.len(), actual[39]), (40, 262.0 + 510.0));
+        assert_eq!([120, 121, 300].map(|count| positions(vec![1.0; count]).len()), [120, 61, 100]);
     }
 }

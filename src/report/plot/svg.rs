@@ -21,8 +21,8 @@ fn escape(text: &str) -> String {
     safe
 }
 
-/// Formats a number with at most two decimals: a hundredth of a unit is only a fiftieth of a pixel
-/// of the PNG.
+/// Formats a number with at most two decimals. More decimals would not be visible: a hundredth of the drawing's unit is
+/// only a fiftieth of a pixel of the PNG.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -118,8 +118,8 @@ impl Svg {
 
     /// Writes several lines of text.
     pub fn lines(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, lines: &[String]) {
-        for (place, line) in (0..).zip(lines) {
-            self.text(class, [x, y + LINE * f64::from(place)], anchor, line);
+        for (index, line) in (0..).zip(lines) {
+            self.text(class, [x, y + LINE * f64::from(index)], anchor, line);
         }
     }
 
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_drawn_from_one_point_to_the_other_and_text_in_its_place() {
+    fn a_line_is_drawn_from_one_point_to_the_other_and_text_at_its_position() {
         let mut svg = Svg::default();
         svg.line("axis", "#123456", [1.0, 2.0], [3.5, 4.0]);
         svg.lines("small", [5.0, 6.0], Anchor::End, &["a".to_owned(), "b".to_owned()]);
@@ -193,10 +193,10 @@ mod tests {
             ["1", "2", "3.5", "4"].map(Some)
         );
         assert_eq!((line.attribute("class"), line.attribute("stroke")), (Some("axis"), Some("#123456")));
-        let told: Vec<_> = nodes("text").iter().map(|node| (node.text(), node.attribute("y"))).collect();
-        assert_eq!(told, [(Some("a"), Some("6")), (Some("b"), Some("22")), (Some("up"), Some("0"))]);
+        let actual: Vec<_> = nodes("text").iter().map(|node| (node.text(), node.attribute("y"))).collect();
+        assert_eq!(actual, [(Some("a"), Some("6")), (Some("b"), Some("22")), (Some("up"), Some("0"))]);
         assert_eq!(nodes("text")[0].attribute("text-anchor"), Some("end"));
-        let sizes = [0, 2].map(|place| nodes("text")[place].attribute("font-size"));
+        let sizes = [0, 2].map(|index| nodes("text")[index].attribute("font-size"));
         assert_eq!(sizes, [Some("11"), Some("12")], "a small text and another");
         assert_eq!(nodes("g")[0].attribute("transform"), Some("translate(7 8) rotate(-90)"));
     }

@@ -25,7 +25,7 @@ const MEMORY: [&str; 7] = [
 /// Bytes of a ray that a ray-triangle test reads: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
-/// The four lines of the answer, and the plots that show the times behind it.
+/// The four lines of the answer, and plots of the times from which the answer follows.
 #[derive(Default)]
 pub struct Answer {
     /// The best memory strategy of each scene, with the memories of its vectors and triangles.
@@ -36,7 +36,7 @@ pub struct Answer {
     pub why: String,
     /// The certainty of the answer.
     pub sure: String,
-    /// Time over local size, one plot per scene.
+    /// Plots of time over local size, one for each scene.
     pub plots: Vec<Plot>,
 }
 
@@ -74,9 +74,9 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from a run that has several memory strategies. If no run has several, each line of
-/// the answer says so. `taken` contains the names of the plots of earlier answers. The names of this answer's plots
-/// differ from these names, and are added to them.
+/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If no run has
+/// several of them, each line of the answer says that there is no such run. `taken` contains the names of the plots of
+/// earlier answers. The names of this answer's plots differ from these names, and are added to them.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut Vec<String>) -> Answer {
     let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -203,12 +203,12 @@ fn why(contests: &[Contest<'_>]) -> String {
     format!(
         "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {scene} (calculated, not measured); {} reads the ray from {}; {}",
         best.name,
-        place_of_vectors(best),
+        memory_of_vectors(best),
         against(&best.name, &facts(best), &facts(naive))
     )
 }
 
-fn place_of_vectors(record: &Record) -> &'static str {
+fn memory_of_vectors(record: &Record) -> &'static str {
     let counts = record.main_kernel().and_then(|kernel| kernel.instruction_counts.as_ref());
     match (record.axis("vectors"), counts.map(|counts| counts.reach("local"))) {
         (Some("private"), Some(0)) => "registers",
@@ -282,30 +282,30 @@ mod tests {
 
     #[test]
     fn a_reason_is_given_only_for_a_scene_in_which_naive_does_not_tie() {
-        // In one launch, naive is the faster of the two; in the other launch, it is the slower.
+        // In one launch, `naive` is faster than `private`; in the other launch, it is slower.
         let mut tie = [measured("gpu", "naive", 8, 2.0), measured("gpu", "private", 8, 1.995)];
         tie[0].samples_ms = [[1.9; 5], [2.1; 5]].concat();
-        let found = of(&tie);
-        assert!(found.sure.ends_with("2 of 2 points tie for fastest"), "{}", found.sure);
+        let answer = of(&tie);
+        assert!(answer.sure.ends_with("2 of 2 points tie for fastest"), "{}", answer.sure);
         let none =
             "on teapot, no other choice of memories for vectors and triangles is surely faster than naive";
-        assert_eq!(found.why, none);
+        assert_eq!(answer.why, none);
         let on_gourd = |name: &str, ms| Record {
             key: format!("gourd {name}"),
             scene: "gourd".into(),
             ..measured("gpu", name, 8, ms)
         };
-        let found = of(&[&tie[..], &[on_gourd("naive", 9.0), on_gourd("private", 3.0)]].concat());
-        assert!(found.why.contains("per frame on gourd (calculated"), "{}", found.why);
+        let answer = of(&[&tie[..], &[on_gourd("naive", 9.0), on_gourd("private", 3.0)]].concat());
+        assert!(answer.why.contains("per frame on gourd (calculated"), "{}", answer.why);
     }
 
     #[test]
     fn a_page_without_an_answer_names_the_command_that_fills_it() {
         let folder = Folder { path: "out/figure-6".into(), ..Folder::default() };
         let records = judged([measured("gpu", "naive", 4, 9.1)]);
-        let found = answer(&Run::of(&folder, groups(&records)), "gpu", "", &mut Vec::new());
+        let answer = answer(&Run::of(&folder, groups(&records)), "gpu", "", &mut Vec::new());
         let words = "has several memory strategies; `raycl reproduce --out out --resume` measures them";
-        assert!(found.sure.ends_with(words), "{}", found.sure);
+        assert!(answer.sure.ends_with(words), "{}", answer.sure);
         let crashed = Record { outcome: Outcome::Crashed, ..infeasible("gpu", "private", 4, "why") };
         let again = of(&[measured("gpu", "naive", 4, 9.1), crashed]);
         assert!(again.sure.ends_with(" --resume --retry-failed` measures them"), "{}", again.sure);
@@ -319,49 +319,49 @@ mod tests {
             Record { triangles: Some(1026), ..measured("gpu", "private", 8, 2.05) },
             measured("gpu", "deferred", 8, 1.05),
         ];
-        let found = of(&records);
+        let answer = of(&records);
         assert!(
-            found.strategy.starts_with("on teapot, private (vectors private, triangles global): 2.05"),
+            answer.strategy.starts_with("on teapot, private (vectors private, triangles global): 2.05"),
             "{}",
-            found.strategy
+            answer.strategy
         );
-        assert_eq!(found.size, "on teapot, 8 x 8 (naive alone: 4 x 4)");
+        assert_eq!(answer.size, "on teapot, 8 x 8 (naive alone: 4 x 4)");
         assert!(
-            found.why.contains("from global memory at each test: for primary rays alone, 9.8 GB per frame")
-                && found.why.contains("does not report registers"),
+            answer.why.contains("from global memory at each test: for primary rays alone, 9.8 GB per frame")
+                && answer.why.contains("does not report registers"),
             "{}",
-            found.why
+            answer.why
         );
         assert!(
-            found.sure.contains(
+            answer.sure.contains(
                 "naive at its best local size takes 4.44 times (4.39 to 4.49, n = 10) as long as the fastest point, and no other"
             ),
             "{}",
-            found.sure
+            answer.sure
         );
-        assert_eq!(found.plots.len(), 1);
+        assert_eq!(answer.plots.len(), 1);
     }
 
     #[test]
     fn a_naive_kernel_with_few_samples_has_no_ratio() {
-        let found = of(&[few("gpu", "naive", 4, 9.0, 3), measured("gpu", "private", 8, 2.0)]);
+        let answer = of(&[few("gpu", "naive", 4, 9.0, 3), measured("gpu", "private", 8, 2.0)]);
         let words = "naive at its best local size against the fastest point: not enough samples (n = 3), and no other";
-        assert!(found.sure.contains(words), "{}", found.sure);
+        assert!(answer.sure.contains(words), "{}", answer.sure);
     }
 
     #[test]
     fn few_samples_name_no_best() {
-        let found = of(&[few("gpu", "naive", 4, 9.0, 3), few("gpu", "private", 8, 2.0, 3)]);
-        assert_eq!([found.strategy, found.size].map(|line| line.contains("no winner")), [true; 2]);
+        let answer = of(&[few("gpu", "naive", 4, 9.0, 3), few("gpu", "private", 8, 2.0, 3)]);
+        assert_eq!([answer.strategy, answer.size].map(|line| line.contains("no winner")), [true; 2]);
         assert!(of(&[measured("gpu", "naive", 4, 9.1)]).why.contains("not known"));
     }
 
     #[test]
     fn without_a_time_of_naive_the_winner_stays_and_only_the_reason_is_unknown() {
-        let found = of(&[measured("gpu", "private", 8, 2.0), measured("gpu", "local-vectors", 4, 3.0)]);
-        assert!(found.strategy.starts_with("on teapot, private ("), "{}", found.strategy);
-        assert_eq!(found.size, "on teapot, 8 x 8");
-        assert_eq!(found.why, "not known, because naive has no time");
+        let answer = of(&[measured("gpu", "private", 8, 2.0), measured("gpu", "local-vectors", 4, 3.0)]);
+        assert!(answer.strategy.starts_with("on teapot, private ("), "{}", answer.strategy);
+        assert_eq!(answer.size, "on teapot, 8 x 8");
+        assert_eq!(answer.why, "not known, because naive has no time");
         let none = of(&[few("gpu", "private", 8, 2.0, 3), few("gpu", "local-vectors", 4, 3.0, 3)]);
         assert_eq!(none.why, NO_WINNER);
     }
@@ -373,16 +373,16 @@ mod tests {
             scene: scene.into(),
             ..measured(device, name, 8, ms)
         };
-        let found = of(&[
+        let answer = of(&[
             on("gpu", "teapot", "naive", 10.0),
             on("gpu", "teapot", "private", 2.0),
             on("cpu", "room", "naive", 10.0),
             on("cpu", "room", "private", 2.0),
         ]);
         assert!(
-            found.strategy.contains("on teapot") && !found.strategy.contains("room"),
+            answer.strategy.contains("on teapot") && !answer.strategy.contains("room"),
             "{}",
-            found.strategy
+            answer.strategy
         );
     }
 

@@ -48,7 +48,8 @@ pub(super) fn curves_of(
     let points = |run: &Run<'_>| {
         curves(number, &run.groups, device).iter().map(|curve| curve.ours.len()).sum::<usize>()
     };
-    // A few points at the paper's size, which another figure's experiment may contain, are no curve.
+    // The experiment of another figure may contain a few points of this figure at the paper's image size. They are too
+    // few for a curve, so a run needs at least half as many points as the run with the most.
     let most = runs.iter().map(points).max().unwrap_or(0);
     let run = with_most(runs, most.div_ceil(2).max(1), points)?;
     let curves = curves(number, &run.groups, device);
@@ -81,8 +82,8 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
         .collect();
     blocks.sort_unstable();
     blocks.dedup();
-    let place = |block: u32| blocks.iter().position(|known| *known == block).map(|place| place as f64);
-    let series = curves.iter().flat_map(|curve| both(curve, &place, as_shapes)).collect();
+    let x_of = |block: u32| blocks.iter().position(|known| *known == block).map(|index| index as f64);
+    let series = curves.iter().flat_map(|curve| both(curve, &x_of, as_shapes)).collect();
     Chart {
         title: if as_shapes {
             format!("Figure {number} as shapes: {device}")
@@ -102,7 +103,7 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
     }
 }
 
-fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -> Vec<Series> {
+fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -> Vec<Series> {
     let least = |values: &mut dyn Iterator<Item = f64>| {
         if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
     };
@@ -113,14 +114,14 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
     let published = curve.published.iter().filter_map(|(block, ms)| {
         let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
-        Some(Mark { x: place(*block)?, y: ms / theirs, interval: None, tip })
+        Some(Mark { x: x_of(*block)?, y: ms / theirs, interval: None, tip })
     });
     let ours = ours().filter_map(|record| {
         let (y, interval) = match as_shapes {
             true => ratio(record, fastest?).map(|ratio| (ratio.middle, Some([ratio.low, ratio.high])))?,
             false => (median(record)?, interval(record)),
         };
-        Some(Mark { x: place(record.local_size?[0])?, y, interval, tip: tip(record) })
+        Some(Mark { x: x_of(record.local_size?[0])?, y, interval, tip: tip(record) })
     });
     let series = |name: String, dashed, marks| Series {
         name,
@@ -135,8 +136,8 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
 }
 
-/// Returns table rows: curve, block size, published time, our time, and the published time divided
-/// by our time. Times of another image size than the paper's are not divided.
+/// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
+/// If raycl's image size is not the paper's, the times are not divided.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

@@ -22,7 +22,7 @@ pub struct Described {
     pub title: String,
     /// Scenes whose pictures are shown.
     pub pictures: Vec<String>,
-    /// The known differences between the paper's figure and ours.
+    /// The known differences between the paper's figure and raycl's counterpart.
     pub differs: String,
 }
 
@@ -36,12 +36,11 @@ struct File {
 pub struct Figure {
     /// The figure's number, title and known differences.
     pub about: Described,
-    /// Our pictures of the figure's scenes.
+    /// raycl's pictures of the figure's scenes.
     pub pictures: Vec<Picture>,
-    /// Our plots of what the figure shows.
+    /// raycl's plots of what the figure shows.
     pub plots: Vec<Plot>,
-    /// Table rows: curve, block size, published time, our time, and the published time divided by
-    /// our time.
+    /// Table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
     pub rows: Vec<[String; 5]>,
     /// The command that measures what the figure shows, if there is no record of it; otherwise empty.
     pub missing: String,

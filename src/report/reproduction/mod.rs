@@ -1,5 +1,5 @@
-//! Collects the data for the reproduction of the paper: the answer, the paper's figures with our
-//! measurements, the paper's claims with verdicts, and its contradictions.
+//! Collects the data for the reproduction of the paper: the answer, the paper's figures with raycl's measurements, the
+//! paper's claims with verdicts, and the paper's contradictions.
 
 mod answer;
 mod curves;
@@ -73,7 +73,7 @@ impl Reproduction {
         let (mut pictures, mut taken) = (Pictures::default(), Vec::new());
         let devices = (0..)
             .zip(&names)
-            .map(|(place, name)| device(place, name, &runs, &paper, &mut pictures, &mut taken))
+            .map(|(index, name)| device(index, name, &runs, &paper, &mut pictures, &mut taken))
             .collect();
         let reports = folders.iter().filter(|folder| folder.path.join(super::PAGE).is_file());
         Ok(Self {
@@ -114,8 +114,9 @@ fn sort_by_size(runs: &mut [Run<'_>]) {
     runs.sort_by_key(|run| sizes.iter().position(|size| *size == run.image_size()));
 }
 
-/// Returns the run for which `count` returns the largest number, if this is at least `least`; of several such runs, the
-/// last one. Only runs of the first image size that has a run with at least `least` are considered.
+/// Returns the run for which `count` returns the largest number. Runs with less than `least` are not considered. Of the
+/// other runs, only those of one image size are considered: the size that comes first in `runs`. If several runs have
+/// the largest number, the last of these runs is returned.
 fn with_most<'r, 'a>(
     runs: &'r [Run<'a>],
     least: usize,
@@ -136,10 +137,10 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-/// Returns the results of a device. `place` is its place among the devices, and `taken` contains the names of the plots
+/// Returns the results of a device. `index` is its index among the devices, and `taken` contains the names of the plots
 /// of earlier devices' answers.
 fn device(
-    place: usize,
+    index: usize,
     name: &str,
     runs: &[Run<'_>],
     paper: &Paper,
@@ -152,11 +153,11 @@ fn device(
     sizes.sort_unstable();
     sizes.dedup();
     let count = |verdict| claims.iter().filter(|claim| claim.verdict == verdict).count();
-    let suffix = if place == 0 { String::new() } else { format!("-{}", place + 1) };
+    let suffix = if index == 0 { String::new() } else { format!("-{}", index + 1) };
     let figures = paper.figures.iter().cloned();
     Device {
         name: name.to_owned(),
-        id: format!("device-{place}"),
+        id: format!("device-{index}"),
         sizes: sizes.into_iter().map(by).collect::<Vec<_>>().join(", "),
         answer: answer::answer(runs, name, &suffix, taken),
         tally: Verdict::ALL.map(|(verdict, word, ..)| (word, count(verdict))).to_vec(),
@@ -181,7 +182,8 @@ mod tests {
         Reproduction::of(&[folder]).expect("the tables are right").devices.remove(0)
     }
 
-    /// Returns our time and the ratio in the row of Figure 6 for the teapot and 4 x 4.
+    /// Returns the texts of raycl's time and of the ratio in a row of Figure 6: the row for the teapot with blocks of 4
+    /// x 4.
     fn row(device: &Device) -> [&str; 2] {
         let figure = device.figures.iter().find(|figure| figure.about.number == 6).expect("a figure");
         let is_own = |row: &&[String; 5]| row[0].starts_with("Teapot") && row[1] == "4 x 4";
@@ -204,8 +206,8 @@ mod tests {
         let both = |device: &'static str, scene: &'static str| {
             [("naive", 10.0), ("private", 2.0)].map(|(name, ms)| on(device, scene, name, ms))
         };
-        let places = [("gpu", "teapot"), ("gpu", "teapot-2"), ("cpu", "teapot"), ("cpu", "teapot-2")];
-        let records = places.map(|(device, scene)| both(device, scene)).concat();
+        let pairs = [("gpu", "teapot"), ("gpu", "teapot-2"), ("cpu", "teapot"), ("cpu", "teapot-2")];
+        let records = pairs.map(|(device, scene)| both(device, scene)).concat();
         let folder = Folder { records: judged(records), ..Folder::default() };
         let page = Reproduction::of(&[folder]).expect("the tables are right");
         let mut names: Vec<&str> = page.plots().into_iter().map(|plot| plot.name.as_str()).collect();
@@ -220,7 +222,8 @@ mod tests {
     fn all_parts_of_the_page_are_of_the_papers_image_size_if_it_was_measured() {
         let small = [("naive", 4, 0.2), ("naive", 8, 0.3), ("private", 8, 0.1)];
         let small = small.map(|(name, side, ms)| at([200, 125], name, side, ms));
-        // Of the larger images, one point fewer was measured: it may have exceeded a time limit.
+        // One point was measured only with the smaller images. With the larger images, it may have exceeded a time
+        // limit.
         let large = [("naive", 4, 2.0), ("private", 8, 1.0)];
         let large = large.map(|(name, side, ms)| at(PAPER_SIZE, name, side, ms));
         for records in [[&small[..], &large].concat(), [&large[..], &small].concat()] {

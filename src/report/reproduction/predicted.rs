@@ -49,14 +49,14 @@ fn one(name: String, number: usize, dashed: bool, marks: Vec<Mark>) -> Series {
 }
 
 fn mark(block: u32, threads: u64, why: &str) -> Mark {
-    let place = BLOCKS.iter().position(|known| *known == block).unwrap_or(0);
+    let index = BLOCKS.iter().position(|known| *known == block).unwrap_or(0);
     let tip = format!("{block} x {block}: {threads} threads\n{why}");
-    Mark { x: place as f64, y: threads as f64, interval: None, tip }
+    Mark { x: index as f64, y: threads as f64, interval: None, tip }
 }
 
 fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
-    let found = occupancy(sm, REGISTERS, 0, block * block);
-    mark(block, found.threads, &format!("limited by {}", found.limiter))
+    let occupancy = occupancy(sm, REGISTERS, 0, block * block);
+    mark(block, occupancy.threads, &format!("limited by {}", occupancy.limiter))
 }
 
 /// Returns the predicted number of resident threads of the naive kernel, from the number of

@@ -6,7 +6,7 @@ for (const view of all(".microscope")) {
     if (!rows.has(line)) rows.set(line, []);
     rows.get(line).push(row);
   }
-  let kept = null;
+  let pinned = null;
   const mark = (line) => {
     all(".same", view).forEach((row) => row.classList.remove("same"));
     (rows.get(line) ?? []).forEach((row) => row.classList.add("same"));
@@ -16,7 +16,7 @@ for (const view of all(".microscope")) {
     if (top < 0 || top > pane.clientHeight - row.offsetHeight) pane.scrollTop = row.offsetTop - pane.clientHeight / 3;
   };
   const keep = (line, from) => {
-    kept = line;
+    pinned = line;
     mark(line);
     for (const pane of all(".pane", view)) {
       const first = pane !== from && rows.get(line)?.find((row) => row.closest(".pane") === pane);
@@ -25,9 +25,9 @@ for (const view of all(".microscope")) {
   };
   for (const pane of all(".pane", view)) {
     const line = (event) => event.target.closest("[data-line]")?.dataset.line ?? null;
-    pane.addEventListener("pointerover", (event) => mark(line(event) ?? kept));
-    pane.addEventListener("pointerleave", () => mark(kept));
-    pane.addEventListener("click", (event) => { const at = line(event); keep(at === kept ? null : at, pane); });
+    pane.addEventListener("pointerover", (event) => mark(line(event) ?? pinned));
+    pane.addEventListener("pointerleave", () => mark(pinned));
+    pane.addEventListener("click", (event) => { const at = line(event); keep(at === pinned ? null : at, pane); });
     // Arrow keys go to the next row that belongs to another line.
     pane.addEventListener("keydown", (event) => {
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];

@@ -76,8 +76,8 @@ for (const button of all("[data-scale]")) button.addEventListener("click", () =>
 // Tables: a click on a heading sorts the rows, with empty cells last. A filter shows the rows that contain all its words.
 const value = (cell) => { const text = cell.dataset.v ?? cell.textContent.trim(), number = parseFloat(text); return cell.classList.contains("num") ? (Number.isNaN(number) ? null : number) : text; };
 function sort(head, table) {
-  const up = head.getAttribute("aria-sort") !== "ascending", place = [...head.parentElement.children].indexOf(head), body = table.tBodies[0];
-  const keyed = [...body.rows].map((row) => [value(row.cells[place]), row]);
+  const up = head.getAttribute("aria-sort") !== "ascending", index = [...head.parentElement.children].indexOf(head), body = table.tBodies[0];
+  const keyed = [...body.rows].map((row) => [value(row.cells[index]), row]);
   keyed.sort(([a], [b]) => {
     if (a === null || b === null) return (a === null) - (b === null);
     const order = typeof a === "number" ? a - b : a.localeCompare(b, "en", { numeric: true });
@@ -105,14 +105,14 @@ for (const input of all(".filter input")) input.addEventListener("input", () => 
 // Pictures: a click enlarges a picture, arrow keys show the previous or the next picture.
 const box = document.getElementById("lightbox"), pictures = all(".enlarge");
 let current = 0;
-function enlarge(place) {
-  current = (place + pictures.length) % pictures.length;
+function enlarge(index) {
+  current = (index + pictures.length) % pictures.length;
   const from = pictures[current].querySelector("img"), to = box.querySelector("img");
   to.src = from.src; to.alt = from.alt;
   box.querySelector("figcaption").textContent = from.alt;
   if (!box.open) box.showModal();
 }
-pictures.forEach((button, place) => button.addEventListener("click", () => enlarge(place)));
+pictures.forEach((button, index) => button.addEventListener("click", () => enlarge(index)));
 all("[data-step]", box).forEach((button) => button.addEventListener("click", () => enlarge(current + Number(button.dataset.step))));
 box.addEventListener("keydown", (event) => { if (event.key === "ArrowLeft") enlarge(current - 1); if (event.key === "ArrowRight") enlarge(current + 1); });
 box.addEventListener("click", (event) => { if (event.target === box) box.close(); });

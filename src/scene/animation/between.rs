@@ -32,10 +32,10 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are those of all
-/// keyframes of a track, or only of these two keyframes and their neighbours (one on each side, if it exists). Unless
-/// the interpolation is by steps, the values must have the same structure: all are numbers, or all are lists (perhaps
-/// nested) of the same length.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are the frames and
+/// the values of all keyframes of a track, or only of these two keyframes and their neighbours (one on each side, if it
+/// exists). Unless the interpolation is by steps, the values must have the same structure: all are numbers, or all are
+/// lists (perhaps nested) of the same length.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,
@@ -47,8 +47,8 @@ pub(super) fn between(
         return first.clone();
     }
     if let Value::Array(elements) = first {
-        let at = |place: usize| {
-            let elements: Vec<&Value> = values.iter().map(|value| &value[place]).collect();
+        let at = |index: usize| {
+            let elements: Vec<&Value> = values.iter().map(|value| &value[index]).collect();
             between((frames, &elements), begin, frame, interpolation)
         };
         return Value::Array((0..elements.len()).map(at).collect());
@@ -65,14 +65,14 @@ pub(super) fn between(
 
 /// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
 /// `PchipInterpolator`. The interpolant stays between the values of the two neighbouring keyframes.
-/// So a value that is valid at all keyframes is valid between them, and a camera does not swing
-/// back before it moves.
+/// Therefore, a value that is valid at all keyframes is also valid between them, and a camera never moves away from the
+/// position of its next keyframe.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
     let part = (frame - frames[begin]) / length;
     let slopes = [begin, begin + 1].map(|key| length * slope(frames, values, key));
-    // Hermite's polynomial, from the values and slopes at both ends.
+    // This is Hermite's cubic polynomial, computed from the values and the slopes at both keyframes.
     let (square, cube) = (part * part, part * part * part);
     let value = from
         + (3.0 * square - 2.0 * cube) * (to - from)
@@ -108,8 +108,9 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 
 /// Returns the slope at the first or the last keyframe: the slope of the parabola through this keyframe and its two
 /// nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004,
-/// section 3.6). The arguments are the numbers of frames and the slopes of the two lines between these three keyframes.
-/// In both arguments, the line at the first or the last keyframe comes first.
+/// section 3.6). The first argument has the lengths, in frames, of the two lines between these three keyframes; the
+/// second argument has the slopes of these lines. In both arguments, the line that ends at the first or the last
+/// keyframe of the track comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {
@@ -132,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_smooth_curve_is_fritsch_and_butlands() {
-        // The expected values were computed by hand from the slopes at the four keyframes: 5/2, 6/7, 0 and -17/6.
+        // The expected values were calculated on paper from the slopes at the four keyframes: 5/2, 6/7, 0 and -17/6.
         let (frames, values) = ([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 3.0, 1.0]);
         let slopes = [0, 1, 2, 3].map(|key| slope(&frames, &values, key));
         let expected = [5.0 / 2.0, 6.0 / 7.0, 0.0, -17.0 / 6.0];
@@ -179,15 +180,16 @@ mod tests {
         }
     }
 
-    /// The expected slopes of the parabola were computed by hand. If both lines are equally long and the first has the
-    /// slope 1, the parabola's slope at the end is (3 * 1 - next) / 2, where `next` is the slope of the second line.
+    /// The expected slopes of the parabola were calculated on paper. If the two lines between the three keyframes are
+    /// equally long and the first line has the slope 1, the parabola's slope at the first keyframe is (3 * 1 - next) /
+    /// 2, where `next` is the slope of the second line.
     #[test]
     fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
         for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {
             assert_eq!(end_slope([1.0, 1.0], [1.0, next]), expected, "{next}");
             assert_eq!(end_slope([1.0, 1.0], [-1.0, -next]), -expected, "{next}");
         }
-        // The line at the end is twice as long as the next line, so the slope is ((4 + 1) * 1 - 2 * 0.5) / 3.
+        // The first line is twice as long as the second line, so the slope is ((4 + 1) * 1 - 2 * 0.5) / 3.
         assert!((end_slope([2.0, 1.0], [1.0, 0.5]) - 4.0 / 3.0).abs() < 1e-15);
     }
 }

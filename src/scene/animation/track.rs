@@ -22,13 +22,14 @@ pub(super) struct Track {
     pub path: Spanned<String>,
     /// The frames of the keyframes, ascending.
     at: Vec<f64>,
-    /// The values at these frames; at least one.
+    /// The values at the frames in `at`; there is at least one.
     values: Vec<Spanned<Value>>,
     interpolation: Interpolation,
 }
 
 impl Track {
-    /// Checks the track of this number, from 0, of an animation with `frames` frames, and returns the track.
+    /// Checks a track of an animation with `frames` frames, and returns the track. `number` is the track's index in the
+    /// scene file, from 0.
     pub fn of(document: &Document, (number, wire): (usize, TrackWire), frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
@@ -79,9 +80,9 @@ impl Track {
     }
 
     /// Returns whether this track sets the camera's position.
-    pub fn places_camera(&self) -> bool {
-        let places = |value: &Spanned<Value>| overrides::places_camera(self.path.get_ref(), value.get_ref());
-        self.values.iter().any(places)
+    pub fn sets_camera_position(&self) -> bool {
+        let path = self.path.get_ref();
+        self.values.iter().any(|value| overrides::sets_camera_position(path, value.get_ref()))
     }
 
     /// Returns the track's value at a frame. Before the first keyframe, the track has its first
@@ -100,16 +101,16 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the frames at which a value of this track begins; none if no value can name a picture, not even through
-    /// another file.
+    /// Returns the frames at which a value of this track begins. Returns no frames if no value of the track can name a
+    /// picture, either itself or through a mesh file that the value names.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
-        // Keyframes at equal distances can lie between frames.
+        // Keyframes at equal distances can lie between frames; their values begin at the next whole frame.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
-    /// Returns what messages about a frame need to know of the value that the track sets. They contain the track's path
-    /// only if they may quote the scene file.
+    /// Returns what messages about a frame need to know of the value that the track sets. Messages contain the track's
+    /// path only if `quotes` says that they may quote the scene file.
     pub fn setting(&self, frame: u32, quotes: bool) -> TrackValue {
         let path = self.path.get_ref();
         let (number, keyframe) = (self.number, self.last_keyframe(f64::from(frame)));
@@ -177,7 +178,7 @@ fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
     // The multiplication comes before the division, so that whole frames are exact.
-    (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
+    (0..values).map(|index| 1.0 + length * index as f64 / steps).collect()
 }
 
 /// Returns a track's interpolation: `given` or, if it is `None`, the default for these values. Refuses values that
@@ -258,20 +259,20 @@ mod tests {
 
     #[test]
     fn a_frame_belongs_to_the_last_keyframe_that_is_not_after_it() {
-        let place = |number: usize| Spanned::new(number..number + 1, Value::Integer(0));
+        let value = |number: usize| Spanned::new(number..number + 1, Value::Integer(0));
         let track = Track {
             number: 7,
             path: Spanned::new(0..0, "background".to_owned()),
             at: vec![2.0, 5.0, 9.0],
-            values: (0..3).map(place).collect(),
+            values: (0..3).map(value).collect(),
             interpolation: Interpolation::Step,
         };
         let spans = [1, 2, 4, 5, 8, 9, 20].map(|frame| track.value_span(frame).start);
         assert_eq!(spans, [0, 0, 0, 1, 1, 2, 2]);
-        let told = |quotes: bool| track.setting(8, quotes);
+        let setting = |quotes: bool| track.setting(8, quotes);
         let (path, keyframe) = ("background".to_owned(), "animation.track.7.values.1".to_owned());
         let name = "track `background` at frame 8".to_owned();
-        assert_eq!(told(true), TrackValue { path: path.clone(), keyframe: keyframe.clone(), name });
-        assert_eq!(told(false), TrackValue { path, keyframe, name: "a track at frame 8".to_owned() });
+        assert_eq!(setting(true), TrackValue { path: path.clone(), keyframe: keyframe.clone(), name });
+        assert_eq!(setting(false), TrackValue { path, keyframe, name: "a track at frame 8".to_owned() });
     }
 }

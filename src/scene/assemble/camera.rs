@@ -1,5 +1,5 @@
 //! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees the whole scene. Keys
-//! of the scene file change values of this camera.
+//! of the scene file change values of the chosen camera.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, View};
@@ -70,7 +70,8 @@ pub(super) fn camera(
     }
     let position = given(&wire.position).unwrap_or(base.position);
     let target = given(&wire.look_at).or(ball.map(|ball| ball.centre.as_vec3()));
-    // Far from the origin, single precision would round the position plus the direction to the position.
+    // The base camera's direction is used directly, without a target point: far from the origin, single precision would
+    // round the position plus the direction to the position.
     let direction = target.map_or(base.forward.as_dvec3(), |target| target.as_dvec3() - position.as_dvec3());
     let up = up.unwrap_or(Vec3::Y);
     let looking = Camera::looking_along(position, direction, up, 90.0, false)
@@ -93,9 +94,9 @@ fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, 
 }
 
 fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, direction: DVec3, up: Vec3) -> Error {
-    let place = [&wire.up, &wire.look_at, &wire.position];
+    let keys = [&wire.up, &wire.look_at, &wire.position];
     let at =
-        |order: [usize; 3]| order.iter().find_map(|&i| place[i].as_ref()).map_or(0..0, toml::Spanned::span);
+        |order: [usize; 3]| order.iter().find_map(|&i| keys[i].as_ref()).map_or(0..0, toml::Spanned::span);
     if direction == DVec3::ZERO {
         let message = format!("the camera is at {position} and looks at the same point");
         let span = at([1, 2, 0]);

@@ -38,7 +38,7 @@ pub(super) fn make(
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
             room_for(&shape)
-                .map_err(|error| document.place(name.span(), error, "too fine for this machine"))?;
+                .map_err(|error| document.located(name.span(), error, "too fine for this machine"))?;
             made(shapes::generate(&shape))
         }
         (None, None, Some(vertices)) => made(inline(document, wire, vertices)?),
@@ -98,8 +98,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // Without a scene file, the mesh is the document's own file, so `document.quotes` says whether messages may quote
-    // it.
+    // Without a scene file, the document was made for this mesh, so `document.quotes` also says whether messages may
+    // quote the mesh's file.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
@@ -132,11 +132,11 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
     document.error(file.span(), message, label).with_help(help)
 }
 
-/// Refuses a file that is not a mesh. The message begins with the place that names this file: the scene file and the
+/// Refuses a file that is not a mesh. The message begins with the location that names this file: the scene file and the
 /// number of the line, or a setting such as `--set`. Unlike other messages about mistakes in a scene file, this message
 /// quotes no line of the scene file.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
-    let name = format!("{}: {}", document.place_of(&file.span()), path.display());
+    let name = format!("{}: {}", document.location_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 
@@ -159,10 +159,10 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     let of_meshes = wire.crease.as_ref().map(|key| ("crease", key.span()));
     let stray = of_shapes
         .filter(|_| wire.shape.is_none())
-        .map(|found| (found, "shape"))
-        .or(of_obj.filter(|_| wire.obj.is_none()).map(|found| (found, "mesh")))
-        .or(of_meshes.filter(|_| wire.shape.is_some()).map(|found| (found, "mesh` or `vertices")))
-        .or(of_vertices.filter(|_| wire.vertices.is_none()).map(|found| (found, "vertices")));
+        .map(|key| (key, "shape"))
+        .or(of_obj.filter(|_| wire.obj.is_none()).map(|key| (key, "mesh")))
+        .or(of_meshes.filter(|_| wire.shape.is_some()).map(|key| (key, "mesh` or `vertices")))
+        .or(of_vertices.filter(|_| wire.vertices.is_none()).map(|key| (key, "vertices")));
     match stray {
         Some(((key, span), owner)) => {
             Err(document.error(span, format!("`{key}` without `{owner}`"), "does nothing here"))
@@ -188,7 +188,7 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Returns a number with its place in the document.
+/// Returns a number with its location in the document.
 fn whole<const LEAST: u32, const MOST: u32>(
     number: &Option<Spanned<Whole<LEAST, MOST>>>,
 ) -> Option<(u32, Range<usize>)> {

@@ -3,7 +3,7 @@
 use crate::error::{Result, nearest_file};
 use crate::reader::lies_in;
 use crate::scene::document::Document;
-use crate::scene::kept::Kept;
+use crate::scene::frame_cache::FrameCache;
 use crate::scene::sky::FileTexels;
 use crate::scene::wire::SkyWire;
 use crate::scene::{Sky, SkyPicture};
@@ -18,7 +18,7 @@ pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,
     (up, is_seen): (DVec3, bool),
-    kept: &mut Kept,
+    cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Sky> {
     let wire = sky.get_ref();
@@ -28,7 +28,7 @@ pub(super) fn build(
             return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
         }
         (Some(file), _) => {
-            let FileTexels { size, texels, invalid } = texels(document, wire, file, kept)?;
+            let FileTexels { size, texels, invalid } = texels(document, wire, file, cache)?;
             notes.extend((invalid > 0).then(|| {
                 let (file, texels) = (file.get_ref(), counted(invalid, "texel"));
                 format!("the sky's picture `{file}` has negative values or NaN in {texels}; they count as 0")
@@ -53,11 +53,11 @@ fn texels(
     document: &Document,
     wire: &SkyWire,
     file: &Spanned<String>,
-    kept: &mut Kept,
+    cache: &mut FrameCache,
 ) -> Result<FileTexels> {
     let path = document.folder.join(file.get_ref());
     let strength = wire.strength.map_or(1.0, |strength| strength.0);
-    kept.picture(&path, strength).map_err(|why| {
+    cache.picture(&path, strength).map_err(|why| {
         let quotes = document.quotes || lies_in(&path, &document.folder);
         let why = if quotes { why } else { "cannot be used".to_owned() };
         let message = format!("the sky's picture `{}` {why}", path.display());

@@ -7,7 +7,7 @@ use glam::Vec3;
 use std::path::Path;
 use toml::Value;
 
-/// A triangle, and a camera in front of it.
+/// A glTF file with a triangle and with a camera in front of the triangle.
 const SEEN: &str = r#"{"asset": {"version": "2.0"},
 "scenes": [{"nodes": [0, 1]}],
 "nodes": [{"mesh": 0}, {"camera": 0, "translation": [0, 0, 5]}],
@@ -47,7 +47,7 @@ fn a_scene_that_turns_faces_outwards_unless_the_eye_is_inside() {
         let mesh = &loaded.scene.mesh;
         let outwards = |triangle| {
             let normals = mesh.corner_normals(triangle);
-            mesh.corners(triangle).iter().zip(normals).all(|(place, normal)| sign * place.dot(normal) > 0.0)
+            mesh.corners(triangle).iter().zip(normals).all(|(corner, normal)| sign * corner.dot(normal) > 0.0)
         };
         assert!(mesh.triangles.iter().all(outwards), "{eye}");
         assert!(!loaded.notes.iter().any(|note| note.contains("faces away")), "{:?}", loaded.notes);
@@ -73,7 +73,7 @@ fn an_open_surface_that_turns_is_lit_at_first_whatever_the_order_of_its_corners(
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
     let turns = Shot { turns: true, ..Shot::SQUARE };
-    // The first surface is upright, the second one is level.
+    // The first triangle is vertical, and the second one is horizontal.
     for (eye, third) in [("[0.3, 0.3, 3]", "[0, 1, 0]"), ("[0.3, 3, 0.4]", "[0, 0, 1]")] {
         for face in ["[0, 1, 2]", "[0, 2, 1]"] {
             let camera =
@@ -153,11 +153,11 @@ fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
 fn a_camera_that_is_placed_keeps_its_near_plane() {
     let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/teapot.toml");
     let near = ("camera.z_near".to_owned(), Value::Float(0.25));
-    let place = (
+    let position = (
         "camera.position".to_owned(),
         Value::Array(vec![Value::Float(0.0), Value::Float(1.0), Value::Float(9.0)]),
     );
-    for values in [vec![near.clone()], vec![near, place]] {
+    for values in [vec![near.clone()], vec![near, position]] {
         assert_eq!(load_scene_with(&scene, &values).unwrap().scene.camera.z_near, 0.25);
     }
 }
@@ -197,25 +197,25 @@ fn a_scene_without_any_light_is_noted() {
 fn a_face_names_corners_that_exist() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
-    let told = |faces: &str| {
+    let outcome = |faces: &str| {
         let vertices = "vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]";
         std::fs::write(&path, format!("[[object]]\n{vertices}\nfaces = {faces}\n")).unwrap();
         load_scene_with(&path, &[]).map(drop).map_err(|error| error.to_string())
     };
-    assert_eq!(told("[[0, 1, 2]]"), Ok(()));
-    let beyond = told("[[0, 1, 2], [0, 1, 3]]").unwrap_err();
+    assert_eq!(outcome("[[0, 1, 2]]"), Ok(()));
+    let beyond = outcome("[[0, 1, 2], [0, 1, 3]]").unwrap_err();
     assert!(beyond.contains("3 does not exist; expected 0 to 2"), "{beyond}");
-    let few = told("[[0, 1]]").unwrap_err();
+    let few = outcome("[[0, 1]]").unwrap_err();
     assert!(few.contains("a face of 2 corners; expected three or more"), "{few}");
 }
 
-/// Each line has a valid setting, an invalid setting and a part of the expected error. Invalid numbers lie outside the
-/// range that docs/scenes.md gives.
+/// Each element of the list below has a valid setting, an invalid setting and a part of the expected error. Invalid
+/// numbers lie outside the range that docs/scenes.md gives.
 #[test]
 fn numbers_out_of_their_range_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
-    let told = |more: &str| {
+    let outcome = |more: &str| {
         let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
         std::fs::write(&path, format!("{more}\n{object}")).unwrap();
         load_scene_with(&path, &[]).map(drop).map_err(|error| error.to_string())
@@ -239,8 +239,8 @@ fn numbers_out_of_their_range_are_refused() {
         ("sky = { zenith = 1, reach = 1 }", "sky = { zenith = 1, reach = 0 }", "more than 0"),
         ("background = \"#203040\"", "background = \"#20304\"", "neither a display colour"),
     ] {
-        assert_eq!(told(good), Ok(()), "{good}");
-        let error = told(bad).unwrap_err();
+        assert_eq!(outcome(good), Ok(()), "{good}");
+        let error = outcome(bad).unwrap_err();
         assert!(error.contains(expected), "{bad}: {error}");
     }
 }
@@ -273,7 +273,7 @@ fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
 }
 
 #[test]
-fn a_mesh_far_from_the_origin_is_moved_there_alone_and_stays_in_its_place_in_a_scene() {
+fn a_mesh_far_from_the_origin_is_moved_there_alone_and_keeps_its_position_in_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let [path, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));
     std::fs::write(&path, "v 4096 0 0\nv 4096.5 0 0\nv 4096 0.5 0\nf 1 2 3\n").unwrap();
@@ -301,8 +301,8 @@ fn a_mesh_of_extreme_size_is_scaled_alone_whatever_its_format() {
             let expected = (edge.parse::<f64>().unwrap() * 2_f64.powi(power)) as f32;
             assert_eq!(positions.fold(0.0, f32::max), expected, "{name}, {edge}");
             let [.., note] = &loaded.notes[..] else { panic!("no note: {name}, {edge}") };
-            let told = format!("{}: the mesh is too {extreme} for single precision: ", path.display());
-            assert!(note.starts_with(&told) && note.contains(&format!("by 2^{power} (")), "{note}");
+            let start = format!("{}: the mesh is too {extreme} for single precision: ", path.display());
+            assert!(note.starts_with(&start) && note.contains(&format!("by 2^{power} (")), "{note}");
         }
     }
 }
@@ -374,7 +374,7 @@ fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
 }
 
 /// Returns the message of the error for a scene file that begins with `text`, and the line that the error marks.
-fn told(text: &str) -> (String, usize) {
+fn message_and_line(text: &str) -> (String, usize) {
     let crate::Error::Input(error) = loaded(text).unwrap_err() else { panic!("not an input error") };
     let source = error.source_code.as_ref().unwrap().inner();
     (error.message.clone(), crate::error::line_of(source, error.span.unwrap().offset()))
@@ -399,32 +399,35 @@ fn a_scene_turns_about_its_upward_direction_whatever_its_length() {
 
 #[test]
 fn a_field_of_view_is_that_of_the_width_or_of_the_height_wherever_the_camera_stands() {
-    for place in ["", "position = [0, 0, 5]\n"] {
+    for position in ["", "position = [0, 0, 5]\n"] {
         for (key, is_vertical) in [("fov_x_degrees", false), ("fov_y_degrees", true)] {
-            let camera = loaded(&format!("[camera]\n{key} = 60\n{place}")).unwrap().scene.camera;
-            assert_eq!(camera.fov_is_vertical, is_vertical, "{key}, {place}");
-            assert!((camera.tan_half_fov - 0.577_350_26).abs() < 1e-6, "{key}, {place}");
+            let camera = loaded(&format!("[camera]\n{key} = 60\n{position}")).unwrap().scene.camera;
+            assert_eq!(camera.fov_is_vertical, is_vertical, "{key}, {position}");
+            assert!((camera.tan_half_fov - 0.577_350_26).abs() < 1e-6, "{key}, {position}");
         }
     }
-    let (message, line) = told("[camera]\nfov_y_degrees = 60\nfov_x_degrees = 60\n");
+    let (message, line) = message_and_line("[camera]\nfov_y_degrees = 60\nfov_x_degrees = 60\n");
     assert_eq!((message.as_str(), line), ("both fov_x_degrees and fov_y_degrees are set", 2));
 }
 
 #[test]
-fn a_camera_without_a_direction_is_told_at_the_key_that_is_probably_wrong() {
+fn a_camera_without_a_direction_is_reported_at_the_key_that_is_probably_wrong() {
     let same = "the camera is at [1, 2, 3] and looks at the same point";
-    assert_eq!(told("[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, 3]\n"), (same.to_owned(), 3));
-    assert_eq!(told("[camera]\nlook_at = [0, 0, 0]\n").1, 2);
+    assert_eq!(
+        message_and_line("[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, 3]\n"),
+        (same.to_owned(), 3)
+    );
+    assert_eq!(message_and_line("[camera]\nlook_at = [0, 0, 0]\n").1, 2);
     let parallel = "the camera's `up`, [0, 1, 0], is zero or parallel to its view direction [0, -4, 0]";
     let keys = "position = [0, 4, 0]\nlook_at = [0, 0, 0]\n";
-    assert_eq!(told(&format!("[camera]\n{keys}up = [0, 1, 0]\n")), (parallel.to_owned(), 4));
-    assert_eq!(told(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
+    assert_eq!(message_and_line(&format!("[camera]\n{keys}up = [0, 1, 0]\n")), (parallel.to_owned(), 4));
+    assert_eq!(message_and_line(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
 }
 
 #[test]
 fn an_upward_direction_of_zeros_is_refused_however_the_camera_is_placed() {
     for (keys, line) in [("", 2), ("position = [0, 4, 5]\n", 3), ("azimuth_degrees = 30\n", 3)] {
-        let (message, at) = told(&format!("[camera]\n{keys}up = [0, 0, 0]\n"));
+        let (message, at) = message_and_line(&format!("[camera]\n{keys}up = [0, 0, 0]\n"));
         assert!(message.starts_with("the camera's `up`, [0, 0, 0], is zero or parallel"), "{message}");
         assert_eq!(at, line, "{keys}");
     }
@@ -464,12 +467,12 @@ fn a_sky_is_either_a_picture_or_colours() {
         ("zenith = 1\nturn_degrees = 2", "strength and turn_degrees belong to a picture"),
         ("horizon = 1", "a sky has a zenith or a picture"),
     ] {
-        assert_eq!(told(&format!("[sky]\n{sky}\n")).0, message, "{sky}");
+        assert_eq!(message_and_line(&format!("[sky]\n{sky}\n")).0, message, "{sky}");
     }
 }
 
 #[test]
-fn faces_and_normals_that_do_not_fit_are_told() {
+fn faces_and_normals_that_do_not_fit_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
     let load = |keys: &str| {
@@ -520,7 +523,7 @@ fn a_shape_has_its_parameters() {
 }
 
 #[test]
-fn a_scenes_mesh_that_is_missing_or_none_is_told_with_its_line() {
+fn a_scenes_mesh_that_is_missing_or_none_is_reported_with_its_line() {
     let folder = tempfile::tempdir().unwrap();
     let [path, mesh] = ["a.toml", "teapot.obj"].map(|name| folder.path().join(name));
     std::fs::write(&mesh, "GIF89a").unwrap();
@@ -537,9 +540,9 @@ fn a_scenes_mesh_that_is_missing_or_none_is_told_with_its_line() {
     assert!(missing.remedy().starts_with(&meant));
     assert!(error("TEAPOT.OBJ").remedy().starts_with(&meant), "the case differs");
     std::fs::create_dir(folder.path().join("m")).unwrap();
-    for (mesh, told) in [("m", "m` is a folder; expected a mesh file"), ("-", "no mesh file `")] {
+    for (mesh, expected) in [("m", "m` is a folder; expected a mesh file"), ("-", "no mesh file `")] {
         let error = error(mesh);
-        assert!(error.to_string().contains(told), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
         assert!(error.remedy().starts_with("the path is relative"), "{}", error.remedy());
     }
     #[cfg(unix)]

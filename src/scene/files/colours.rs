@@ -51,7 +51,8 @@ fn painted(mesh: &Mesh, colours: &[Vec3]) -> (Vec<Material>, Vec<u32>) {
     (materials, numbers)
 }
 
-/// Returns whether a linear colour has a channel outside 0 to 1, by more than rounding to a step changes it.
+/// Returns whether a channel of a linear colour lies outside the range from 0 to 1 by more than half of one of the
+/// `STEPS` steps to which channels are rounded.
 pub(super) fn is_outside(colour: &Vec3) -> bool {
     let most = 0.5 / STEPS;
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
@@ -104,9 +105,9 @@ mod tests {
         paint(&mut mesh, &colours);
         assert_eq!(mesh.materials.len(), 70_000);
         for (number, triangle) in (0..).zip(&mesh.triangles) {
-            let found = mesh.material(triangle).lambertian.to_array();
-            let found = found.map(|channel| (displayed(channel) * 255.0).round() as u32);
-            assert_eq!(found, channels(number), "{number}");
+            let actual = mesh.material(triangle).lambertian.to_array();
+            let actual = actual.map(|channel| (displayed(channel) * 255.0).round() as u32);
+            assert_eq!(actual, channels(number), "{number}");
         }
     }
 

@@ -23,7 +23,7 @@ pub(super) struct Flaw {
 }
 
 impl Flaw {
-    /// A mistake whose description quotes the file. `unquoted` describes the mistake without text of the file.
+    /// Returns a `Flaw` whose description quotes the file. `unquoted` describes the mistake without text of the file.
     pub fn quoting(what: impl Into<String>, unquoted: impl Into<String>) -> Self {
         Self { unquoted: Some(unquoted.into()), ..Self::from(what) }
     }
@@ -33,7 +33,7 @@ impl Flaw {
         Self { line: Some(line), ..self }
     }
 
-    /// Sets the remedy of a file that is neither cut off nor damaged.
+    /// Replaces the default remedy, which says that the file may be cut off or damaged.
     pub fn with_remedy(self, remedy: &'static str) -> Self {
         Self { remedy, ..self }
     }
@@ -46,7 +46,7 @@ impl<T: Into<String>> From<T> for Flaw {
     }
 }
 
-/// A mesh file as errors name it.
+/// The name of a mesh file in errors and notes, with the permission to quote the file.
 #[derive(Clone, Copy)]
 pub(super) struct Named<'a> {
     pub name: &'a str,
@@ -58,10 +58,10 @@ impl Named<'_> {
     /// Returns the error that reports a mistake, without an excerpt of the file.
     pub fn error(&self, flaw: impl Into<Flaw>) -> Error {
         let Flaw { line, what, unquoted, remedy } = flaw.into();
-        let place = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));
+        let location = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));
         match unquoted.filter(|_| !self.quotes) {
-            Some(unquoted) => Error::input(format!("{place}: {unquoted}")).with_help(OUTSIDE),
-            None => Error::input(format!("{place}: {what}")).with_help(remedy),
+            Some(unquoted) => Error::input(format!("{location}: {unquoted}")).with_help(OUTSIDE),
+            None => Error::input(format!("{location}: {what}")).with_help(remedy),
         }
     }
 }
@@ -71,15 +71,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mistake_is_quoted_only_where_that_is_permitted_and_told_in_any_case() {
-        let told = |flaw: Flaw| [true, false].map(|quotes| Named { name: "a", quotes }.error(flaw.clone()));
-        let [shown, withheld] = told(Flaw::quoting("`x` is wrong", "a word is wrong").at(7));
+    fn a_mistake_is_quoted_only_where_that_is_permitted_and_reported_in_any_case() {
+        let errors = |flaw: Flaw| [true, false].map(|quotes| Named { name: "a", quotes }.error(flaw.clone()));
+        let [shown, withheld] = errors(Flaw::quoting("`x` is wrong", "a word is wrong").at(7));
         assert_eq!([shown.to_string(), withheld.to_string()], ["a:7: `x` is wrong", "a:7: a word is wrong"]);
         assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT, OUTSIDE]);
-        let [shown, withheld] = told(Flaw::from("it is too large"));
+        let [shown, withheld] = errors(Flaw::from("it is too large"));
         assert_eq!([shown.to_string(), withheld.to_string()], ["a: it is too large"; 2]);
         assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT; 2]);
-        let [shown, withheld] = told(Flaw::from("it is too large").with_remedy("make it smaller"));
+        let [shown, withheld] = errors(Flaw::from("it is too large").with_remedy("make it smaller"));
         assert_eq!([shown.remedy(), withheld.remedy()], ["make it smaller"; 2]);
     }
 }

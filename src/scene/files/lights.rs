@@ -42,7 +42,7 @@ impl FileLight {
     pub(super) fn placed_by(self, placement: &Placement) -> Self {
         match self.source {
             Source::Point(position) => Self {
-                source: Source::Point(placement.place(position)),
+                source: Source::Point(placement.apply(position)),
                 strength: self.strength * placement.scale * placement.scale,
             },
             Source::Direction(_) => self,

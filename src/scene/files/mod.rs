@@ -25,8 +25,8 @@ pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
-/// and the triangles; for a short time there are two copies of the points and triangles. (Measured for OBJ on
-/// 2026-11-20: 3.2 times the file's size, with meshes of a dragon of 202,520 and of 810,080 triangles.)
+/// and the triangles; for a short time there are two copies of the points and triangles. (For OBJ, a measurement on
+/// 2026-11-20 gave 3.2 times the file's size, with meshes of a dragon of 202,520 and of 810,080 triangles.)
 const READING_FACTOR: u64 = 4;
 
 /// A triangle counts as a line if the sine of its angle at the first corner is at most this.

@@ -8,8 +8,9 @@ use crate::scene::mesh::Triangle;
 use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
-/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. The distance
-/// then takes up four of the 24 bits of an f32.
+/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At this
+/// distance, the distance itself takes up four of the 24 significant bits of a coordinate (f32), and only the other
+/// bits distinguish the points of the mesh.
 const FAR_RADII: f64 = 16.0;
 /// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle test
 /// multiplies up to four lengths. The edges of a fine mesh are a thousandth of its radius, so at this radius the
@@ -57,7 +58,7 @@ impl Placement {
     }
 
     /// Converts a position from the file's coordinates to the mesh's coordinates.
-    pub fn place(&self, position: DVec3) -> DVec3 {
+    pub fn apply(&self, position: DVec3) -> DVec3 {
         (position - self.origin) * self.scale
     }
 
@@ -66,18 +67,18 @@ impl Placement {
     /// coordinates. Such a position is moved to the limit.
     pub fn settled(&self, position: DVec3) -> Vec3 {
         let most = DVec3::splat(MAX_COORDINATE.into());
-        self.place(position).clamp(-most, most).as_vec3()
+        self.apply(position).clamp(-most, most).as_vec3()
     }
 
     /// Converts a camera from the file's coordinates to the mesh's coordinates; `position` is the camera's position in
     /// the file.
     pub fn camera(&self, position: DVec3, camera: &Camera) -> Camera {
         let z_near = (f64::from(camera.z_near) * self.scale) as f32;
-        Camera { position: self.place(position).as_vec3(), z_near, ..*camera }
+        Camera { position: self.apply(position).as_vec3(), z_near, ..*camera }
     }
 
-    /// Returns notes that tell the user how the mesh was moved and scaled. They are for a mesh without a scene file,
-    /// for which these changes are not undone.
+    /// Returns notes that tell the user how the mesh was moved and scaled. The notes are for a mesh without a scene
+    /// file, because moving and scaling such a mesh is not undone.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -120,7 +121,8 @@ fn scale_of(radius: f64) -> f64 {
     2_f64.powi(-radius.log2().floor() as i32)
 }
 
-/// Returns the length of a vector. The squares of its components may underflow or overflow.
+/// Returns the length of a vector. The result is correct even if the squares of the vector's components underflow or
+/// overflow.
 fn length(vector: DVec3) -> f64 {
     let largest = vector.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }

@@ -20,7 +20,7 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// file's extension if the first bytes are of no known format.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// A result; in a message, the error's text follows the picture's name.
+/// A result whose error is the end of a message; the message begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's width and height in texels, and its texels.
@@ -108,7 +108,7 @@ pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     }
     let with_alpha = |texel: &u32| {
         let [red, green, blue, _] = texel.to_le_bytes();
-        // The luma of Rec. 709, in 256ths.
+        // This is the luma (the brightness) that Rec. 709 defines, with weights in 256ths.
         let luma = (54 * u32::from(red) + 183 * u32::from(green) + 19 * u32::from(blue)) >> 8;
         texel & 0x00ff_ffff | luma << 24
     };
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_picture_is_told_in_one_line_without_debug_output() {
+    fn a_damaged_picture_is_reported_in_one_line_without_debug_output() {
         let mut jpeg = Vec::new();
         let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([x as u8, y as u8, 7]));
         picture.write_to(&mut Cursor::new(&mut jpeg), ImageFormat::Jpeg).unwrap();

@@ -31,7 +31,7 @@ const LIST_BYTES: usize = 32;
 /// Memory for a face while a file is read: the face itself, the list of its corners, and one triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
 /// Memory for a colour of triangles while a file is read: a material, and the colour's entry in the map of colours.
-/// The list and the map may be half empty.
+/// The sum is doubled, because the list of materials and the map may be half empty.
 const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]), u32)>()) as u64;
 /// The largest number of different colours of triangles: a colour has three channels of 8 bits.
 const MAX_COLOURS: u64 = 1 << 24;
@@ -39,7 +39,8 @@ const MAX_COLOURS: u64 = 1 << 24;
 const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
-/// The elements that are left out: a file should have one type of elements of each name.
+/// The words by which a note names the elements that are left out. If a header defines several types of elements with
+/// the same name, only the first of these types is read.
 const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristrips`";
 
 /// Reads a file.
@@ -51,7 +52,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             let plain = error.line().and_then(|line| Some(header::mistake(&text, line)?.at(line)));
             named.error(plain.unwrap_or_else(|| misread(&error, error.line())))
         })?;
-    // Messages show the name that an element has in the file.
+    // `header::tidied` may have renamed elements, but messages show the name that an element has in the file.
     for (name, element) in &mut header.elements {
         names.get(name).into_iter().for_each(|original| element.name.clone_from(original));
     }
@@ -82,7 +83,7 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
-    // Even the first line of some messages contains a name from the header.
+    // Even the first line of some messages contains a name from the header, so the message counts as a quotation.
     let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
     match line {
         Some(line) => flaw.at(line),
@@ -115,11 +116,11 @@ fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw>
     Ok(())
 }
 
-/// Returns the smallest number of bytes of a property: of an empty list, there is only the count.
+/// Returns the smallest number of bytes that a property takes. An empty list takes only the bytes of its count.
 fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     let (PropertyType::Scalar(kind) | PropertyType::List(kind, _)) = kind;
     match (header.encoding, kind) {
-        // A digit and a separator.
+        // Each number consists of at least one digit, and a separator follows it.
         (Encoding::Ascii, _) => 2,
         (_, ScalarType::Char | ScalarType::UChar) => 1,
         (_, ScalarType::Short | ScalarType::UShort) => 2,
@@ -128,7 +129,7 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     }
 }
 
-/// Returns whether vertices have numbers of all these names.
+/// Returns whether vertices have a number for each of the property names `names`.
 fn has(header: &Header, names: [&str; 3]) -> bool {
     let vertex = header.elements.get("vertex");
     names.iter().all(|name| vertex.is_some_and(|vertex| needed::has_number(vertex, name)))
@@ -168,7 +169,7 @@ impl Elements<'_> {
     ) -> std::result::Result<Vec<E>, Flaw> {
         match self {
             Self::Ascii(lines) => lines.elements(of),
-            // The line number in this error is that of no line, since a binary file has none.
+            // A binary file has no lines, so the line number in the crate's error is not used.
             Self::Binary(reader) => Parser::new()
                 .read_payload_for_element(reader, of, header)
                 .map_err(|error| misread(&error, None)),
@@ -242,7 +243,7 @@ impl Parts {
                 [] | [_] | [_, _] => short += 1,
                 _ => {
                     let mut outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
-                    // Products of a tiny outline's lengths would underflow.
+                    // Products of the lengths of a tiny outline would underflow, so the outline is scaled first.
                     let scale = placement_of(outline.iter()).scale;
                     outline.iter_mut().for_each(|corner| *corner *= scale);
                     let triangles = triangulate(&outline).ok_or_else(|| too_large(number))?;
@@ -407,9 +408,9 @@ impl Face {
         for strip in self.numbers().split(|&number| number == -1) {
             let corners: Vec<u32> =
                 strip.iter().map(|&number| corner(number, count)).collect::<std::result::Result<_, _>>()?;
-            for (place, window) in corners.windows(3).enumerate() {
+            for (index, window) in corners.windows(3).enumerate() {
                 let [a, b, c] = [window[0], window[1], window[2]];
-                push(if place.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
+                push(if index.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
             }
         }
         Ok(())

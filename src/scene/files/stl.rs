@@ -22,14 +22,15 @@ const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file is not
 /// text if these bytes contain a zero byte and no `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
-/// Materialise Magics writes this key before a colour for all facets, in the header of a binary file.
+/// The program Materialise Magics writes this key into the header of a binary file, before a colour for all facets.
 const COLOUR: &[u8] = b"COLOR=";
 
 /// The bits of a corner's coordinates, by which corners are sorted, and the corner's number.
 type Sorted = ([u64; 3], u32);
 
-/// Memory for a triangle of a binary file while equal corners are joined. It has three corners, and each of them is
-/// needed as it is in the file, sorted, as the number of its position, and as a position.
+/// Memory for a triangle of a binary file while equal corners are joined. A triangle has three corners. For each
+/// corner, there are four values in memory: the corner as it is in the file, its entry in the sorted list, the number
+/// of its position, and its position.
 const JOINING_BYTES: u64 =
     (3 * (2 * size_of::<DVec3>() + size_of::<Sorted>() + size_of::<u32>()) + size_of::<Triangle>()) as u64;
 
@@ -66,7 +67,7 @@ fn hold(name: &str, triangles: u64, available: &Available) -> Result<()> {
 }
 
 /// Returns whether this is a binary file: its length matches its count of triangles, or its first bytes are not
-/// text. A binary file may also begin with `solid`.
+/// text. The word `solid` at the beginning decides nothing, because a binary file may also begin with it.
 fn is_binary(bytes: &[u8]) -> bool {
     let Some(count) = count(bytes) else { return false };
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
@@ -170,7 +171,8 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
             is_in_solid = is(word, "solid") && !ends;
             skip_name(line, &mut words);
         } else if is(word, "normal") {
-            // Programs write words such as `-nan(ind)` for numbers of a normal.
+            // Up to three words after `normal` are skipped even if they are no numbers, because some programs write
+            // words such as `-nan(ind)`.
             for _ in 0..3 {
                 words.next_if(|(_, word)| !is_known(word));
             }
@@ -230,7 +232,7 @@ fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
     // Adding zero makes -0 and 0 equal.
     let mut order: Vec<Sorted> = (0..)
         .zip(corners)
-        .map(|(place, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), place))
+        .map(|(index, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), index))
         .collect();
     order.par_sort_unstable();
     let is_same = |a: &Sorted, b: &Sorted| a.0 == b.0;
@@ -239,7 +241,7 @@ fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
     let mut positions = Vec::with_capacity(order.chunk_by(is_same).count());
     let mut numbers = vec![0; corners.len()];
     for same in order.chunk_by(is_same) {
-        same.iter().for_each(|(_, place)| numbers[*place as usize] = positions.len() as u32);
+        same.iter().for_each(|(_, index)| numbers[*index as usize] = positions.len() as u32);
         positions.push(corners[same[0].1 as usize]);
     }
     let triangle = |corners: &[u32]| Triangle {
@@ -318,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_facets_with_attributes_is_told() {
+    fn the_number_of_facets_with_attributes_is_reported() {
         let mut bytes = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y].repeat(2));
         for (at, facets) in [(132, "1 facet"), (182, "2 facets")] {
             bytes[at] = 1;
@@ -335,9 +337,9 @@ mod tests {
         assert_eq!(JOINING_BYTES, needed);
         let held = |bytes: u64| hold("a.stl", 1000, &Available { bytes, source: "a test".to_owned() });
         assert!(held(1000 * needed).is_ok());
-        let told = held(1000 * needed - 1).unwrap_err().to_string();
-        assert!(told.starts_with("reading a.stl needs about"), "{told}");
-        assert!(told.contains(&format!("({needed} B x 1000 triangles = ")), "{told}");
+        let message = held(1000 * needed - 1).unwrap_err().to_string();
+        assert!(message.starts_with("reading a.stl needs about"), "{message}");
+        assert!(message.contains(&format!("({needed} B x 1000 triangles = ")), "{message}");
     }
 
     #[test]

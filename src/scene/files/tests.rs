@@ -28,16 +28,16 @@ fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
         let format = format(&opened, &path).unwrap();
         let whole = opened.bytes(Kind::Mesh).unwrap();
         assert!(parse(format, &whole).is_ok(), "{name}");
-        for place in 0..whole.len() {
-            let _ = parse(format, &whole[..place]);
+        for offset in 0..whole.len() {
+            let _ = parse(format, &whole[..offset]);
             for byte in [b'0', b'9', b'-', b' ', 0xff] {
                 let mut changed = whole.clone();
-                changed[place] = byte;
+                changed[offset] = byte;
                 // A file that is read must contain a valid mesh.
                 if let Ok(file) = parse(format, &changed) {
                     let count = file.mesh.positions.len();
                     let corners = file.mesh.triangles.iter().flat_map(|triangle| triangle.positions);
-                    assert!(corners.into_iter().all(|corner| (corner as usize) < count), "{name} {place}");
+                    assert!(corners.into_iter().all(|corner| (corner as usize) < count), "{name} {offset}");
                 }
             }
         }
@@ -66,7 +66,7 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
 }
 
 #[test]
-fn a_file_of_others_is_read_and_nothing_of_its_text_is_told() {
+fn a_file_of_others_is_read_and_nothing_of_its_text_is_quoted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.stl");
     std::fs::write(&path, "solid a\nfacet\nvertex secret 0 0\n").unwrap();
@@ -78,7 +78,7 @@ fn a_file_of_others_is_read_and_nothing_of_its_text_is_told() {
 }
 
 #[test]
-fn notes_that_quote_nothing_are_told_about_a_file_of_others() {
+fn notes_that_quote_nothing_are_added_for_a_file_of_others() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\

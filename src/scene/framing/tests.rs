@@ -110,8 +110,8 @@ fn an_angle_that_is_not_given_is_that_of_a_bare_mesh() {
     ] {
         let view = View { azimuth_degrees, elevation_degrees, ..three_quarter(1.6) };
         let eye = -camera(&mesh, Ball::around(&mesh, view.up), &view).forward;
-        let found = [eye.x.atan2(eye.z), eye.y.asin()].map(f32::to_degrees);
-        assert!((0..2).all(|i| (found[i] - angles[i]).abs() < 0.2), "{found:?}, expected {angles:?}");
+        let actual = [eye.x.atan2(eye.z), eye.y.asin()].map(f32::to_degrees);
+        assert!((0..2).all(|i| (actual[i] - angles[i]).abs() < 0.2), "{actual:?}, expected {angles:?}");
     }
 }
 
@@ -162,7 +162,7 @@ fn a_small_mesh_far_from_the_origin_fills_the_picture() {
         let camera = camera(&mesh, ball, &three_quarter(1.0));
         let [left, right, bottom, top] = extent(&camera, &mesh, 1.0);
         let larger = (right - left).max(top - bottom);
-        // At 1e6, the eye's position is rounded to sixteenths.
+        // At a distance of 1e6 from the origin, the eye's coordinates are rounded to sixteenths.
         assert!((1.75..1.95).contains(&larger), "{larger} at {far}");
     }
 }
@@ -210,10 +210,11 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
 /// Returns a box of this size, one of whose corners is at `corner`. Its sides are, in this order: left, right, bottom,
 /// top, back, front. A side faces outwards for 1 and inwards for -1; it is missing for 0.
 fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
-    // The bits of a corner's number are its place along x, y and z.
-    let places = (0..8_u32).map(|corner| Vec3::from_array([0, 1, 2].map(|axis| (corner >> axis & 1) as f32)));
+    // The three lowest bits of a corner's number say where the corner is along x, y and z: 0 at one end of the box, and
+    // 1 at the other end.
+    let units = (0..8_u32).map(|corner| Vec3::from_array([0, 1, 2].map(|axis| (corner >> axis & 1) as f32)));
     let outwards = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6_u32]];
-    let positions = places.map(|place| corner + place * size).collect();
+    let positions = units.map(|unit| corner + unit * size).collect();
     let mut mesh = Mesh { positions, ..Mesh::default() };
     for ([a, b, c, d], side) in outwards.into_iter().zip(sides).filter(|(_, side)| *side != 0) {
         for [first, second] in [[b, c], [c, d]] {
@@ -236,15 +237,16 @@ fn a_room_is_seen_through_its_open_side_whatever_the_order_of_its_corners() {
     }
     assert_eq!(opening_of_box(size, [0, 1, 1, 1, -1, -1]), Some(DVec3::NEG_X));
     assert_eq!(opening_of_box(size, [-1, 0, 1, 0, 1, 1]), Some(DVec3::X), "without a ceiling");
-    // No side is open, or both ends are.
+    // The first box has no open side; the second box is open at its back and at its front.
     assert_eq!(opening_of_box(size, [1, -1, 1, 1, 1, 1]), None);
     assert_eq!(opening_of_box(size, [1, -1, 1, 1, 0, 0]), None);
-    // A wall is no room, not even with a ground: its front is seen.
+    // A single wall is no room, not even with a ground, so the wall is seen from its front.
     assert_eq!(opening_of_box(size, [0, 0, 0, 0, 1, 0]), Some(DVec3::NEG_Z));
     assert_eq!(opening_of_box(size, [0, 0, 1, 0, 1, 0]), Some(DVec3::NEG_Z));
 }
 
-/// By their walls alone, a shell and a room whose faces list their corners the other way cannot be told apart.
+/// The walls of a shell face outwards; so do the walls of a room whose faces list their corners in reversed order. Only
+/// bodies inside show that the mesh is a room.
 #[test]
 fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     let opening = |inside: &[(Vec3, Vec3, [i32; 6])]| {
@@ -258,13 +260,13 @@ fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     for sides in [[1; 6], [-1; 6], [1, 1, 0, 1, 1, 1]] {
         assert_eq!(opening(&[(on_floor, cube, sides)]), Some(DVec3::Z), "{sides:?}");
     }
-    // A small body, and a recessed part of the shell, leave it a shell.
+    // The mesh still counts as a shell if it contains only a small body, or if a part of the shell is recessed.
     assert_eq!(opening(&[(on_floor, cube * 0.5, [1; 6])]), Some(DVec3::NEG_Z));
     let recess = (Vec3::new(0.5, 0.5, 1.0), Vec3::new(2.0, 1.2, 0.5), [0, 0, 0, 0, 1, 0]);
     assert_eq!(opening(&[recess]), Some(DVec3::NEG_Z));
 }
 
-/// At each side of a rough surface's bounding box, the surface is as large as a wall.
+/// Near each side of its bounding box, a rough surface has as much area as a wall would have.
 #[test]
 fn a_rough_surface_is_no_room() {
     let count = 48_u32;
@@ -273,8 +275,8 @@ fn a_rough_surface_is_no_room() {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         3.0 * (state >> 16) as f32 / 65_536.0
     };
-    let places = (0..=count).flat_map(|y| (0..=count).map(move |x| (x as f32, y as f32)));
-    let positions = places.map(|(x, y)| Vec3::new(x, y, height())).collect();
+    let points = (0..=count).flat_map(|y| (0..=count).map(move |x| (x as f32, y as f32)));
+    let positions = points.map(|(x, y)| Vec3::new(x, y, height())).collect();
     let squares = (0..count).flat_map(|y| (0..count).map(move |x| y * (count + 1) + x));
     let faces = squares.flat_map(|a| {
         let above = a + count + 1;
@@ -286,7 +288,8 @@ fn a_rough_surface_is_no_room() {
     assert!(opening.z < -0.99, "{opening}");
 }
 
-/// The scan of a face has no back, like a room without its front wall, but its outside is to be seen.
+/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, it must be seen from
+/// outside.
 #[test]
 fn a_vaulted_surface_is_seen_from_its_front() {
     let half = |is_reversed: bool| {
@@ -307,7 +310,7 @@ fn a_vaulted_surface_is_seen_from_its_front() {
 fn a_ball_is_around_the_bounding_box() {
     let ball = Ball::around(&block(Vec3::new(2.0, 4.0, 4.0), Vec3::new(1.0, 2.0, 3.0)), DVec3::Y);
     // The radius is half of the diagonal of a box of 2 x 4 x 4; the diagonal is 6.
-    assert_eq!(ball.place(), (DVec3::new(1.0, 2.0, 3.0), 3.0));
+    assert_eq!(ball.centre_and_radius(), (DVec3::new(1.0, 2.0, 3.0), 3.0));
     assert!(!ball.is_open());
 }
 

@@ -4,8 +4,8 @@ use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// At a corner with more faces than this, each face keeps its own normal, since comparing all of them would
-/// take too long.
+/// At a corner with more faces than this, each face keeps its own normal, since comparing every two of these faces
+/// would take too long.
 const MOST_FACES: usize = 1024;
 /// An edge stays smooth if the angle between its faces exceeds the crease angle by no more than this, since rounded
 /// positions turn faces slightly. Without this tolerance, rounding would decide which edges of a regular prism are
@@ -45,9 +45,9 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let normals: Vec<Vec3> = corners.par_chunk_by(|a, b| a.0 == b.0).flat_map_iter(normals_around).collect();
     for (index, (position, triangle)) in (mesh.normals.len() as u32..).zip(corners) {
         let triangle = &mut mesh.triangles[triangle as usize];
-        for (corner, place) in triangle.positions.iter().zip(&mut triangle.normals) {
+        for (corner, normal) in triangle.positions.iter().zip(&mut triangle.normals) {
             if *corner == position {
-                *place = index;
+                *normal = index;
             }
         }
     }
@@ -171,7 +171,7 @@ mod tests {
     fn rounding_does_not_decide_which_edges_are_sharp() {
         for sides in [8, 9, 12, 36] {
             for scale in [1.0, 3.7, 10.0] {
-                // The faces meet at this angle.
+                // Neighbouring faces of the wall meet at this angle, in degrees.
                 let between = 360.0 / sides as f32;
                 let [smooth, equal, less] = [None, Some(between), Some(between - 0.1)].map(|crease| {
                     let mut mesh = wall(sides, scale);

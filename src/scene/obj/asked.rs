@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 
 /// Largest number of keywords of one kind that are counted separately, since a file may contain any number of
 /// them.
-const KEPT_NAMES: usize = 16;
+const MOST_COUNTED: usize = 16;
 /// Largest number of keywords that a note lists.
-const TOLD_NAMES: usize = 8;
+const MOST_LISTED: usize = 8;
 
 /// A kind of unsupported feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -88,25 +88,25 @@ struct Count {
 
 impl Count {
     fn add(&mut self, name: &str, count: usize) {
-        if self.names.len() < KEPT_NAMES || self.names.contains_key(name) {
+        if self.names.len() < MOST_COUNTED || self.names.contains_key(name) {
             *self.names.entry(name.to_owned()).or_default() += count;
         }
     }
 
-    /// Lists up to [`TOLD_NAMES`] keywords, each with its count if there are several keywords.
-    fn told(&self) -> String {
+    /// Lists up to [`MOST_LISTED`] keywords, each with its count if there are several keywords.
+    fn list(&self) -> String {
         if let [(name, _)] = self.names.iter().collect::<Vec<_>>()[..] {
             return name.clone();
         }
-        let mut told: Vec<_> =
-            self.names.iter().take(TOLD_NAMES).map(|(name, count)| format!("{name} {count}")).collect();
-        told.extend((self.names.len() > TOLD_NAMES).then(|| "...".to_owned()));
-        told.join(", ")
+        let mut listed: Vec<_> =
+            self.names.iter().take(MOST_LISTED).map(|(name, count)| format!("{name} {count}")).collect();
+        listed.extend((self.names.len() > MOST_LISTED).then(|| "...".to_owned()));
+        listed.join(", ")
     }
 }
 
 /// Returns a keyword as messages show it.
-fn told_name(wish: Wish, keyword: &[u8]) -> String {
+fn shown_name(wish: Wish, keyword: &[u8]) -> String {
     match wish {
         Wish::Unknown => quoted(keyword),
         _ => words(keyword),
@@ -118,7 +118,7 @@ impl Asked {
     pub fn add(&mut self, wish: Wish, keyword: &[u8]) {
         let count = self.0.entry(wish).or_default();
         count.total += 1;
-        count.add(&told_name(wish, keyword), 1);
+        count.add(&shown_name(wish, keyword), 1);
     }
 
     /// Returns whether nothing was counted.
@@ -126,14 +126,15 @@ impl Asked {
         self.0.is_empty()
     }
 
-    /// Returns whether a keyword was counted; if there are many keywords of its kind, perhaps only the first are known.
+    /// Returns whether a keyword was counted. Of each kind of feature, only the first [`MOST_COUNTED`] keywords are
+    /// known.
     pub fn has(&self, wish: Wish, keyword: &[u8]) -> bool {
-        self.0.get(&wish).is_some_and(|count| count.names.contains_key(&told_name(wish, keyword)))
+        self.0.get(&wish).is_some_and(|count| count.names.contains_key(&shown_name(wish, keyword)))
     }
 
     /// Returns the keywords of one kind of feature for a message; `None` if there are none.
     pub fn keywords(&self, wish: Wish) -> Option<String> {
-        self.0.get(&wish).map(Count::told)
+        self.0.get(&wish).map(Count::list)
     }
 
     /// Adds the counts of another piece of the file.
@@ -161,7 +162,7 @@ impl Asked {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();
             let asking = counted(count.total, who);
-            let names = if quotes { format!(" ({})", count.told()) } else { String::new() };
+            let names = if quotes { format!(" ({})", count.list()) } else { String::new() };
             let verb = if count.total == 1 { "asks" } else { "ask" };
             match wish {
                 Wish::Unknown => format!("unknown keywords of {asking} are ignored{names}"),
@@ -178,12 +179,12 @@ mod tests {
 
     #[test]
     fn eight_keywords_are_listed_and_more_are_hinted_at() {
-        let told = |count: u8| {
+        let listed = |count: u8| {
             let mut names = Count::default();
             (0..count).for_each(|number| names.add(&format!("k{number}"), 1));
-            names.told()
+            names.list()
         };
-        assert_eq!(told(8), "k0 1, k1 1, k2 1, k3 1, k4 1, k5 1, k6 1, k7 1");
-        assert_eq!(told(9), told(8) + ", ...");
+        assert_eq!(listed(8), "k0 1, k1 1, k2 1, k3 1, k4 1, k5 1, k6 1, k7 1");
+        assert_eq!(listed(9), listed(8) + ", ...");
     }
 }

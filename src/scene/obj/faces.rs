@@ -61,7 +61,7 @@ pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
     /// For each triangle, the indices of its corners' texture coordinates. The index of a corner without a texture
     /// coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
-    pub places: Vec<[u32; 3]>,
+    pub coordinate_indices: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
     /// The byte offset of the first face that has normals at some corners only; `None` if there is no such face.
     partial_normals: Option<usize>,
@@ -99,11 +99,11 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 /// texture coordinate is [`MISSING`].
 type Corner = (u32, u32, u32);
 
-/// Stored in a [`Corner`] instead of a normal's index if the file has no normal with this index.
+/// The number that a [`Corner`] contains instead of a normal's index if the file has no normal with this index.
 const LOST: u32 = MISSING - 1;
 
-/// Stored in a [`Corner`] instead of a normal's index if this normal is not valid: one of its numbers is missing, not
-/// finite or out of range.
+/// The number that a [`Corner`] contains instead of a normal's index if this normal is not valid: one of its numbers is
+/// missing, not finite or out of range.
 const ODD: u32 = MISSING - 2;
 
 /// Returns whether some corners have a normal and others have none.
@@ -119,7 +119,7 @@ impl FaceChunk {
         if let Some(&index) = names.into_iter().find_map(|name| context.materials.get(name)) {
             return index;
         }
-        // Only what is certainly a comment is left out of the note.
+        // The note shows the text after `usemtl` up to what is certainly a comment.
         let [_, name, _] = names;
         if !name.is_empty() {
             self.unknown_materials.insert(name.to_owned());
@@ -159,7 +159,7 @@ impl FaceChunk {
             let normals = if complete { [a.1, b.1, c.1] } else { [MISSING; 3] };
             self.triangles.push(Triangle { positions: [a.0, b.0, c.0], normals, material });
             if context.mapped {
-                self.places.push([a.2, b.2, c.2]);
+                self.coordinate_indices.push([a.2, b.2, c.2]);
             }
         };
         if corners.len() == 3 {
@@ -194,7 +194,8 @@ fn read_corners(
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
 /// slash may be empty.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
-    // A plain number, as in most meshes without normals.
+    // In most meshes without normals, a corner is a plain number. Such a corner is read without splitting the text at
+    // slashes.
     if let Some(position) = plain_index(token, context.total.positions) {
         return Ok((position, MISSING, MISSING));
     }
@@ -202,8 +203,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
     let texture = parts.next().unwrap_or_default();
-    // A texture coordinate that the file does not have counts as missing. Its triangle then counts
-    // as a triangle without texture coordinates.
+    // A texture coordinate that the file does not have counts as missing. The triangle with this corner then counts as
+    // a triangle without texture coordinates.
     let coordinate = match integer(texture) {
         None if texture.is_empty() => MISSING,
         None => return Err(not_an_index(texture, token)),

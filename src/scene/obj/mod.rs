@@ -32,7 +32,7 @@ use points::{PointChunk, Reading};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use text::{Chunk, Mistake, Seen, Source};
-use textures::{Maps, Places};
+use textures::{FaceCoordinates, Maps};
 
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
@@ -66,8 +66,9 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     }
 }
 
-/// Reads a mesh. If the mesh must be read again, returns how. There are two reasons: some triangles are too large for
-/// `reading`, and the mesh may be scaled; or only vertices that no face uses have decided the mesh's placement.
+/// Reads a mesh. If the mesh must be read again, returns the way in which it must be read. A mesh is read again for one
+/// of two reasons: some triangles are too large for `reading` and the mesh may be scaled, or vertices that no face uses
+/// have influenced the mesh's placement.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let Source { name, text, quotes } = *source;
     let chunks = text::chunks(text);
@@ -121,9 +122,9 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
     if mapped {
-        let corners = faces.iter().flat_map(|chunk| chunk.places.iter().copied()).collect();
-        let places = Places { coordinates: coordinates.concat(), corners };
-        textures::apply(&mut mesh, &materials.maps, &places, reach, &mut notes);
+        let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
+        let texture_coordinates = FaceCoordinates { coordinates: coordinates.concat(), corners };
+        textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
     }
     paint_vertices(&mut mesh, &points, &mut notes);
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
@@ -140,7 +141,7 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     }
 }
 
-/// Returns the mistake of a file without triangles, with this number of vertices.
+/// Returns the mistake of a file without triangles that has `vertices` vertices.
 fn without_triangles(text: &[u8], vertices: usize, points: &[PointChunk]) -> Mistake {
     let (vertices, unknown) = (counted(vertices, "vertex"), unknown_keywords(points));
     let what = match text.trim_ascii() {
@@ -213,8 +214,9 @@ fn exact_placement(
     bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
 }
 
-/// Returns the placement of the vertices that faces use, if a mesh must be read again with this placement: `placement`,
-/// which all vertices decided, scales the mesh in another way, or leaves it far from the origin or of extreme size.
+/// Returns the placement that the vertices of faces decide, if it differs from `placement`, which all vertices of the
+/// file decided. The mesh must then be read again: `placement` scales it in another way, or leaves it far from the
+/// origin or of extreme size.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,
@@ -223,7 +225,8 @@ fn placement_of_used(
     starts: &[faces::Start],
     reading: &Reading,
 ) -> Option<Placement> {
-    // The vertices are only looked at one by one, and read once more, if the bounds of the triangles leave a doubt.
+    // The vertices are examined one by one, and read once more, only if the bounds of the triangles do not show that
+    // `placement` is right.
     let (low, high) = mesh.bounds()?;
     let is_usual = placement == Placement::IDENTITY && Placement::of_rounded(low, high).is_some();
     let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());

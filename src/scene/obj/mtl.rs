@@ -39,17 +39,18 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a name,
-/// the last `mtllib` line counts, and the first file of a line, as the specification of OBJ says.
+/// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a material of
+/// the same name, the files of the last `mtllib` line count, and of the files in one line, the first counts. The
+/// specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
     let mut loader = Loader::new();
-    // For each line, the numbers of its files.
+    // The numbers of the files that each `mtllib` line names.
     let mut lines: Vec<Vec<usize>> = Vec::new();
-    // Some programs write the same line before each object.
+    // The files of each `mtllib` line are kept, since some programs write the same line before each object.
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
         if !known.contains_key(&**library) {
@@ -79,7 +80,8 @@ struct Loader {
 #[derive(Default)]
 struct Names {
     whole: HashMap<String, u32>,
-    /// The names without what is certainly a comment. They count only where no whole name fits.
+    /// The names without the text at their end that is certainly a comment. A short name counts only if no whole name
+    /// fits.
     short: HashMap<String, u32>,
 }
 
@@ -96,11 +98,11 @@ impl Loader {
 
     /// Loads a file unless it has been loaded, and returns its number. If the file cannot be loaded, adds a note.
     fn file(&mut self, reach: Reach<'_>, name: &str, notes: &mut Vec<String>) -> Result<Option<usize>> {
-        let found = reach.locate(name).and_then(|path| match self.files.get(&path) {
+        let located = reach.locate(name).and_then(|path| match self.files.get(&path) {
             Some(number) => Ok((*number, None)),
             None => Ok((self.names.len(), Some((open(&path)?, path)))),
         });
-        match found {
+        match located {
             Ok((number, None)) => Ok(Some(number)),
             Ok((number, Some((bytes, path)))) => {
                 let names = self.materials.add(reach, name, &path, &bytes, notes)?;
@@ -120,7 +122,7 @@ impl Loader {
         }
     }
 
-    /// Returns the materials. Their names are searched in the files in this order.
+    /// Returns the materials. Each name is searched in the files in the order `order`.
     fn named(mut self, order: &[usize]) -> Materials {
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
             for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file])) {
@@ -142,20 +144,21 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 }
 
 impl Reach<'_> {
-    /// Returns the names of the files that the text after `mtllib` names. The whole text is one name, with its spaces,
-    /// if a file of this name exists, with or without the comment at its end, or if the first word neither ends in
-    /// `.mtl` nor is the name of a file. Otherwise each word is a name: if the first file exists, its materials count,
-    /// whatever the other words are. If no file has a name, the name without its folders is tried, too.
+    /// Returns the names of the files that the text after `mtllib` names. The whole text, with its spaces, is one name
+    /// in two cases: if a file of this name exists (with or without the comment at the text's end), or if the first
+    /// word neither ends in `.mtl` nor is the name of a file. Otherwise, each word is a name. If the first word's file
+    /// exists, its materials count even if the other words are not names of files. If a name's file does not exist, the
+    /// name without its folders is tried, too.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         let exists = |name: &str| self.locate(name).is_ok();
-        let found = |text: &'a str| possible_paths(text).find(|path| exists(path));
+        let existing = |text: &'a str| possible_paths(text).find(|path| exists(path));
         let names = possible_names(library);
         let words: Vec<&str> = names[2].split_whitespace().collect();
         let is_name = |word: &str| word.to_ascii_lowercase().ends_with(".mtl") || exists(word);
         if names.into_iter().any(exists) || words.first().is_some_and(|word| !is_name(word)) {
-            return vec![found(library).unwrap_or(names[1])];
+            return vec![existing(library).unwrap_or(names[1])];
         }
-        words.into_iter().map(|word| found(word).unwrap_or(word)).collect()
+        words.into_iter().map(|word| existing(word).unwrap_or(word)).collect()
     }
 
     /// Follows links to a file and returns its path. Fails if the mesh may not read the file.
@@ -218,10 +221,10 @@ impl Materials {
             let [_, short, _] = possible_names(own);
             names.short.insert(short.to_owned(), number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
-            let told = |map: Option<(usize, Map)>| {
-                map.map(|(line, map)| map.told(format!("{name}:{line}"), folder, alone))
+            let completed = |map: Option<(usize, Map)>| {
+                map.map(|(line, map)| map.with_context(format!("{name}:{line}"), folder, alone))
             };
-            self.maps.push(Maps::new(told(colour), told(mask), &mut asked));
+            self.maps.push(Maps::new(completed(colour), completed(mask), &mut asked));
             let material = convert(material);
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
@@ -343,15 +346,15 @@ mod tests {
 
     #[test]
     fn names_of_missing_files_and_materials_are_quoted_only_where_that_is_permitted() {
-        let (told, _) = read("none.mtl", &[], true);
-        assert!(told[0].starts_with("material file `none.mtl` cannot be read ("), "{told:?}");
+        let (notes, _) = read("none.mtl", &[], true);
+        assert!(notes[0].starts_with("material file `none.mtl` cannot be read ("), "{notes:?}");
         assert!(
-            told[1].starts_with("1 material named by `usemtl` is in no material file (material `paint`): "),
-            "{told:?}"
+            notes[1].starts_with("1 material named by `usemtl` is in no material file (material `paint`): "),
+            "{notes:?}"
         );
-        let (told, _) = read("none.mtl", &[], false);
-        assert!(told[0].starts_with("material file cannot be read ("), "{told:?}");
-        assert!(told[1].starts_with("1 material named by `usemtl` is in no material file: "), "{told:?}");
+        let (notes, _) = read("none.mtl", &[], false);
+        assert!(notes[0].starts_with("material file cannot be read ("), "{notes:?}");
+        assert!(notes[1].starts_with("1 material named by `usemtl` is in no material file: "), "{notes:?}");
     }
 
     #[test]
@@ -366,14 +369,14 @@ mod tests {
         };
         let path = folder.path().join("sub/m.mtl");
         for library in ["sub/m.mtl", "sub\\m.mtl"] {
-            let told = notes(library, true);
-            assert!(told[0].starts_with(&format!("{}:2: `x` in Kd; ", path.display())), "{told:?}");
-            assert!(told[1].starts_with(&format!("{}:3: texture `no.png` ", path.display())), "{told:?}");
+            let noted = notes(library, true);
+            assert!(noted[0].starts_with(&format!("{}:2: `x` in Kd; ", path.display())), "{noted:?}");
+            assert!(noted[1].starts_with(&format!("{}:3: texture `no.png` ", path.display())), "{noted:?}");
             // The name of the material file is a text of the mesh.
-            let told = notes(library, false);
-            assert!(told[0].starts_with("its material file:2: a value of Kd is not valid; "), "{told:?}");
-            assert!(told[1].starts_with("its material file:3: texture cannot be read ("), "{told:?}");
-            assert!(!told.concat().contains("m.mtl"), "{told:?}");
+            let noted = notes(library, false);
+            assert!(noted[0].starts_with("its material file:2: a value of Kd is not valid; "), "{noted:?}");
+            assert!(noted[1].starts_with("its material file:3: texture cannot be read ("), "{noted:?}");
+            assert!(!noted.concat().contains("m.mtl"), "{noted:?}");
         }
     }
 
@@ -411,7 +414,7 @@ mod tests {
         let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("material file")).collect();
         assert_eq!(missing.len(), 1, "{notes:?}");
         assert!(missing[0].starts_with("material file `my paints.mtl` cannot be read ("), "{notes:?}");
-        // A file of another name does not take its place.
+        // A file whose name is only the last word of the text is not read instead of the missing file.
         let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
         assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
         assert_eq!(material, Material::default());
@@ -423,7 +426,7 @@ mod tests {
             assert!(notes.iter().all(|note| note.starts_with("material file `")), "{notes:?}");
             assert_eq!(notes.len(), library.split(' ').count() - 1, "{notes:?}");
         }
-        // Two names of material files are those of two files.
+        // Two words that end in `.mtl` are the names of two files.
         let (notes, _) = read("a.mtl b.MTL", &[], true);
         assert!(notes[0].contains(" `a.mtl` ") && notes[1].contains(" `b.MTL` "), "{notes:?}");
     }

@@ -1,7 +1,7 @@
 //! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of range.
-//! Programs write NaN for points that were not measured. Some write other vertices that are not valid, but use them in
-//! no face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate
-//! that is not valid counts as missing.
+//! Programs write NaN for points that were not measured. Some programs write other vertices that are not valid, but use
+//! them in no face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture
+//! coordinate that is not valid counts as missing.
 
 use super::faces::Start;
 use super::points::{PointChunk, is_large, mistake_in_coordinate, mistake_in_normal, mistake_in_vertex};
@@ -36,7 +36,7 @@ fn after(list: &[Odd], start: usize) -> Vec<Odd> {
     list.iter().map(|odd| Odd { number: start + odd.number, ..*odd }).collect()
 }
 
-/// Moves vertices that are not valid to the place of a valid vertex, where they do not enlarge the mesh.
+/// Moves vertices that are not valid to the position of a valid vertex, where they do not enlarge the mesh.
 pub(super) fn replace(positions: &mut [Vec3], odd: &[Odd]) {
     if odd.is_empty() {
         return;
@@ -68,7 +68,7 @@ pub(super) fn check_vertices(
         return Err(mistake(odd));
     }
     let ignored = counted_are(odd.len(), "such vertex that no face uses");
-    notes.push(format!("{}: {ignored} ignored", source.told(&mistake(first))));
+    notes.push(format!("{}: {ignored} ignored", source.note_of(&mistake(first))));
     Ok(())
 }
 
@@ -78,7 +78,7 @@ pub(super) fn note_normals(odd: &[Odd], source: &Source, notes: &mut Vec<String>
     let mistake = mistake_in_normal(first.offset, rest_of_line(source, first.offset));
     notes.push(format!(
         "{}: {} ignored; normals of faces that name such a normal are computed from the faces' shape",
-        source.told(&mistake),
+        source.note_of(&mistake),
         counted_are(odd.len(), "such normal")
     ));
 }
@@ -91,7 +91,7 @@ pub(super) fn note_coordinates(odd: Seen, source: &Source, notes: &mut Vec<Strin
     let mistake = mistake_in_coordinate(odd.first, rest_of_line(source, odd.first));
     notes.push(format!(
         "{}: {} ignored",
-        source.told(&mistake),
+        source.note_of(&mistake),
         counted_are(odd.count, "such texture coordinate")
     ));
 }

@@ -155,7 +155,7 @@ impl PointChunk {
         let is_odd = |number| self.odd_vertices.binary_search_by_key(&number, |odd| odd.number).is_ok();
         let position = |(number, rest): (usize, &[u8])| {
             let is_wanted = counts(number) && !is_odd(number);
-            // A vertex with two coordinates has z = 0.
+            // The 0 that is appended here is the z of a vertex with two coordinates.
             is_wanted.then(|| reading.exact(&mut tokens(rest).chain([&b"0"[..]]))).flatten()
         };
         let vertices = chunk.lines().filter_map(|(_, line)| match keyword(line) {
@@ -218,7 +218,7 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     notes.extend((flat > 0).then(note));
 }
 
-/// Reads the texture coordinates of a piece. Coordinates that are not valid are NaN, and are counted.
+/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN, and are counted.
 pub(super) fn texture_coordinates(chunk: &Chunk) -> (Vec<[f32; 2]>, Seen) {
     let mut odd = Seen::default();
     let lines = chunk.lines().map(|(offset, line)| (offset, keyword(line)));

@@ -1,4 +1,5 @@
-//! Triangulates polygons: a fan for a polygon that is convex (but for rounding), ear clipping for others.
+//! Divides polygons into triangles. A polygon that is convex, apart from rounding errors, becomes a fan of triangles;
+//! any other polygon is divided by ear clipping.
 
 use glam::{DVec2, DVec3};
 
@@ -6,8 +7,8 @@ use glam::{DVec2, DVec3};
 /// refused.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
-/// An outline with more corners than this is also divided by a fan if only rounding makes the outline concave. For fewer
-/// corners, ear clipping is fast, and overturns no triangle.
+/// An outline with more corners than this is also divided by a fan if only rounding makes the outline concave. For
+/// fewer corners, ear clipping is fast, and reverses the orientation of no triangle.
 const MANY_CORNERS: usize = 1_024;
 
 /// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
@@ -28,7 +29,7 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
 /// Projects the outline onto the coordinate plane in which its area is largest. The result runs counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
-    // Newell's normal, which also works for outlines that are not quite flat.
+    // This is Newell's normal, which also works for outlines that are not quite flat.
     let normal: DVec3 = outline.iter().zip(next).map(|(a, b)| (a - outline[0]).cross(b - outline[0])).sum();
     let size = normal.abs();
     let project = |p: &DVec3| {
@@ -57,11 +58,12 @@ fn is_convex(flat: &[DVec2]) -> bool {
     (0..count).all(|i| area(flat[i], flat[(i + 1) % count], flat[(i + 2) % count]) >= 0.0)
 }
 
-/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Positions are rounded to
-/// single precision, which moves each corner; the angles of a circle of very many corners are so flat that some of them
-/// become concave. Overturned triangles of the fan may have the area of a seam along the outline. The seam's width is
-/// four times the largest rounding error of a coordinate. It is limited by the outline's size, since an outline in
-/// double precision may be small and far from the origin.
+/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Rounding positions to
+/// single precision moves each corner. The angles at the corners of a circle of very many corners are so flat that
+/// rounding makes some corners concave; some triangles of the fan are then reversed. The reversed triangles together
+/// may have at most the area of a seam, a narrow strip along the outline. The seam's width is four times the largest
+/// rounding error of a coordinate. The seam's width is also limited to a fraction of the outline's size, since an
+/// outline in double precision may be small and far from the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
@@ -91,7 +93,8 @@ struct Remaining<'a> {
     flat: &'a [DVec2],
     /// The corners, in the order of the outline.
     corners: Vec<usize>,
-    /// Whether each of the remaining corners is an ear.
+    /// True for each remaining corner that is an ear: a corner whose triangle, with the two neighbouring corners, can
+    /// be cut off.
     is_ear: Vec<bool>,
     /// Whether each corner of the whole outline is convex.
     is_convex: Vec<bool>,
@@ -135,9 +138,9 @@ impl<'a> Remaining<'a> {
     }
 
     /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not convex
-    /// are tested: if any corner lies in the triangle, so does one that is not convex. Corners at the same places as
-    /// those of the triangle are not tested either: an outline with a hole passes twice through the ends of the bridge
-    /// to the hole.
+    /// are tested: if any corner lies in the triangle, so does one that is not convex. Corners at the same positions as
+    /// the triangle's own corners are not tested either: an outline with a hole contains a bridge (a line from the
+    /// outer edge to the hole), and passes twice through both ends of the bridge.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);
@@ -209,7 +212,7 @@ mod tests {
         }
     }
 
-    /// The corners of a comb: long teeth on a bar.
+    /// Returns the corners of an outline like a comb, with long teeth on a bar.
     fn comb(teeth: usize) -> Vec<DVec3> {
         let tooth = |i: usize| {
             let x = i as f64;
@@ -221,7 +224,8 @@ mod tests {
         outline
     }
 
-    /// The corners of a spiral band of five turns (for 200 `corners`), with `corners` corners on each of its two sides.
+    /// Returns the corners of a spiral band, with `corners` corners on each of its two sides. With 200 corners on each
+    /// side, the band has five turns.
     fn spiral(corners: usize) -> Vec<DVec3> {
         let at = |i: usize, inner: f64| {
             let (radius, angle) = (inner + 0.01 * i as f64, std::f64::consts::TAU * i as f64 / 40.0);
@@ -272,12 +276,13 @@ mod tests {
         assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
         let (sum, oriented) = total_area(&outline);
         assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
-        // A dent that is deeper than the rounding, in an outline of any place and precision.
+        // The outline gets a dent that is deeper than rounding explains, so the outline is refused, also after it is
+        // moved far from the origin.
         outline[100].x -= 0.3;
         assert_eq!(triangulate(&outline), None);
         outline.iter_mut().for_each(|corner| corner.y += 1e7);
         assert_eq!(triangulate(&outline), None);
-        // The fan from the first corner would overturn its first triangle.
+        // The first triangle of a fan from the first corner would be reversed, so this outline must not become a fan.
         let quad = [(0.0, 0.0), (1.0, 1e-7), (2.0, 0.0), (1.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         assert_eq!(triangulate(&quad).map(|triangles| triangles.contains(&[0, 1, 2])), Some(false));
     }
@@ -314,7 +319,7 @@ mod tests {
         (0..corners).map(corner).collect()
     }
 
-    /// Returns whether a point lies in the angle that an outline forms at a corner. Of several corners at one place,
+    /// Returns whether a point lies in the angle that an outline forms at a corner. Of several corners at one position,
     /// this is true for one at most.
     fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
         let count = outline.len();
@@ -325,7 +330,7 @@ mod tests {
 
     /// Returns whether the line from p to q crosses no side of the outlines.
     fn sees(outlines: &[Vec<DVec2>], p: DVec2, q: DVec2) -> bool {
-        // A side that ends at p or q has an area of 0 here.
+        // For a side that ends at p or q, an area in this test is 0, so the line does not cross this side.
         let crosses =
             |a: DVec2, b: DVec2| area(p, q, a) * area(p, q, b) < 0.0 && area(a, b, p) * area(a, b, q) < 0.0;
         let mut sides =
@@ -358,7 +363,8 @@ mod tests {
         for case in 0..300 {
             let holes = 1 + case % 3;
             let mut outlines = vec![blob(&mut random, DVec2::ZERO, 100.0, 12)];
-            // The outline stays at least 26 away from its centre, and the holes at most 16.
+            // The outer outline stays at least 26 units away from its centre, and the holes stay within 16 units of
+            // this centre.
             for hole in 0..holes {
                 let centre = DVec2::from_angle(std::f64::consts::TAU * hole as f64 / 3.0) * 9.0;
                 let corners = random.random_range(5..9);

@@ -87,28 +87,28 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
 }
 
 #[test]
-fn a_concave_face_of_too_many_corners_is_told_with_its_own_remedy() {
+fn a_concave_face_of_too_many_corners_is_reported_with_its_own_remedy() {
     let count = MAX_CONCAVE_CORNERS + 2;
-    // A half of the corners is on a large circle, and the other half on a small one, in turn.
+    // The corners lie in turn on a large circle and on a small circle.
     let vertex = |i: usize| {
         let (radius, angle) = ([1.0, 0.5][i % 2], std::f64::consts::TAU * i as f64 / count as f64);
         format!("v {} {} 0\n", radius * angle.cos(), radius * angle.sin())
     };
     let face: String = (1..=count).map(|number| format!(" {number}")).collect();
     let text = (0..count).map(vertex).collect::<String>() + "f" + &face + "\n";
-    let told = |quotes| {
+    let error_of = |quotes| {
         let permitted = Permitted { beyond: false, quotes, scaled: false };
         parse("test.obj", Reach { permitted, ..nowhere() }, text.as_bytes()).err().unwrap()
     };
     let expected = "at most 32768 corners in a concave face: divide it into smaller faces";
     let start = format!("test.obj:{}: ", count + 1);
-    let shown = told(true);
+    let shown = error_of(true);
     assert_eq!(
         shown.to_string(),
         format!("{start}a concave face of {count} corners; expected at most 32768")
     );
     assert_eq!(shown.remedy(), format!("expected {expected}"));
-    assert_eq!(told(false).to_string(), format!("{start}expected {expected}"));
+    assert_eq!(error_of(false).to_string(), format!("{start}expected {expected}"));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_mistake_after_continued_lines_has_its_own_line() {
 }
 
 #[test]
-fn normals_that_the_file_lacks_are_made_and_told() {
+fn normals_that_the_file_lacks_are_made_and_noted() {
     for face in ["f 1//1 2//2 3//3", "f 1//1 2//1 3//-1", "f 1//2 2 3", "f 1//0 2//0 3//0"] {
         let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
@@ -180,7 +180,7 @@ fn negative_indices_count_back_from_the_last_of_their_own_kind() {
 }
 
 #[test]
-fn faces_of_fewer_than_three_corners_are_left_out_and_told() {
+fn faces_of_fewer_than_three_corners_are_left_out_and_noted() {
     let file = read(&format!("{CORNERS}f 1 2\nf 1 2 3\nf 3\nf\n")).unwrap();
     assert_eq!(file.mesh.triangles.len(), 1);
     assert_eq!(file.notes, ["line 4: 3 faces of fewer than three corners are left out"]);
@@ -238,7 +238,7 @@ fn a_picture_takes_the_place_of_no_colour_and_of_black_and_is_multiplied_by_any_
 }
 
 #[test]
-fn what_a_material_asks_for_is_told_by_name_and_count() {
+fn what_a_material_asks_for_is_noted_by_name_and_count() {
     let cases = [
         ("map_Ks -s 2 2 2 a.png", "1 material asks for textures (map_Ks)"),
         ("map_Ka a.png\nbump b.png\nnorm c.png", "asks for textures (bump 1, map_Ka 1, norm 1)"),
@@ -264,7 +264,7 @@ fn what_a_material_asks_for_is_told_by_name_and_count() {
 }
 
 #[test]
-fn what_a_material_has_and_needs_not_be_done_is_not_told() {
+fn what_a_material_has_and_needs_not_be_done_is_not_noted() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
@@ -281,7 +281,7 @@ fn materials_that_ask_for_the_same_are_counted() {
 }
 
 #[test]
-fn what_a_mesh_asks_for_is_told_by_name_and_count() {
+fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
     let cases = [
         ("l 1 2\nl 2 3", "2 statements ask for lines (l)"),
         ("p 1", "1 statement asks for points (p)"),

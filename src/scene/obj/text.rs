@@ -24,7 +24,7 @@ impl Mistake {
         Self { offset, message: message.into(), expected: None }
     }
 
-    /// Sets the form that the line should have. It must quote nothing from the file.
+    /// Sets the form that the line should have. The text of this form must quote nothing from the file.
     pub fn expecting(self, expected: impl Into<String>) -> Self {
         Self { expected: Some(expected.into()), ..self }
     }
@@ -73,7 +73,7 @@ impl Source<'_> {
 
     /// Returns a mistake's line and message for a note. If the text may not be quoted, the message is replaced by the
     /// form that the line should have.
-    pub fn told(&self, mistake: &Mistake) -> String {
+    pub fn note_of(&self, mistake: &Mistake) -> String {
         let line = self.line(mistake.offset);
         match self.quotes {
             true => format!("line {line}: {}", mistake.message),
@@ -301,14 +301,14 @@ fn short_number(token: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = token.strip_prefix(b"-").unwrap_or(token);
     let (mut integer, mut point) = (0_u32, None);
-    for (place, byte) in digits.iter().enumerate() {
+    for (index, byte) in digits.iter().enumerate() {
         match byte {
             b'0'..=b'9' => integer = integer.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?,
-            b'.' if point.is_none() && digits.len() > 1 => point = Some(place),
+            b'.' if point.is_none() && digits.len() > 1 => point = Some(index),
             _ => return None,
         }
     }
-    let decimals = point.map_or(0, |place| digits.len() - 1 - place);
+    let decimals = point.map_or(0, |index| digits.len() - 1 - index);
     if digits.is_empty() || integer > 1 << 24 {
         return None;
     }
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_is_told_by_the_form_that_its_line_should_have_if_it_may_not_be_quoted() {
+    fn a_mistake_is_reported_by_the_form_that_its_line_should_have_if_it_may_not_be_quoted() {
         for (line, expected) in [
             ("v x", "`v x y z`: three finite numbers within +-1e12"),
             ("vn x", "`vn x y z`: three finite numbers"),
@@ -356,12 +356,12 @@ mod tests {
                 let withheld = source(false).error(mistake());
                 assert_eq!(withheld.to_string(), format!("a.obj:2: expected {expected}"));
                 let note = format!("line 2: the line is not valid; expected {expected}");
-                assert_eq!(source(false).told(&mistake()), note);
-                let told = source(true).error(mistake());
-                assert_eq!(told.to_string(), "a.obj:2: `x` is wrong");
-                assert_eq!(told.remedy(), format!("expected {expected}"));
-                let Error::Input(told) = told else { panic!("not an input error") };
-                assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
+                assert_eq!(source(false).note_of(&mistake()), note);
+                let shown = source(true).error(mistake());
+                assert_eq!(shown.to_string(), "a.obj:2: `x` is wrong");
+                assert_eq!(shown.remedy(), format!("expected {expected}"));
+                let Error::Input(shown) = shown else { panic!("not an input error") };
+                assert_eq!(shown.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
             }
         }
     }
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_of_several_places_is_kept() {
+    fn the_first_of_several_offsets_is_kept() {
         let mut seen = [Seen::default(); 3];
         seen[1].at(7);
         seen[1].at(9);

@@ -32,8 +32,8 @@ impl Maps {
     /// the colour texture; different settings of the mask are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
-        let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
-        if let [Some(colour), Some(mask)] = places
+        let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
+        if let [Some(colour), Some(mask)] = settings
             && colour != mask
         {
             asked.add(Wish::TextureOption, b"map_d -s, -o or -clamp");
@@ -43,24 +43,24 @@ impl Maps {
 
     /// Returns whether there is a texture.
     pub fn has_any(&self) -> bool {
-        self.place().is_some()
+        self.mapping().is_some()
     }
 
     /// Returns the map whose settings decide where the textures are on a triangle.
-    fn place(&self) -> Option<&Map> {
+    fn mapping(&self) -> Option<&Map> {
         self.colour.as_ref().or(self.mask.as_ref())
     }
 
     /// Returns the map that places the textures, and the numbers of the colour texture and of the
-    /// mask. Calls `tell` for each texture that cannot be read, with the file and the reason, and with a note.
+    /// mask. Calls `report` for each texture that cannot be read, with the file and the reason, and with a note.
     fn load(
         &self,
         reach: Reach<'_>,
         pictures: &mut Pictures,
-        tell: &mut dyn FnMut(String, String),
+        report: &mut dyn FnMut(String, String),
     ) -> Loaded<'_> {
-        let place = self.place()?;
-        let wrap = [place.wrap; 2];
+        let mapping = self.mapping()?;
+        let wrap = [mapping.wrap; 2];
         let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
             let map = map.as_ref()?;
             map.load(reach, pictures, usage)
@@ -69,9 +69,9 @@ impl Maps {
                         true => format!(" {}", quoted(map.name().as_bytes())),
                         false => String::new(),
                     };
-                    // A file that many materials name is told once, although each place has its own line.
+                    // The text `about` contains no line number, so a file that many materials name adds only one note.
                     let about = format!("{what} {} {why}", quoted(map.name().as_bytes()));
-                    tell(about, format!("{}: {what}{name} {why}: {instead}", map.at));
+                    report(about, format!("{}: {what}{name} {why}: {instead}", map.at));
                 })
                 .ok()
         };
@@ -79,7 +79,7 @@ impl Maps {
             load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
         mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
-        (colour.is_some() || mask.is_some()).then_some((place, colour, mask))
+        (colour.is_some() || mask.is_some()).then_some((mapping, colour, mask))
     }
 }
 
@@ -125,7 +125,7 @@ impl Map {
             at += map.option(keyword, option, &all[at..])?;
         }
         let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
-        // A file name may contain spaces.
+        // A file name may contain spaces, so the name is the rest of the line.
         let from = all.get(at).ok_or_else(without)?.as_ptr() as usize - rest.as_ptr() as usize;
         map.named = words(&rest[from..]);
         Ok(map)
@@ -161,7 +161,7 @@ impl Map {
                 self.wrap = if is(b"on") { Wrap::Clamp } else { Wrap::Repeat };
                 1
             }
-            // The last word of a line is the name of the file.
+            // The last word of a line is the name of the file, and never the argument of `-clamp`.
             b"-clamp" => {
                 unsupported(after.first().copied().unwrap_or_default());
                 usize::from(after.len() > 1)
@@ -179,7 +179,7 @@ impl Map {
 
     /// Sets the line's location, the folder of its file, and whether the `Kd` colour of the line's material is missing
     /// or black.
-    pub fn told(self, at: String, folder: &str, alone: bool) -> Self {
+    pub fn with_context(self, at: String, folder: &str, alone: bool) -> Self {
         Self { at, folder: folder.to_owned(), alone, ..self }
     }
 
@@ -215,7 +215,7 @@ impl Map {
 
     /// Returns a corner's coordinates in the texture, whose rows are counted from the top; OBJ counts from
     /// the bottom.
-    fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+    fn texture_coordinates(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
 }
@@ -231,7 +231,7 @@ fn pair(numbers: &[f32], usual: f32) -> [f32; 2] {
 }
 
 /// The texture coordinates of faces.
-pub(super) struct Places {
+pub(super) struct FaceCoordinates {
     /// All `vt` of the file.
     pub coordinates: Vec<[f32; 2]>,
     /// The indices of each triangle's coordinates.
@@ -242,7 +242,7 @@ pub(super) struct Places {
 pub(super) fn apply(
     mesh: &mut Mesh,
     maps: &[Maps],
-    places: &Places,
+    faces: &FaceCoordinates,
     reach: Reach<'_>,
     notes: &mut Vec<String>,
 ) {
@@ -260,10 +260,10 @@ pub(super) fn apply(
     }
     notes.extend(unusable.rest("texture"));
     let mut without = 0;
-    let rows = mesh.triangles.iter().zip(&places.corners).map(|(triangle, corners)| {
+    let rows = mesh.triangles.iter().zip(&faces.corners).map(|(triangle, corners)| {
         let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };
-        let place = |corner: u32| map.place(places.coordinates[corner as usize]);
-        let all = (!corners.contains(&MISSING)).then(|| corners.map(place));
+        let coordinates = |corner: u32| map.texture_coordinates(faces.coordinates[corner as usize]);
+        let all = (!corners.contains(&MISSING)).then(|| corners.map(coordinates));
         let row = all.and_then(|corners| finite(Mapped::new(corners, colour, mask, [map.wrap; 2])));
         row.unwrap_or_else(|| {
             without += 1;
@@ -277,7 +277,7 @@ pub(super) fn apply(
     }
 }
 
-/// Returns a triangle's place in a texture if all of its coordinates are finite.
+/// Returns a triangle's position in a texture if all of its coordinates are finite.
 pub(in crate::scene) fn finite(row: Mapped) -> Option<Mapped> {
     row.corners.as_flattened().iter().all(|value| value.is_finite()).then_some(row)
 }
@@ -326,9 +326,9 @@ mod tests {
             let map = Map::of_line("map_Kd", rest.as_bytes()).unwrap();
             let notes: Vec<_> = map.asked.notes("material", true).collect();
             assert_eq!(notes.len(), options.len(), "{rest}: {notes:?}");
-            let told =
+            let names_option =
                 |(note, option): (&String, &&str)| note.contains(&format!("options of textures{option}"));
-            assert!(notes.iter().zip(options).all(told), "{rest}: {notes:?}");
+            assert!(notes.iter().zip(options).all(names_option), "{rest}: {notes:?}");
             assert_eq!(map.name(), "a.png", "{rest}");
         }
     }
@@ -337,7 +337,7 @@ mod tests {
     fn a_picture_is_searched_beside_the_mesh_and_its_material_file_with_and_without_its_folders() {
         let paths = |rest: &str| {
             let map = Map::of_line("map_Kd", rest.as_bytes()).unwrap();
-            let mut paths: Vec<String> = map.told(String::new(), "mats/", false).paths().collect();
+            let mut paths: Vec<String> = map.with_context(String::new(), "mats/", false).paths().collect();
             paths.dedup();
             paths
         };
@@ -352,7 +352,7 @@ mod tests {
             "mats/a",
         ];
         let all = paths(" -s 1 1 1 C:\\x\\a #2.png");
-        assert!(expected.iter().all(|path| all.iter().any(|found| found == path)), "{all:?}");
+        assert!(expected.iter().all(|path| all.iter().any(|other| other == path)), "{all:?}");
         assert!(all[0] == expected[0] && all[1] == expected[1], "{all:?}");
         // A file that only a comment names is not searched.
         let all = paths(" a.png # was x/b.png");
@@ -362,6 +362,6 @@ mod tests {
     #[test]
     fn rows_are_counted_from_the_top() {
         let map = Map::of_line("map_Kd", b" -s 2 2 -o 0 0.25 a.png").unwrap();
-        assert_eq!(map.place([0.5, 0.125]), [1.0, 0.5]);
+        assert_eq!(map.texture_coordinates([0.5, 0.125]), [1.0, 0.5]);
     }
 }

@@ -1,7 +1,8 @@
 //! Recognises statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as names
 //! and groups (`o`, `g`, `mg`), are not counted. Some other statements have an effect only together with a second
-//! statement; only the second one is counted. These are texture coordinates (`vt`) of a texture, the construction
-//! (`cstype`, `deg`, `parm`, ...) of a free-form shape, and the refractive index (`Ni`) of a refracting material.
+//! statement; of the two, only the second statement is counted. Texture coordinates (`vt`) have an effect only with a
+//! texture, the construction (`cstype`, `deg`, `parm`, ...) of a free-form shape only with the shape itself, and the
+//! refractive index (`Ni`) only with a refracting material.
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};

@@ -9,7 +9,7 @@ const WIDTH: f64 = 4.0;
 const HEIGHT: f64 = 3.0;
 const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
-/// With fewer triangles, a column does not look round.
+/// The least number of triangles of a column; with fewer triangles, a column does not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
 /// The fraction of the hall's triangles that the columns get. Only the columns are round; all other parts are flat.
 const COLUMN_SHARE: f64 = 0.75;

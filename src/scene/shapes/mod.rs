@@ -28,7 +28,7 @@ pub enum Shape {
         /// Target number of triangles.
         triangles: u32,
     },
-    /// Newell's teapot, 6.43 wide and 3.15 high, standing on y = 0 with its spout towards +x.
+    /// Newell's teapot, 6.43 units wide and 3.15 units high, which stands on the plane y = 0 with its spout towards +x.
     Teapot {
         /// Each of the 32 patches has `fineness` x `fineness` quads.
         fineness: u32,
@@ -38,7 +38,7 @@ pub enum Shape {
         /// Target number of triangles.
         triangles: u32,
     },
-    /// A closed surface of revolution, 2 high, standing on y = 0.
+    /// A closed surface of revolution, 2 units high, which stands on the plane y = 0.
     Gourd {
         /// Target number of triangles; the default gives exactly 648.
         triangles: u32,

@@ -17,8 +17,9 @@ struct Data {
 /// A patch's 4 x 4 control points.
 type Patch = [[DVec3; 4]; 4];
 
-/// Returns 32 x 2 x `columns` x `rows` triangles. Triangles at the collapsed edges of the lid and the base have no
-/// area; they are part of the mesh, since the paper counts them.
+/// Returns 32 x 2 x `columns` x `rows` triangles. Some edges of the lid's and the base's patches are collapsed to a
+/// point, so that the triangles at these edges have no area. These triangles are part of the mesh, since the paper
+/// counts them.
 pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for patch in patches() {

@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_beyond_single_precision_are_told_with_the_range_that_fits() {
+    fn numbers_beyond_single_precision_are_reported_with_the_range_that_fits() {
         let fits = "does not fit into single precision, whose range is about -3.4e38 to 3.4e38; expected";
         assert_eq!(refusal::<NonNegative>(1e39), format!("1e39 {fits} a finite number of at least 0"));
         assert_eq!(refusal::<Power>(-2e300), format!("-2e300 {fits} a number from 0 to 1e28"));
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_are_told_with_their_own_range() {
+    fn whole_numbers_are_reported_with_their_own_range() {
         #[derive(serde::Deserialize)]
         struct File {
             frames: Whole<1, 1000>,
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn other_numbers_out_of_range_are_told_as_they_are() {
+    fn other_numbers_out_of_range_are_shown_as_they_are() {
         for (value, shown) in [(-1.5, "-1.5"), (f64::NAN, "NaN"), (f64::INFINITY, "inf"), (-1e20, "-1e20")] {
             assert_eq!(refusal::<Power>(value), format!("{shown} is not a number from 0 to 1e28"));
         }

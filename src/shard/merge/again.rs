@@ -13,14 +13,14 @@ pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
         let Some(about) = attempt.about() else { continue };
         of_shards.entry((about.shard, about.devices)).or_default().push(&attempt.name);
     }
-    let told: Vec<String> = of_shards
+    let texts: Vec<String> = of_shards
         .iter()
         .filter(|(_, names)| names.len() > 1)
         .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
         .collect();
-    let told: Vec<&str> = told.iter().map(String::as_str).collect();
-    (!told.is_empty()).then(|| {
-        format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&told))
+    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+    (!texts.is_empty()).then(|| {
+        format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&texts))
     })
 }
 

@@ -24,19 +24,19 @@ pub struct Chosen {
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
 /// time, [`Record::rank`] decides on the order. If these rules do not decide, all points of a block get the records of
-/// the same attempt, as far as possible: points of different attempts were not measured in the same rounds. This
-/// attempt is the one with the best records of the most points of the block. Of several such attempts, it is the one
-/// with the most samples of these points or, if that does not decide either, the one whose name sorts first. Times of
-/// day are never compared, since the clocks of two machines may differ. If an attempt has several records of a point,
-/// its last record is used, as in any journal.
+/// the same attempt, as far as possible: points of different attempts were not measured in the same rounds. This is the
+/// attempt that has the largest number of points of the block of which no other attempt has a better record. Of several
+/// such attempts, the one with the most samples of these points is preferred. Of several attempts with equally many
+/// samples, the one whose name sorts first is preferred. Times of day are never compared, since the clocks of two
+/// machines may differ. If an attempt has several records of a point, its last record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
-    for (place, attempt) in attempts.iter().enumerate() {
+    for (index, attempt) in attempts.iter().enumerate() {
         let mut own: HashMap<String, Record> = HashMap::new();
         for record in lines::<Record>(&attempt.folder.join(RECORDS))? {
             own.insert(record.key.clone(), record);
         }
-        own.into_values().for_each(|record| offered.add(place, record));
+        own.into_values().for_each(|record| offered.add(index, record));
     }
     Ok(offered.chosen())
 }
@@ -85,8 +85,9 @@ impl Offered {
         chosen
     }
 
-    /// Returns how much each attempt has of the points that were measured together: the number of those points of which
-    /// no other attempt has a record of a lower rank, and the number of their samples.
+    /// Returns two numbers for each attempt and each set of points that it measured together. The first is the number
+    /// of these points of which no other attempt has a better record (a record with a lower rank). The second is the
+    /// number of samples in the attempt's records of these points.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
@@ -119,7 +120,7 @@ impl Chosen {
         let points = all.iter().flat_map(|kind| &kind.points);
         let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();
         let others = self.best.iter().filter(|(key, _)| !listed.contains(key.as_str()));
-        let mut names: Vec<&str> = others.map(|(_, (place, _))| attempts[*place].name.as_str()).collect();
+        let mut names: Vec<&str> = others.map(|(_, (index, _))| attempts[*index].name.as_str()).collect();
         if names.is_empty() {
             return Ok(());
         }
@@ -141,16 +142,16 @@ impl Chosen {
     pub fn notes(&self, attempts: &[Attempt]) -> Vec<String> {
         let mut notes = Vec::new();
         let names = new_names(self.best.values().map(|(_, record)| record));
-        for (key, found) in self.several.iter().filter(|(_, found)| is_wrong_and_right(found)) {
+        for (key, outcomes) in self.several.iter().filter(|(_, outcomes)| is_wrong_and_right(outcomes)) {
             let Some((_, record)) = self.best.get(key) else { continue };
-            let told: Vec<String> = found
+            let texts: Vec<String> = outcomes
                 .iter()
                 .map(|(attempt, outcome)| format!("{} in {}", outcome.name(), attempts[*attempt].name))
                 .collect();
             notes.push(format!(
                 "Attempts disagree on {}: {}; the record with the wrong image is used, so that the error is not hidden.",
                 point(record, &names),
-                told.join(", ")
+                texts.join(", ")
             ));
         }
         if !self.several.is_empty() {
@@ -176,8 +177,8 @@ impl Chosen {
     }
 }
 
-/// Returns the name of a record's point, such as "naive 16x16 of teapot 800x500". `names` contains the names of scenes
-/// whose own names are equal, by the hashes of their contents.
+/// Returns the name of a record's point, such as "naive 16x16 of teapot 800x500". If scenes with different contents
+/// have the same name, `names` contains a new name for each of them, by the hash of its content.
 fn point(record: &Record, names: &HashMap<String, String>) -> String {
     let by = |[across, down]: [u32; 2]| format!("{across}x{down}");
     let local_size = record.local_size.map_or(String::new(), |size| format!(" {}", by(size)));
@@ -185,9 +186,9 @@ fn point(record: &Record, names: &HashMap<String, String>) -> String {
     format!("{}{local_size} of {scene} {}", record.name, by(record.image_size))
 }
 
-fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
+fn is_wrong_and_right(outcomes: &[(usize, Outcome)]) -> bool {
     let wrong = |outcome: &Outcome| *outcome == Outcome::WrongImage;
-    found.iter().any(|(_, outcome)| wrong(outcome)) && !found.iter().all(|(_, outcome)| wrong(outcome))
+    outcomes.iter().any(|(_, outcome)| wrong(outcome)) && !outcomes.iter().all(|(_, outcome)| wrong(outcome))
 }
 
 /// Joins names with commas. Of more than four names, only the first four are listed and the others are counted.
@@ -222,8 +223,8 @@ mod tests {
             for (attempt, (outcome, samples)) in offered.iter().enumerate() {
                 all.add(attempt, record(*outcome, *samples));
             }
-            let found = all.chosen().of_keys(["k", "absent"].into_iter());
-            assert_eq!((found.len(), found[0].0), (1, expected), "{offered:?}");
+            let records = all.chosen().of_keys(["k", "absent"].into_iter());
+            assert_eq!((records.len(), records[0].0), (1, expected), "{offered:?}");
         }
     }
 
@@ -264,8 +265,9 @@ mod tests {
         assert_eq!(attempts_of(&unequal, block), [0, 0]);
         assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
-        // An attempt with more points is preferred to one with more samples. Only the point that it lacks is of the
-        // other attempt.
+        // In `lacking`, the second attempt has more points, and is preferred although the first one has more samples.
+        // In `both`, the attempts have equally many points, so the first one, which has more samples, is preferred.
+        // Only the point that it lacks is taken from the second attempt.
         let lacking: [&[(Outcome, usize)]; 2] =
             [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
         assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);
@@ -300,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn both_attempts_are_told_where_one_saw_a_wrong_image() {
+    fn both_attempts_are_named_where_one_saw_a_wrong_image() {
         let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
         let mut offered = Offered::default();
         offered.add(0, record(Outcome::Measured, 5));
@@ -353,7 +355,7 @@ mod tests {
             notes,
             ["2 points were measured by several attempts (one, three, two); one record per point is used."]
         );
-        assert_eq!([chosen.outcome("c"), chosen.outcome("d")].map(|found| found.is_some()), [true, false]);
+        assert_eq!([chosen.outcome("c"), chosen.outcome("d")].map(|known| known.is_some()), [true, false]);
         assert!(Chosen::default().notes(&[]).is_empty());
         let names = ["a", "b", "c", "d", "e"];
         assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);

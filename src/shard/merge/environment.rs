@@ -20,12 +20,12 @@ pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
         let devices: Vec<&Value> =
             environment["devices"].as_array().into_iter().flatten().map(|device| &device["device"]).collect();
         let machine = &environment["host"];
-        let told = json!({
+        let description = json!({
             "name": host, "cpu": machine["cpu"], "cores": machine["cores"], "os": machine["os"], "devices": devices,
             "git_revision": environment["git_revision"],
         });
-        if !hosts.contains(&told) {
-            hosts.push(told);
+        if !hosts.contains(&description) {
+            hosts.push(description);
         }
         first.get_or_insert(environment);
     }
@@ -43,10 +43,10 @@ mod tests {
 
     #[test]
     fn the_first_environment_stays_and_every_machine_is_listed_once() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         for (shard, host, started) in [(1, "n2", "early"), (2, "n1", "late"), (3, "n2", "later")] {
             let about = About { shard, of: 4, host: host.into(), job: "0".into(), ..About::default() };
-            let attempt = Attempt::begin(place.path(), &about).unwrap();
+            let attempt = Attempt::begin(folder.path(), &about).unwrap();
             let environment = json!({
                 "started": started, "host": { "cpu": "a cpu", "cores": 4, "os": "an os" },
                 "devices": [{ "device": "a gpu" }], "git_revision": "r",
@@ -54,9 +54,9 @@ mod tests {
             std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
         }
         // This attempt was killed before it wrote its environment.
-        Attempt::begin(place.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
-        write(place.path(), &Attempt::all(place.path())).unwrap();
-        let text = std::fs::read(place.path().join("environment.json")).unwrap();
+        Attempt::begin(folder.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
+        write(folder.path(), &Attempt::all(folder.path())).unwrap();
+        let text = std::fs::read(folder.path().join("environment.json")).unwrap();
         let merged: Value = serde_json::from_slice(&text).unwrap();
         assert_eq!(merged["started"], "early");
         let host = |name: &str| {

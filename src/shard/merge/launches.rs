@@ -1,5 +1,5 @@
-//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0. A launch that an
-//! attempt copied has the same number as its original.
+//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0. If an attempt copied a
+//! launch of an earlier attempt, the copy gets the same new number as the original.
 
 use super::Measured;
 use super::origins::{Launch, Origins};
@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 #[derive(Clone, Debug, Default)]
 pub struct Launches {
     origins: Origins,
-    /// The new numbers, by the launches' originals.
+    /// The new number of each launch. If a launch was copied, the map contains only its original.
     numbers: BTreeMap<Launch, u32>,
 }
 
@@ -72,8 +72,8 @@ mod tests {
         let counted = launches.counted(&records);
         assert!(counted.contains(&((3, 2), "k")) && !counted.contains(&((3, 0), "k")));
         records.iter_mut().for_each(|(attempt, record)| launches.renumber(*attempt, record));
-        let found: Vec<_> = records.iter().map(|(_, record)| record.sample_launches.clone()).collect();
-        assert_eq!(found, [vec![0, 0, 1], vec![2, 3], vec![1]]);
+        let actual: Vec<_> = records.iter().map(|(_, record)| record.sample_launches.clone()).collect();
+        assert_eq!(actual, [vec![0, 0, 1], vec![2, 3], vec![1]]);
         assert_eq!(launches.number(0, 0), None);
     }
 }

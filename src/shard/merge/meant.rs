@@ -10,8 +10,8 @@ use std::collections::HashMap;
 /// The type of each kind of device, such as "gpu", by [`Kind::identity`].
 pub type Types = HashMap<String, String>;
 
-/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments. Attempts
-/// that were killed before they wrote an environment have no records either.
+/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments. An attempt
+/// that was killed before it wrote its environment is left out; it has no records either.
 pub fn types_of_devices(attempts: &[Attempt]) -> Types {
     let of = |attempt: &Attempt| {
         let text = std::fs::read(attempt.folder.join(ENVIRONMENT)).ok()?;
@@ -60,7 +60,7 @@ mod tests {
     }
 
     /// Returns the names of the selected kinds, and the words that match none.
-    fn told(all: &[Kind], types: &Types, words: &[&str]) -> (Vec<String>, Vec<String>) {
+    fn selected(all: &[Kind], types: &Types, words: &[&str]) -> (Vec<String>, Vec<String>) {
         let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
         let (kinds, not_begun) = meant_kinds(all, types, &words);
         (kinds.into_iter().map(|kind| kind.device).collect(), not_begun)
@@ -73,12 +73,12 @@ mod tests {
     #[test]
     fn words_select_kinds_by_device_or_identity_and_the_host_is_always_selected() {
         let all = [kind("host", "amd"), kind("NVIDIA H200", "CUDA | driver 580"), kind("cpu", "PoCL | 7.0")];
-        let told = |words: &[&str]| told(&all, &Types::new(), words);
-        assert_eq!(told(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
-        assert_eq!(told(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
-        assert_eq!(told(&["POCL"]), (names(&["host", "cpu"]), vec![]));
-        assert_eq!(told(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
-        assert_eq!(told(&["cpu"]), (names(&["host", "cpu"]), vec![]), "the types are unknown");
+        let selected = |words: &[&str]| selected(&all, &Types::new(), words);
+        assert_eq!(selected(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
+        assert_eq!(selected(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
+        assert_eq!(selected(&["POCL"]), (names(&["host", "cpu"]), vec![]));
+        assert_eq!(selected(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
+        assert_eq!(selected(&["cpu"]), (names(&["host", "cpu"]), vec![]), "the types are unknown");
     }
 
     #[test]
@@ -92,12 +92,12 @@ mod tests {
         Attempt::begin(out.path(), &About { shard: 2, ..about }).unwrap();
         let types = types_of_devices(&Attempt::all(out.path()));
         let all = [kind("host", "Xeon CPU"), kind("H200", "CUDA | H200"), kind("EPYC", "PoCL | EPYC")];
-        let told = |words: &[&str]| told(&all, &types, words);
-        assert_eq!(told(&["GPU"]), (names(&["host", "H200"]), vec![]));
-        assert_eq!(told(&["cpu"]), (names(&["host", "EPYC"]), vec![]));
-        assert_eq!(told(&["all"]), (names(&["host", "H200", "EPYC"]), vec![]));
-        assert_eq!(told(&["accelerator"]), (names(&["host"]), names(&["accelerator"])));
-        // A baseline's kind is no device.
+        let selected = |words: &[&str]| selected(&all, &types, words);
+        assert_eq!(selected(&["GPU"]), (names(&["host", "H200"]), vec![]));
+        assert_eq!(selected(&["cpu"]), (names(&["host", "EPYC"]), vec![]));
+        assert_eq!(selected(&["all"]), (names(&["host", "H200", "EPYC"]), vec![]));
+        assert_eq!(selected(&["accelerator"]), (names(&["host"]), names(&["accelerator"])));
+        // The host, on which baselines run, is not a device of the type `cpu`, so this word selects nothing.
         let host = meant_kinds(&all[..1], &types, &names(&["cpu"]));
         assert_eq!(host.1, names(&["cpu"]));
     }

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
-use crate::record::{remove_left_overs, write_whole, write_whole_by};
+use crate::record::{remove_leftovers, write_whole, write_whole_by};
 use crate::words::counted;
 use choice::{Chosen, choose};
 use launches::Launches;
@@ -43,7 +43,8 @@ pub struct Merged {
     pub attempts: usize,
     /// Number of merged records, one for each measured point on each selected kind of device.
     pub records: usize,
-    /// Number of samples of the merged records, of the records in `controls.jsonl`, and of neither.
+    /// Three numbers of samples: those of the merged records, those of the records in `controls.jsonl`, and those of
+    /// neither.
     pub samples: [usize; 3],
     /// Notes to be shown with the results.
     pub notes: Vec<String>,
@@ -61,11 +62,12 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     refuse_other_results(out)?;
     let attempts = Attempt::all(out);
     let chosen = choose(&attempts)?;
-    // The kinds are read after the records: an attempt that has just begun writes its kind before its first record.
+    // The kinds are read after the records. An attempt that has just begun writes its kind before its first record, so
+    // each record that was read has its kind among those that are read here.
     let all = Kind::all(out)?;
     let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts), meant);
     chosen.refuse_unlisted(out, &all, &attempts)?;
-    remove_left_overs(out, ABANDONED);
+    remove_leftovers(out, ABANDONED);
     let planned = Planned::of(&plan, &kinds);
     let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
     let missing = missing::missing(out, &plan, wanted, &attempts, &|key| chosen.outcome(key));
@@ -74,8 +76,8 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let origins = Origins::read(&attempts)?;
     let mut controls = controls(&attempts, &origins)?;
     let launches = Launches::of(origins, records.iter().chain(&controls));
-    // `merge.json` shows that a merge wrote the folder. This file is written first, so that a merge that was killed
-    // can be repeated.
+    // The file `merge.json`, which shows that a merge wrote the folder, is written first. If this merge is killed, the
+    // next merge finds the file, and does not refuse the folder as that of a run without shards.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, [&records, &controls], &launches)?;
@@ -168,7 +170,8 @@ fn damage_to<T: DeserializeOwned>(attempt: &Attempt, journal: &str) -> Result<Op
     Ok(read.damage(&format!("parts/{}/{journal}", attempt.name)))
 }
 
-/// Returns a note if an attempt has records of measured points, but no samples: only the records contain these times.
+/// Returns a note if an attempt has records of measured points, but no samples in its file of samples. Only the records
+/// then contain the times.
 fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     if !lines::<Sample>(&attempt.folder.join(SAMPLES))?.is_empty() {
         return Ok(None);
@@ -190,11 +193,11 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
 /// the two is returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
-    for (place, attempt) in attempts.iter().enumerate() {
+    for (index, attempt) in attempts.iter().enumerate() {
         for record in lines::<Record>(&attempt.folder.join(CONTROLS))? {
-            let launches = origins.of_record(place, &record);
+            let launches = origins.of_record(index, &record);
             if launches.is_empty() || known.insert((record.key.clone(), launches)) {
-                controls.push((place, record));
+                controls.push((index, record));
             }
         }
     }
@@ -210,8 +213,9 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
 }
 
 /// Writes the samples of the chosen records, with the new numbers of their launches (of worker processes). Returns the
-/// number of samples that were written, the number of samples of controls, and the number of samples of neither. A
-/// sample and its copies count as one. The samples of controls are not written: their records contain the times.
+/// number of samples that were written, the number of samples of the control points in `controls`, and the number of
+/// all other samples. A sample and its copies count as one. The samples of `controls` are not written, since the
+/// records of control points contain the times.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
@@ -221,12 +225,12 @@ fn write_samples(
     let used = [records, controls].map(|records| launches.counted(records));
     let mut counts = [0; 3];
     write_whole_by(&out.join(SAMPLES), |file| {
-        each_line::<Sample>(attempts, SAMPLES, launches.origins(), |place, mut sample| {
-            let own = (launches.origins().of((place, sample.launch)), sample.key.as_str());
+        each_line::<Sample>(attempts, SAMPLES, launches.origins(), |index, mut sample| {
+            let own = (launches.origins().of((index, sample.launch)), sample.key.as_str());
             let class = used.iter().position(|used| used.contains(&own)).unwrap_or(used.len());
             counts[class] += 1;
             if class == 0 {
-                sample.launch = launches.number(place, sample.launch).unwrap_or(sample.launch);
+                sample.launch = launches.number(index, sample.launch).unwrap_or(sample.launch);
                 write_line(file, &sample)?;
             }
             Ok(true)
@@ -246,9 +250,9 @@ fn write_renumbered<T: Serialize + OfLaunch>(
     change: impl Fn(usize, T) -> Option<T>,
 ) -> Result<()> {
     write_whole_by(&out.join(name), |file| {
-        each_line::<T>(attempts, name, launches.origins(), |place, mut line| {
-            let Some(number) = launches.number(place, *line.launch()) else { return Ok(false) };
-            let Some(mut line) = change(place, line) else { return Ok(false) };
+        each_line::<T>(attempts, name, launches.origins(), |index, mut line| {
+            let Some(number) = launches.number(index, *line.launch()) else { return Ok(false) };
+            let Some(mut line) = change(index, line) else { return Ok(false) };
             *line.launch() = number;
             write_line(file, &line)?;
             Ok(true)
@@ -257,17 +261,17 @@ fn write_renumbered<T: Serialize + OfLaunch>(
 }
 
 /// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device of an
-/// attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates of such devices
-/// are left out: a selected kind of device may have the name that the attempt gave to a device of another kind. If
-/// several attempts have rates of the same device, those of the first attempt are used.
+/// attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates for which `name`
+/// returns `None` are left out. Otherwise, they might be taken for rates of a selected kind of device that has the same
+/// name. If several attempts have rates of the same device, those of the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
-    for (place, attempt) in attempts.iter().enumerate() {
-        let kept = Peak::kept_in(&attempt.folder)?;
-        has_rates |= !kept.is_empty();
-        let renamed = |peak: Peak| Some(Peak { device: name(place, &peak.device)?, ..peak });
-        Peak::add_new(&mut all, kept.into_iter().filter_map(renamed).collect());
+    for (index, attempt) in attempts.iter().enumerate() {
+        let own = Peak::stored_in(&attempt.folder)?;
+        has_rates |= !own.is_empty();
+        let renamed = |peak: Peak| Some(Peak { device: name(index, &peak.device)?, ..peak });
+        Peak::add_new(&mut all, own.into_iter().filter_map(renamed).collect());
     }
     // If all rates are left out, an empty list replaces the rates that an earlier merge of other kinds wrote.
     if has_rates { Peak::write(&all, &out.join(peak::FILE)) } else { Ok(()) }
@@ -347,20 +351,20 @@ mod tests {
         write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| Some(line))
             .unwrap();
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
-        let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
-        assert_eq!(told, [(0, 12.0), (1, 20.0), (2, 21.0)]);
-        // The samples of controls are used, but they are not written.
+        let actual: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
+        assert_eq!(actual, [(0, 12.0), (1, 20.0), (2, 21.0)]);
+        // The sample of a control point is counted, but not written.
         let controls = [(0, record(&[1]))];
         let counts = write_samples(out.path(), &attempts, [&records, &controls], &launches).unwrap();
         assert_eq!(counts, [3, 1, 8]);
         let samples = read_lines::<Sample>(&out.path().join(SAMPLES)).unwrap().lines;
-        let told: Vec<_> =
+        let actual: Vec<_> =
             samples.iter().map(|sample| (sample.launch, sample.ms, sample.key.as_str())).collect();
-        assert_eq!(told, [(0, 12.0, "k"), (1, 20.0, "k"), (2, 21.0, "k")]);
+        assert_eq!(actual, [(0, 12.0, "k"), (1, 20.0, "k"), (2, 21.0, "k")]);
     }
 
     #[test]
-    fn of_several_peaks_of_a_device_the_first_attempts_is_kept() {
+    fn of_several_peaks_of_a_device_the_first_attempts_is_used() {
         use crate::shard::About;
         let out = tempfile::tempdir().unwrap();
         let attempts = [1, 2]
@@ -377,15 +381,15 @@ mod tests {
         Peak::write(&[peak("gpu", "second"), peak("cpu", "second")], &attempts[1].folder.join(peak::FILE))
             .unwrap();
         write_peak(out.path(), &attempts, same).unwrap();
-        assert_eq!(Peak::kept_in(out.path()).unwrap(), [peak("gpu", "first"), peak("cpu", "second")]);
+        assert_eq!(Peak::stored_in(out.path()).unwrap(), [peak("gpu", "first"), peak("cpu", "second")]);
         // Two kinds of device have the name "gpu". The kind "cpu" is not selected.
         let by_attempt =
             |attempt: usize, device: &str| (device == "gpu").then(|| format!("gpu ({})", attempt + 1));
         write_peak(out.path(), &attempts, by_attempt).unwrap();
         let expected = [peak("gpu (1)", "first"), peak("gpu (2)", "second")];
-        assert_eq!(Peak::kept_in(out.path()).unwrap(), expected);
+        assert_eq!(Peak::stored_in(out.path()).unwrap(), expected);
         write_peak(out.path(), &attempts, |_: usize, _: &str| None).unwrap();
-        assert_eq!(Peak::kept_in(out.path()).unwrap(), []);
+        assert_eq!(Peak::stored_in(out.path()).unwrap(), []);
     }
 
     #[test]
@@ -453,9 +457,9 @@ mod tests {
 
     #[test]
     fn damaged_lines_of_an_attempts_journals_are_noted() {
-        let place = tempfile::tempdir().unwrap();
-        write_attempt(place.path(), "n1", "k", "gpu");
-        let attempts = Attempt::all(place.path());
+        let folder = tempfile::tempdir().unwrap();
+        write_attempt(folder.path(), "n1", "k", "gpu");
+        let attempts = Attempt::all(folder.path());
         assert!(damage(&attempts).unwrap().is_empty());
         for journal in [SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
             std::fs::write(attempts[0].folder.join(journal), "nonsense\n").unwrap();
@@ -468,9 +472,9 @@ mod tests {
 
     #[test]
     fn an_attempt_whose_samples_are_lost_is_noted() {
-        let place = tempfile::tempdir().unwrap();
-        write_attempt(place.path(), "n1", "k", "gpu");
-        let [attempt] = &Attempt::all(place.path())[..] else { panic!("one attempt") };
+        let folder = tempfile::tempdir().unwrap();
+        write_attempt(folder.path(), "n1", "k", "gpu");
+        let [attempt] = &Attempt::all(folder.path())[..] else { panic!("one attempt") };
         assert_eq!(lost_samples(attempt).unwrap(), None);
         std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
         let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. records.jsonl has their times.";
@@ -513,13 +517,14 @@ mod tests {
         }
     }
 
-    /// The first attempt was killed after the launches of its block. The second attempt only completed the record.
+    /// The first attempt measured the launches of its block, but was killed before it wrote the record. The second
+    /// attempt copied the launches and wrote the record.
     #[test]
     fn a_copied_launch_counts_as_measured_by_the_attempt_that_measured_it() {
         use crate::record::JsonLines;
         use crate::shard::About;
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
         one_shard(out, ShardPlan { points: vec!["a point".into()], cases: vec![0], ..ShardPlan::default() });
         write_kind(out, "gpu", "x", 0);
         // The attempts are read in the order of their names.
@@ -547,14 +552,14 @@ mod tests {
 
     #[test]
     fn a_merge_without_a_kinds_file_leaves_the_results_of_an_earlier_merge() {
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
         one_shard(out, ShardPlan::default());
         write_kind(out, "gpu", "x", 0);
         write_attempt(out, "n1", "x 0", "gpu");
         assert_eq!(merge(out, &[]).unwrap().records, 1);
         std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
-        // Half a file of an earlier merge that was killed stays, too.
+        // If a merge fails, the unfinished file of an earlier merge that was killed stays too.
         let killed = out.join(".raycl-killed");
         let file = std::fs::File::create(&killed).unwrap();
         file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
@@ -569,8 +574,8 @@ mod tests {
     fn anchors_and_peaks_have_the_names_of_the_merged_folders_devices() {
         use crate::experiment::Block;
         use crate::record::{Folder, JsonLines};
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let temporary = tempfile::tempdir().unwrap();
+        let out = temporary.path();
         one_shard(
             out,
             ShardPlan {
@@ -603,25 +608,25 @@ mod tests {
             [record.map(|record| record.device.clone()), anchor.map(|anchor| anchor.device.clone())]
         };
         let expected = ["cpu (3.1)", "cpu (7.0)"].map(|device| Some(device.to_owned()));
-        let found = [of_launch(0), of_launch(1)];
-        assert_eq!(found.each_ref().map(|[record, _]| record.clone()), expected);
-        assert_eq!(found.map(|[_, anchor]| anchor), expected);
+        let actual = [of_launch(0), of_launch(1)];
+        assert_eq!(actual.each_ref().map(|[record, _]| record.clone()), expected);
+        assert_eq!(actual.map(|[_, anchor]| anchor), expected);
         assert_eq!(folder.anchors.len(), 2, "the anchors of devices without records are left out");
-        let peaks = Peak::kept_in(out).unwrap();
-        assert_eq!([0, 1].map(|place| peaks.get(place).map(|peak| peak.device.clone())), expected);
-        // Only one of the two kinds is selected, so its name needs no difference from the other one.
+        let peaks = Peak::stored_in(out).unwrap();
+        assert_eq!([0, 1].map(|index| peaks.get(index).map(|peak| peak.device.clone())), expected);
+        // If only one of the two kinds is selected, its driver is not added to its name.
         merge(out, &["7.0".to_owned()]).unwrap();
         let of_second =
             Peak { device: "cpu".into(), driver: Attempt::all(out)[1].name.clone(), ..Peak::default() };
-        assert_eq!(Peak::kept_in(out).unwrap(), [of_second]);
+        assert_eq!(Peak::stored_in(out).unwrap(), [of_second]);
     }
 
     #[test]
     fn merged_records_name_their_attempts_and_hosts_and_have_their_pictures() {
         use crate::experiment::Block;
         use crate::record::HOST;
-        let place = tempfile::tempdir().unwrap();
-        let out = place.path();
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
         let block = Block { number: 1, shard: 1, points: vec![0, 1], control: None };
         one_shard(
             out,
@@ -647,16 +652,16 @@ mod tests {
             "{notes}"
         );
         let records = read_lines::<Record>(&out.join(RECORDS)).unwrap().lines;
-        let told = |record: &Record| {
+        let text = |record: &Record| {
             let picture = std::fs::read_to_string(out.join(record.image.as_deref().unwrap())).unwrap();
             format!("{} {:?} {:?} {picture}", record.strategy, record.attempt, record.sample_launches)
         };
-        let told: Vec<_> = records.iter().map(told).collect();
+        let actual: Vec<_> = records.iter().map(text).collect();
         let expected = [
             format!("serial-f32 (amd) Some({:?}) [0, 0] n1", names[0]),
             format!("serial-f32 Some({:?}) [1, 1] n2", names[1]),
         ];
-        assert_eq!(told, expected);
+        assert_eq!(actual, expected);
         let about: serde_json::Value =
             serde_json::from_slice(&std::fs::read(out.join(MERGE)).unwrap()).unwrap();
         assert_eq!(

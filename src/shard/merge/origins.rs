@@ -17,8 +17,9 @@ pub type Launch = (usize, u32);
 pub struct Origins {
     /// The original of each copied launch.
     originals: HashMap<Launch, Launch>,
-    /// The machine of each attempt. After the attempts of the folder, the list has those whose folders are missing
-    /// although other attempts copied launches from them; only the machines in their names are known.
+    /// The name of each attempt's machine. The list begins with the attempts of the folder. Then follow attempts whose
+    /// folders are missing, but from which other attempts copied launches; the machine of such an attempt is known from
+    /// the attempt's name.
     hosts: Vec<String>,
 }
 
@@ -29,16 +30,16 @@ impl Origins {
             |attempt: &Attempt| attempt.about().map_or_else(|| of_name(&attempt.name), |about| about.host);
         let mut hosts: Vec<String> = attempts.iter().map(host).collect();
         let mut originals = HashMap::new();
-        let names = attempts.iter().enumerate().map(|(place, attempt)| (attempt.name.clone(), place));
-        let mut places: HashMap<String, usize> = names.collect();
-        for (place, attempt) in attempts.iter().enumerate() {
+        let names = attempts.iter().enumerate().map(|(index, attempt)| (attempt.name.clone(), index));
+        let mut indices: HashMap<String, usize> = names.collect();
+        for (index, attempt) in attempts.iter().enumerate() {
             for sample in lines::<Sample>(&attempt.folder.join(SAMPLES))? {
                 let Some((name, launch)) = sample.origin.as_deref().and_then(parsed) else { continue };
-                let original = *places.entry(name.to_owned()).or_insert_with(|| {
+                let original = *indices.entry(name.to_owned()).or_insert_with(|| {
                     hosts.push(of_name(name));
                     hosts.len() - 1
                 });
-                originals.insert((place, sample.launch), (original, launch));
+                originals.insert((index, sample.launch), (original, launch));
             }
         }
         Ok(Self { originals, hosts })
@@ -59,7 +60,7 @@ impl Origins {
     pub fn host(&self, attempt: usize, record: &Record) -> Option<String> {
         let launches = self.of_record(attempt, record);
         let hosts: BTreeSet<&str> =
-            launches.iter().filter_map(|(place, _)| self.hosts.get(*place)).map(String::as_str).collect();
+            launches.iter().filter_map(|(index, _)| self.hosts.get(*index)).map(String::as_str).collect();
         (!hosts.is_empty()).then(|| hosts.into_iter().collect::<Vec<_>>().join(", "))
     }
 }
@@ -80,7 +81,8 @@ fn parsed(origin: &str) -> Option<(&str, u32)> {
 pub trait OfLaunch: DeserializeOwned {
     /// The launch's number in the attempt.
     fn launch(&mut self) -> &mut u32;
-    /// The point or the device that the line is about; empty if the journal has only one kind of line of a launch.
+    /// The key of the point, or the name of the device, that the line is about. Empty if the journal's lines are about
+    /// neither.
     fn subject(&self) -> &str;
 }
 
@@ -123,20 +125,20 @@ pub fn each_line<T: OfLaunch>(
     origins: &Origins,
     mut use_line: impl FnMut(usize, T) -> std::io::Result<bool>,
 ) -> std::io::Result<()> {
-    let copying: BTreeSet<usize> = origins.originals.keys().map(|(place, _)| *place).collect();
+    let copying: BTreeSet<usize> = origins.originals.keys().map(|(index, _)| *index).collect();
     let mut sources: HashMap<(Launch, String), usize> = HashMap::new();
     for copies in [false, true] {
-        let may_have = |(place, _): &(usize, &Attempt)| !copies || copying.contains(place);
-        for (place, attempt) in attempts.iter().enumerate().filter(may_have) {
+        let may_have = |(index, _): &(usize, &Attempt)| !copies || copying.contains(index);
+        for (index, attempt) in attempts.iter().enumerate().filter(may_have) {
             for mut line in lines::<T>(&attempt.folder.join(journal)).map_err(std::io::Error::other)? {
-                let launch = (place, *line.launch());
+                let launch = (index, *line.launch());
                 if origins.originals.contains_key(&launch) != copies {
                     continue;
                 }
                 let subject = (origins.of(launch), line.subject().to_owned());
-                let is_used = sources.get(&subject).is_some_and(|source| *source != place);
-                if !is_used && use_line(place, line)? {
-                    sources.insert(subject, place);
+                let is_used = sources.get(&subject).is_some_and(|source| *source != index);
+                if !is_used && use_line(index, line)? {
+                    sources.insert(subject, index);
                 }
             }
         }
@@ -170,8 +172,8 @@ mod tests {
     /// Returns the attempt and the launch of each line that is used.
     fn used(attempts: &[Attempt], origins: &Origins) -> Vec<Launch> {
         let mut used = Vec::new();
-        each_line::<Sample>(attempts, SAMPLES, origins, |place, sample| {
-            used.push((place, sample.launch));
+        each_line::<Sample>(attempts, SAMPLES, origins, |index, sample| {
+            used.push((index, sample.launch));
             Ok(true)
         })
         .unwrap();
@@ -199,7 +201,7 @@ mod tests {
         assert_eq!((host(2, &[5]).as_deref(), host(2, &[])), (Some("gone"), None));
         // The launch of the attempt whose folder is missing is used from the first copy.
         assert_eq!(used(&attempts, &origins), [(0, 2), (1, 3), (1, 3), (1, 4), (0, 1)]);
-        // Without the original, the copy is used.
+        // If the original is missing, the copy is used.
         std::fs::write(attempts[1].folder.join(SAMPLES), "").unwrap();
         assert_eq!(used(&attempts, &origins), [(0, 2), (0, 0), (0, 0), (0, 1)]);
     }

@@ -1,5 +1,6 @@
 //! Reports attempts that were started with another plan than that of the folder. This happens if the folders of several
-//! machines, each with a plan of its own, are copied together: the plans depend on earlier times on each machine.
+//! machines, each with a plan of its own, are copied together: a plan depends on the times that its machine measured
+//! earlier.
 
 use super::choice::few;
 use crate::error::Result;
@@ -47,8 +48,8 @@ mod tests {
         begin("n2", None);
         assert_eq!(note(), None);
         begin("n3", Some(plan(&[1, 0])));
-        let told = note().unwrap();
+        let text = note().unwrap();
         let beginning = "The plan in shards.json is not that of 1 attempt (shard-00001.n3..r00). ";
-        assert!(told.starts_with(beginning), "{told}");
+        assert!(text.starts_with(beginning), "{text}");
     }
 }

@@ -22,16 +22,16 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         }
         // A picture may be lost with its machine; the record's times are still used.
         let Ok(bytes) = std::fs::read(attempt.join(&name)) else { continue };
-        let (mut target, mut place) = (name.clone(), out.join(&name));
-        if std::fs::read(&place).is_ok_and(|there| there != bytes) {
+        let (mut target, mut path) = (name.clone(), out.join(&name));
+        if std::fs::read(&path).is_ok_and(|there| there != bytes) {
             target = with_hash(name, &bytes);
-            place = out.join(&target);
+            path = out.join(&target);
         }
-        if !place.exists() {
-            let folder = place.parent().map_or_else(|| out.to_owned(), PathBuf::from);
+        if !path.exists() {
+            let folder = path.parent().map_or_else(|| out.to_owned(), PathBuf::from);
             own_folder(&folder)
                 .map_err(|error| Error::run(format!("cannot make {}: {error}", folder.display())))?;
-            write_page(&place, &bytes)?;
+            write_page(&path, &bytes)?;
         }
         *name = target;
     }

@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 pub struct Planned {
     /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// For each caster on the host, by its key: the words that distinguish its kind of host from others. Empty if
-    /// there is only one kind of host.
+    /// For each caster on the host, by its key: the words that distinguish its kind of host from others. The map is
+    /// empty if there is only one kind of host.
     hosts: HashMap<String, String>,
 }
 
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn points_follow_cases_then_kinds_then_the_plan_and_namesakes_are_told_apart() {
+    fn points_follow_cases_then_kinds_then_the_plan_and_namesakes_are_distinguished() {
         // Points 0 and 2 belong to the second case (combination of scene and image size).
         let plan = ShardPlan { cases: vec![1, 0, 1, 0], ..ShardPlan::default() };
         let kinds = [kind(HOST, "amd", &[3]), kind(HOST, "intel", &[2, 3]), kind("gpu", "x", &[2, 1, 0])];
@@ -108,12 +108,12 @@ mod tests {
             ("gpu", "s2"),
         ];
         assert_eq!(names, expected);
-        let told = |key: &str| {
+        let strategy_of = |key: &str| {
             let mut record = Record { key: key.into(), strategy: "serial-f32".into(), ..Record::default() };
             planned.tell_apart(&mut record);
             record.strategy
         };
-        assert_eq!([told("intel 3"), told("x 1")], ["serial-f32 (intel)", "serial-f32"]);
+        assert_eq!([strategy_of("intel 3"), strategy_of("x 1")], ["serial-f32 (intel)", "serial-f32"]);
     }
 
     #[test]

@@ -53,7 +53,7 @@ fn mistake(line: &str, by: &str, said: &str, help: &str) {
 }
 
 #[test]
-fn what_is_missing_is_told_with_what_to_write() {
+fn what_is_missing_is_reported_with_what_to_write() {
     mistake("// meaning: mine\n", "", "line 1: the file's header has no 'meaning'", "`// meaning: ...`");
     mistake("// record_floats: 9\n", "", "line 1: the file's header has no 'record_floats'", "1 to 64");
     mistake("// prepared_for: any-ray\n", "", "has no 'prepared_for'", "any-ray or origin or pixels or tile");
@@ -66,7 +66,7 @@ fn what_is_missing_is_told_with_what_to_write() {
 }
 
 #[test]
-fn a_header_that_is_not_at_the_files_start_is_told_with_its_line() {
+fn a_header_that_is_not_at_the_files_start_is_reported_with_its_line() {
     let not_a_comment = "line 1: the file does not begin with a `//` comment, its header";
     for (start, said) in [
         ("\n\n", format!("{not_a_comment}; 'meaning' is only in line 4")),

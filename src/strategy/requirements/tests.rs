@@ -154,7 +154,7 @@ fn a_large_work_group_is_the_cause_only_if_a_smaller_one_fits() {
     assert_eq!(cause("wide", 1, [64, 64]), Cause::LargeGroup, "a thread's stack");
     assert_eq!(cause("local-vectors", 1, [24, 24]), Cause::LargeGroup, "__local memory");
     assert_eq!(cause("compounded", 207, [16, 16]), Cause::LargeGroup, "__local memory");
-    // The scene alone exceeds this memory.
+    // The scene alone exceeds the `__local` memory.
     assert_eq!(cause("local-triangles", 473, [16, 16]), Cause::Size);
     assert_eq!(cause("compounded", 473, [16, 16]), Cause::Size);
 }
@@ -231,7 +231,8 @@ fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
     })
 }
 
-/// Generates sizes from 0 to the largest, small ones as often as huge ones.
+/// Generates numbers with at most `bits` bits. All numbers of bits are equally likely, so small numbers are as frequent
+/// as huge ones.
 fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
     (0..=bits, any::<u64>()).prop_map(|(bits, number)| number.checked_shr(64 - bits).unwrap_or(0))
 }
@@ -295,7 +296,8 @@ fn adds_up(reason: &str) -> bool {
         return reason.starts_with("work-group: "); // a work-group whose shape allows no shared tiles
     };
     let Some((terms, total)) = needed.split_once(" = ") else {
-        // The two sides of a work-group, one of which is too long; or a single number.
+        // The reason compares the two sides of a work-group with their limits, or it compares a single number with a
+        // limit.
         return numbers(needed).iter().zip(numbers(limit)).any(|(needed, limit)| *needed > limit);
     };
     let product = |term| numbers(term).into_iter().fold(1, u128::saturating_mul);

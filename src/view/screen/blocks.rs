@@ -33,7 +33,7 @@ mod tests {
     use image::Rgb;
 
     #[test]
-    fn two_rows_are_a_line_and_a_colour_is_told_once() {
+    fn two_rows_are_a_line_and_a_colour_is_set_once() {
         let mut picture = RgbImage::from_pixel(3, 3, Rgb([1, 2, 3]));
         picture.put_pixel(2, 1, Rgb([9, 8, 7]));
         let lines = "\x1b[38;2;1;2;3;48;2;1;2;3m▀▀\x1b[38;2;1;2;3;48;2;9;8;7m▀\x1b[0m\n\

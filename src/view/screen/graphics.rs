@@ -45,9 +45,9 @@ impl Graphics {
         best.shown_by_tmux(std::env::var_os("TMUX").is_some())
     }
 
-    /// Returns half blocks instead of sixels if tmux answered. Since version 3.4, tmux accepts
-    /// sixels even if the terminal around it cannot draw them, and then shows nothing or a
-    /// placeholder.
+    /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal into
+    /// several). Since version 3.4, tmux accepts sixels even if the terminal around it cannot draw them, and then shows
+    /// nothing or a placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
@@ -57,7 +57,7 @@ impl Graphics {
         if answer.starts_with("_Gi=31;OK") {
             return Self::Kitty;
         }
-        // An example is `[?62;4;22c`: the terminal's class, then its features.
+        // An example of the answer is `[?62;4;22c`: 62 is the terminal's class, and 4 and 22 are its features.
         let features = answer.strip_prefix("[?").and_then(|rest| rest.split('c').next());
         match features.is_some_and(|features| features.split(';').skip(1).any(|one| one == SIXELS)) {
             true => Self::Sixel,
@@ -76,7 +76,7 @@ impl Graphics {
         }
     }
 
-    /// Returns the pixels that a character of this size shows, across and down.
+    /// Returns the number of pixels that a character of this size shows, across and down.
     pub fn pixels_of(self, cell: [u32; 2]) -> [u32; 2] {
         if self == Self::Blocks { [1, 2] } else { cell }
     }
@@ -96,8 +96,9 @@ impl Graphics {
     }
 }
 
-/// Returns the commands of kitty's protocol that replace the terminal's picture 1 by this one. They contain red, green
-/// and blue bytes, deflated, in base64. The cursor stays where it is, and the terminal does not answer.
+/// Returns the commands of kitty's protocol that replace the terminal's picture 1 by this one. The commands contain the
+/// picture's red, green and blue bytes, compressed by deflate and encoded in base64. The cursor stays where it is, and
+/// the terminal does not answer.
 fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::fast());
     deflated.write_all(picture)?;
@@ -204,7 +205,8 @@ mod tests {
             .pixels()
             .zip(shown.pixels.chunks_exact(4))
             .flat_map(|(pixel, rgba)| [0, 1, 2].map(|channel| pixel[channel].abs_diff(rgba[channel])));
-        // Sixels have colours in per cent, and the error of a colour is distributed over its neighbours.
+        // Sixels have colours in per cent, and the error of a pixel's colour is distributed over the neighbouring
+        // pixels. So the shown colours may differ a little from the picture's colours.
         assert!(off.clone().all(|off| off <= 24), "{:?}", off.max());
     }
 

@@ -12,14 +12,14 @@ use std::borrow::Cow;
 use std::io::{ErrorKind, IsTerminal as _, Stdout, Write as _};
 use std::time::Duration;
 
-/// Characters across and down if the terminal does not report them.
+/// The numbers of characters across and down that raycl assumes if the terminal does not report them.
 const USUAL_CELLS: [u16; 2] = [80, 24];
-/// Size of a character in pixels if the terminal does not report it.
+/// The size of a character in pixels that raycl assumes if the terminal does not report it.
 const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
 /// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show. The
 /// terminal sends both parts at once.
 const REST_OF_ANSWER: Duration = Duration::from_millis(20);
-/// Clears the screen, in the usual colours.
+/// The codes that select the usual colours and clear the screen.
 const CLEAR: &str = "\x1b[0m\x1b[2J";
 
 /// The terminal at standard output, or a file that will be shown on a terminal.
@@ -45,10 +45,11 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Returns the terminal. The whole terminal is used from the first picture, line or look for input until the
-    /// returned value is dropped. Until then, Ctrl-C ends raycl, which may take long to load a scene. If `graphics` is
-    /// `None`, asks the terminal in which form it can show pictures. Uses half blocks without asking if no user can
-    /// press keys, or if the terminal does not report the size of a character in pixels.
+    /// Returns the terminal. raycl begins to use the whole terminal when it first shows a picture, writes a line or
+    /// looks for input, and stops when the returned value is dropped. Before the first picture, line or look for input,
+    /// Ctrl-C ends raycl, for example while it loads a large scene. If `graphics` is `None`, asks the terminal in which
+    /// form it can show pictures. Uses half blocks without asking if no user can press keys, or if the terminal does
+    /// not report the size of a character in pixels.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -99,10 +100,11 @@ impl Terminal {
         if !self.is_interactive || self.is_entered {
             return Ok(());
         }
-        // While the scene was loaded, nobody looked for changes of the size.
+        // The terminal's size may have changed while the scene was loaded.
         let (cells, cell_pixels) = sizes();
         self.resized(cells, cell_pixels);
-        // Even if a step fails, all steps are undone when the terminal is dropped.
+        // `is_entered` is set before the following steps: even if one of them fails, all steps are undone when the
+        // terminal is dropped.
         self.is_entered = true;
         terminal::enable_raw_mode().map_err(failed)?;
         let screen = (terminal::EnterAlternateScreen, cursor::Hide, event::EnableMouseCapture);
@@ -115,7 +117,8 @@ impl Terminal {
         self.cell_pixels = cell_pixels.unwrap_or(self.cell_pixels);
         // The line of text is written again, on the new last line.
         self.line.clear();
-        // What was under the pointer is now elsewhere.
+        // Another pixel may now be under the pointer, so the pointer's position counts as unknown until the mouse
+        // moves.
         self.pointer = None;
         self.dragged = None;
     }
@@ -147,8 +150,8 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // The pointer is at the pixel in the middle of the character, or at the first of two middle pixels, so that
-        // half blocks give the upper pixel.
+        // The pointer counts as being at the pixel in the middle of the character, or at the first of two middle
+        // pixels, which for half blocks is the upper pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }
@@ -164,7 +167,8 @@ impl Screen for Terminal {
         let picture = if picture.dimensions() == (visible[0], visible[1]) {
             Cow::Borrowed(picture)
         } else {
-            // In a terminal that has become smaller, the ends of lines would be at the beginning of other lines.
+            // The terminal has become smaller than the picture, so the picture is cut. Otherwise, the ends of its lines
+            // would appear at the beginning of the next lines.
             Cow::Owned(picture.view(0, 0, visible[0], visible[1]).to_image())
         };
         let shown = self.graphics.text(&picture, end)?;
@@ -206,7 +210,7 @@ impl Screen for Terminal {
 impl Drop for Terminal {
     fn drop(&mut self) {
         if self.is_entered {
-            // A failure here cannot be shown to anybody.
+            // If this output fails, the failure is ignored, since a message in the same terminal would fail too.
             let _ = self.write(self.graphics.end());
             let _ = leave_terminal(&mut self.out);
             let _ = terminal::disable_raw_mode();
@@ -228,11 +232,12 @@ fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
     format!("\x1b[{down};1H\x1b[0m\x1b[K\x1b[?7l{shown}\x1b[?7h")
 }
 
-/// Returns the form in which the terminal can show pictures. Asking needs raw mode, which ends with the answer.
+/// Returns the form in which the terminal can show pictures. The terminal must be in raw mode to be asked; raw mode
+/// ends after the answer.
 fn asked() -> Result<Graphics> {
     terminal::enable_raw_mode().map_err(failed)?;
     let graphics = Graphics::of_terminal();
-    // Without raw mode, the terminal would show the rest of its own answer as text.
+    // The rest of the answer is read before raw mode ends. Otherwise, the terminal would show this rest as text.
     while event::poll(REST_OF_ANSWER).is_ok_and(|is_there| is_there) {
         let _ = event::read();
     }
@@ -246,7 +251,7 @@ fn room(graphics: Graphics, cells: [u16; 2], cell_pixels: [u32; 2]) -> [u32; 2] 
     graphics.size([across.max(1), down.saturating_sub(1).max(1)], cell_pixels)
 }
 
-/// Returns the characters across and down, and the size of a character in pixels if the terminal reports it.
+/// Returns the numbers of characters across and down, and the size of a character in pixels if the terminal reports it.
 fn sizes() -> ([u16; 2], Option<[u32; 2]>) {
     let Ok(window) = terminal::window_size() else {
         return (known(terminal::size().map_or(USUAL_CELLS, <[u16; 2]>::from)), None);
@@ -257,7 +262,8 @@ fn sizes() -> ([u16; 2], Option<[u32; 2]>) {
     (known(cells), (cell[0] > 0 && cell[1] > 0).then_some(cell))
 }
 
-/// Returns the characters across and down. A terminal that does not know its size, such as a serial line, reports 0.
+/// Returns the numbers of characters across and down. A terminal that does not know its size, such as a serial line,
+/// reports 0; raycl then assumes a usual number.
 fn known(cells: [u16; 2]) -> [u16; 2] {
     [0, 1].map(|axis| if cells[axis] == 0 { USUAL_CELLS[axis] } else { cells[axis] })
 }
@@ -362,7 +368,8 @@ mod tests {
         };
         assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
         assert_eq!(terminal.input().expect("no input").room, Some([600, 200]));
-        // A larger terminal has room for a larger picture, but shows the last one until then.
+        // A terminal that has become larger has room for a larger picture, but shows the last picture until a larger
+        // one is cast.
         terminal.pointer = Some([594, 189]);
         terminal.resized([100, 40], Some([20, 40]));
         assert_eq!(
@@ -397,7 +404,7 @@ mod tests {
         mouse(MouseEventKind::Down(MouseButton::Left), [10, 10]);
         mouse(MouseEventKind::Drag(MouseButton::Left), [33, 10]);
         let (orbit, pan) = mouse(MouseEventKind::Drag(MouseButton::Left), [33, 8]);
-        // 23 characters of 10 pixels to the right, 2 of 20 pixels up.
+        // The drag goes 23 characters of 10 pixels each to the right, and 2 characters of 20 pixels each up.
         assert_eq!((orbit, pan), ([230.0 / 460.0, -40.0 / 460.0], [0.0; 2]));
         mouse(MouseEventKind::Up(MouseButton::Left), [33, 8]);
         // A movement is a drag only while a button is down.

@@ -21,7 +21,7 @@ pub struct Window {
     size: [u32; 2],
     /// The keys that were typed.
     keys: Receiver<Key>,
-    /// The pixels that are shown, as 0RGB.
+    /// The pixels that are shown. The bytes of each, from the highest, are 0, red, green and blue.
     pixels: Vec<u32>,
     /// The position of the pointer when the drag was last read; `None` if no button was down then.
     dragged: Option<[f64; 2]>,
@@ -148,7 +148,7 @@ fn needs_display() -> bool {
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// True if the last report was about a key that was already down and still is.
+    /// True if the window's last report was about a key that was already down before this report and still is.
     is_held: bool,
 }
 

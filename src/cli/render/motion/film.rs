@@ -18,7 +18,7 @@ pub enum Film {
 }
 
 impl Film {
-    /// Makes the film that the arguments ask for.
+    /// Returns the movement that the arguments ask for: a turntable, or the scene's animation.
     pub fn of(args: &Args, loaded: Loaded) -> Result<Self> {
         let scene = Arc::new(loaded.scene);
         if let Some(count) = args.motion.turntable {
@@ -82,8 +82,8 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames: hashes of the scene's content, the strategy, the picture's size, the samples, the kind of
-/// film (for a turntable, with its number of frames), the frame's number, raycl's version and the kernels.
+/// Makes the keys of frames. A key is a hash of the scene's content, the strategy, the picture's size, the samples, the
+/// kind of movement (for a turntable, with its number of frames), the frame's number, raycl's version and the kernels.
 pub struct Keys {
     shared: String,
     mesh: LastHash<Mesh>,
@@ -91,12 +91,13 @@ pub struct Keys {
     texels: LastHash<[[f32; 3]]>,
 }
 
-/// The last large part of a scene, such as its mesh, and the part's hash. The hash is computed once for consecutive
-/// frames that share the part.
+/// A large part of a scene, such as its mesh, and the part's hash. The stored part is that of the frame whose key was
+/// made last. So the hash is computed only once for consecutive frames that share the part.
 struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
 
 impl<T: ?Sized> LastHash<T> {
-    /// Returns the hash of a part. If the part is not the last one, `hash` computes its hash.
+    /// Returns the hash of `part`. If `part` is not the stored part, calls `hash` to compute it, and stores `part` with
+    /// its hash.
     fn of(&mut self, part: &Arc<T>, hash: impl FnOnce() -> String) -> &str {
         let known = self.0.take().filter(|(known, _)| Arc::ptr_eq(known, part));
         &self.0.insert(known.unwrap_or_else(|| (Arc::clone(part), hash()))).1
@@ -104,7 +105,7 @@ impl<T: ?Sized> LastHash<T> {
 }
 
 impl Keys {
-    /// Prepares the keys of a film's frames, which are cast with these kernels.
+    /// Prepares the keys of the frames of `film`, which are cast with `kernels`.
     pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
         let Sampling { first, most, half_light } = sampling;
@@ -182,7 +183,7 @@ mod tests {
         args: Args,
     }
 
-    /// Returns a film of a triangle that turns once in `count` frames.
+    /// Returns a turntable of `count` frames around a triangle.
     fn turntable(count: u32) -> Film {
         let orbit = Orbit { centre: DVec3::ZERO, up: DVec3::Y, radius: 1.0, with_lights: false };
         Film::Turntable { scene: Arc::new(fixtures::single_triangle()), orbit, count }
@@ -190,8 +191,8 @@ mod tests {
 
     #[test]
     fn everything_that_changes_a_frames_picture_changes_its_key() {
-        let place = tempfile::tempdir().unwrap();
-        let kernels = place.path().join("cl");
+        let folder = tempfile::tempdir().unwrap();
+        let kernels = folder.path().join("cl");
         std::fs::create_dir_all(kernels.join("cast")).unwrap();
         std::fs::write(kernels.join("cast/shade.cl"), "// Edited.").unwrap();
         let of = |size: [&str; 2], count, sampling, strategy: &str, sources: &Sources| {
@@ -225,7 +226,7 @@ mod tests {
         assert_eq!(keys_of_film.key(&scene, 1), keys[0]);
     }
 
-    /// Returns a scene under a sky, whose picture has these texels and this middle.
+    /// Returns a scene under a sky. The sky's picture has these texels, and its middle lies in the direction `ahead`.
     fn under_sky(texels: &Arc<[[f32; 3]]>, ahead: Vec3) -> Scene {
         let picture = SkyPicture { size: [2, 1], texels: Arc::clone(texels), ahead, is_seen: true };
         let [zenith, horizon, up] = [Vec3::ZERO, Vec3::ZERO, Vec3::Y];

@@ -19,7 +19,7 @@ pub struct Frames {
 /// Parses `3..7`, or `3` for one frame.
 pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let (first, last) = match text.split_once("..") {
-        // Rust writes this range as `3..=7`.
+        // The form `3..=7`, in which Rust writes this range, is accepted too.
         Some((first, last)) => (first, last.strip_prefix('=').unwrap_or(last)),
         None => (text, text),
     };
@@ -112,11 +112,12 @@ impl Numbered {
             let file = self.file(number);
             let exists = file.exists();
             match frame_key(&file) {
-                Some(found) if found == key(number)? => continue,
+                Some(existing) if existing == key(number)? => continue,
                 Some(_) if !self.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
             }
-            // The check permits every file that raycl made, even a still picture that took an hour to cast.
+            // The check above permits the replacement of every file that raycl made. However, a still picture is
+            // replaced only with `--force`, since it may have taken an hour to cast.
             if exists && !self.force {
                 return Err(still(&file));
             }
@@ -175,13 +176,13 @@ mod tests {
 
     #[test]
     fn names_have_as_many_digits_as_the_last_frame_but_at_least_four() {
-        let place = tempfile::tempdir().unwrap();
+        let parent = tempfile::tempdir().unwrap();
         let choice = Choice::new(false, "-o FILE");
         let of = |folder: &str, count| {
-            let target = Target::new(place.path().join(folder).join("a.png"), choice);
+            let target = Target::new(parent.path().join(folder).join("a.png"), choice);
             let numbered = Numbered::new(&target, false, Frames { first: 7, last: 7 }, count);
             numbered.check()?;
-            Ok::<_, Error>(numbered.file(7).strip_prefix(place.path()).unwrap().display().to_string())
+            Ok::<_, Error>(numbered.file(7).strip_prefix(parent.path()).unwrap().display().to_string())
         };
         assert_eq!([of("", 9999), of("", 10_000)].map(Result::unwrap), ["a-0007.png", "a-00007.png"]);
         assert!(of("nowhere", 9).is_err());
@@ -189,9 +190,9 @@ mod tests {
 
     #[test]
     fn a_message_counts_one_frame_as_one() {
-        let told = |count| Frames { first: 5, last: 5 }.within(count).map_err(|error| error.to_string());
-        assert_eq!(told(1), Err("--frames 5..5, but there is 1 frame".to_owned()));
-        assert_eq!(told(4), Err("--frames 5..5, but there are 4 frames".to_owned()));
+        let checked = |count| Frames { first: 5, last: 5 }.within(count).map_err(|error| error.to_string());
+        assert_eq!(checked(1), Err("--frames 5..5, but there is 1 frame".to_owned()));
+        assert_eq!(checked(4), Err("--frames 5..5, but there are 4 frames".to_owned()));
     }
 
     #[test]

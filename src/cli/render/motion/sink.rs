@@ -20,7 +20,7 @@ pub enum Sink {
     Movie(Movie),
 }
 
-/// A frame to be written: its number, key and image.
+/// A frame to be written: its number, its key (a hash that identifies the picture) and its image.
 pub type Cast = (u32, String, Radiance);
 
 impl Sink {
@@ -125,8 +125,8 @@ const MOST_WRITERS: usize = 4;
 /// Number of cores per picture that is being encoded. An encoder uses several cores, but not all the time.
 const CORES_OF_WRITER: usize = 4;
 
-/// Returns how many pictures of a size are encoded at the same time. On a small machine, only one picture is encoded at
-/// a time, since casting needs the cores too.
+/// Returns how many pictures of a size are encoded at the same time. On a machine with few cores, only one picture is
+/// encoded at a time, since casting needs the cores too.
 fn writers(size: [u32; 2]) -> usize {
     writers_on(std::thread::available_parallelism().map_or(1, usize::from), size)
 }
@@ -221,10 +221,10 @@ mod tests {
 
     #[test]
     fn the_name_says_what_frames_are_written_as_and_what_cannot_be_a_stream() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let args = |name: &str, more: &[&str]| {
             let name =
-                if name == "-" { name.to_owned() } else { place.path().join(name).display().to_string() };
+                if name == "-" { name.to_owned() } else { folder.path().join(name).display().to_string() };
             let words = ["render", "a.toml", "--turntable", "4", "-o", &name];
             Command::parse_from([&words[..], more].concat()).args
         };

@@ -1,4 +1,4 @@
-//! Casts frame after frame on one device, and reuses there what successive scenes have in common.
+//! Casts frame after frame on one device. Buffers and programs are reused if they suit the next frame's scene too.
 
 use super::super::Args;
 use crate::device::Device;

@@ -32,15 +32,15 @@ pub struct Series {
 }
 
 impl Series {
-    /// Draws the series; `place` is its index among the series that have a name. For a series without a name, `place`
+    /// Draws the series; `index` is its index among the series that have a name. For a series without a name, `index`
     /// is the index of the last named series before it.
-    pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, place: usize) {
+    pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, index: usize) {
         let class = format!("series {}", self.look.class());
-        svg.open("g", &[("class", &class), ("data-series", &place)]);
+        svg.open("g", &[("class", &class), ("data-series", &index)]);
         let placed: Vec<_> = self
             .marks
             .iter()
-            .filter_map(|mark| Some((mark, [frame.across.place(mark.x)?, frame.up.place(mark.y)?])))
+            .filter_map(|mark| Some((mark, [frame.across.position(mark.x)?, frame.up.position(mark.y)?])))
             .collect();
         if self.joined {
             draw_path(svg, self.look, placed.iter().map(|(_, at)| *at));
@@ -55,8 +55,8 @@ impl Series {
     }
 }
 
-fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) {
-    let path: Vec<_> = places.map(|[x, y]| format!("{} {}", number(x), number(y))).collect();
+fn draw_path(svg: &mut Svg, look: Look, points: impl Iterator<Item = [f64; 2]>) {
+    let path: Vec<_> = points.map(|[x, y]| format!("{} {}", number(x), number(y))).collect();
     if path.len() < 2 {
         return;
     }
@@ -79,7 +79,7 @@ fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) 
 /// Draws the interval as a bar with ends. An interval shorter than two units of the drawing is left out.
 fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
     let Some([low, high]) = mark.interval else { return };
-    let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };
+    let (Some(low), Some(high)) = (frame.up.position(low), frame.up.position(high)) else { return };
     if (low - high).abs() < 2.0 {
         return;
     }

@@ -7,7 +7,8 @@ use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 
-/// Largest number of elements of an accessor; larger than any supported scene needs.
+/// Largest number of elements of an accessor (in glTF, a description of a list of numbers or vectors in a buffer);
+/// larger than any supported scene needs.
 const MOST_ELEMENTS: u64 = 1 << 31;
 
 /// The JSON and the buffers of a file, from which numbers are read.
@@ -19,15 +20,15 @@ pub(super) struct Numbers<'a> {
     most: usize,
 }
 
-/// The position of elements in a buffer.
-struct Place<'a> {
+/// The elements of an accessor in a buffer, `stride` bytes apart.
+struct StridedView<'a> {
     bytes: &'a [u8],
     stride: usize,
     component: ComponentType,
     normalised: bool,
 }
 
-impl Place<'_> {
+impl StridedView<'_> {
     /// Returns the components of an element; `None` if the element ends beyond the end of its buffer view. The padding
     /// after the last element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
@@ -74,7 +75,8 @@ impl<'a> Numbers<'a> {
         Self { root, buffers, most: largest.max(1 << 16) }
     }
 
-    /// Returns the number of an accessor's elements, or the largest number that it may have if this is less.
+    /// Returns the number of an accessor's elements, but at most the largest number of elements that an accessor may
+    /// have.
     pub fn count(&self, index: Index<Accessor>) -> u64 {
         self.root.get(index).map_or(0, |accessor| accessor.count.0.min(self.most as u64))
     }
@@ -82,9 +84,9 @@ impl<'a> Numbers<'a> {
     /// Returns the elements of an accessor; each must have `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
-        let told = |what: String| format!("accessor {number}: {what}");
-        let accessor = self.root.get(index).ok_or_else(|| told("it does not exist".to_owned()))?;
-        self.elements(accessor).map_err(told)
+        let message = |what: String| format!("accessor {number}: {what}");
+        let accessor = self.root.get(index).ok_or_else(|| message("it does not exist".to_owned()))?;
+        self.elements(accessor).map_err(message)
     }
 
     /// Returns whether an accessor stores nothing, so that all its elements are zero.
@@ -110,8 +112,8 @@ impl<'a> Numbers<'a> {
             None => self.zeros(accessor, count)?,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;
-                let place = self.place(view, offset, component, N, accessor.normalized)?;
-                (0..count).map_while(|number| place.element(number)).collect()
+                let elements = self.strided_view(view, offset, component, N, accessor.normalized)?;
+                (0..count).map_while(|number| elements.element(number)).collect()
             }
         };
         if values.len() < accessor.count.0 as usize {
@@ -145,10 +147,10 @@ impl<'a> Numbers<'a> {
             return Err("sparse indices of an unknown type".to_owned());
         };
         let offset = sparse.indices.byte_offset.0;
-        let indices = self.place(sparse.indices.buffer_view, offset, index_type.0, 1, false)?;
+        let indices = self.strided_view(sparse.indices.buffer_view, offset, index_type.0, 1, false)?;
         let offset = sparse.values.byte_offset.0;
         let replacements =
-            self.place(sparse.values.buffer_view, offset, component, N, accessor.normalized)?;
+            self.strided_view(sparse.values.buffer_view, offset, component, N, accessor.normalized)?;
         for number in 0..sparse.count.0 as usize {
             let ends = || "its buffers hold fewer sparse elements than it states".to_owned();
             let [index] = indices.element::<1>(number).ok_or_else(ends)?;
@@ -158,14 +160,14 @@ impl<'a> Numbers<'a> {
         Ok(())
     }
 
-    fn place(
+    fn strided_view(
         &self,
         view: Index<View>,
         offset: u64,
         component: ComponentType,
         components: usize,
         normalised: bool,
-    ) -> Parsed<Place<'a>> {
+    ) -> Parsed<StridedView<'a>> {
         let number = view.value();
         let view = self.root.get(view).ok_or_else(|| format!("buffer view {number} does not exist"))?;
         let buffer = self.buffers.get(view.buffer.value());
@@ -179,7 +181,7 @@ impl<'a> Numbers<'a> {
         if stride < size {
             return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
         }
-        Ok(Place { bytes: &buffer[range], stride, component, normalised })
+        Ok(StridedView { bytes: &buffer[range], stride, component, normalised })
     }
 }
 

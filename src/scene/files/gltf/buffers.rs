@@ -58,9 +58,9 @@ fn read<'a>(
         let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
         return bytes.map_err(|why| if quotes { why } else { "its data: uri is damaged".to_owned() });
     }
-    let told = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its uri".to_owned() };
+    let shown = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its uri".to_owned() };
     if uri.contains("://") {
-        return Err(format!("{} is not a file; nothing is downloaded", told(uri)));
+        return Err(format!("{} is not a file; nothing is downloaded", shown(uri)));
     }
     let name = unescaped(uri);
     let bytes = reach.locate(&name).and_then(|path| match files.get(&path) {
@@ -71,7 +71,7 @@ fn read<'a>(
             Ok(bytes)
         }
     });
-    bytes.map_err(|why| format!("{} {why}", told(&name)))
+    bytes.map_err(|why| format!("{} {why}", shown(&name)))
 }
 
 /// Reads a file, unless it is too large for the host's memory.
@@ -84,7 +84,7 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
     reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
-/// Decodes a `data:` URI: any type, `;base64,` and the data.
+/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);

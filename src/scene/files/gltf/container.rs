@@ -43,9 +43,9 @@ fn other_version(named: Named<'_>, version: u32) -> Error {
 fn buffer(bytes: &[u8], mut at: usize) -> std::result::Result<Option<&[u8]>, String> {
     // If fewer bytes remain than a chunk's header has, they are padding.
     while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {
-        let (found, next) = chunk(bytes, at)?;
-        if found.kind == b"BIN\0" {
-            return Ok(Some(found.contents));
+        let (current, next) = chunk(bytes, at)?;
+        if current.kind == b"BIN\0" {
+            return Ok(Some(current.contents));
         }
         at = next;
     }
@@ -108,14 +108,20 @@ mod tests {
     #[test]
     fn what_is_cut_off_or_of_another_version_is_refused() {
         let whole = file(28, &[(b"JSON", b"{}  "), (b"BIN\0", b"abcd")]);
-        let told = |bytes: &[u8]| split("a", bytes).err().unwrap().to_string();
-        assert!(told(&whole[..6]).contains("the header of this binary glTF file is cut off"));
-        assert!(told(&whole[..14]).contains("the file ends in the header of the chunk at byte 12"));
-        assert!(told(&whole[..22]).contains("the chunk at byte 12 has 4 bytes, of which the file holds 2"));
-        assert!(told(&whole[..34]).contains("the chunk at byte 24 has 4 bytes, of which the file holds 2"));
-        assert!(told(&file(0, &[(b"BIN\0", b"abcd")])).contains("is not JSON"));
+        let message_of = |bytes: &[u8]| split("a", bytes).err().unwrap().to_string();
+        assert!(message_of(&whole[..6]).contains("the header of this binary glTF file is cut off"));
+        assert!(message_of(&whole[..14]).contains("the file ends in the header of the chunk at byte 12"));
+        assert!(
+            message_of(&whole[..22]).contains("the chunk at byte 12 has 4 bytes, of which the file holds 2")
+        );
+        assert!(
+            message_of(&whole[..34]).contains("the chunk at byte 24 has 4 bytes, of which the file holds 2")
+        );
+        assert!(message_of(&file(0, &[(b"BIN\0", b"abcd")])).contains("is not JSON"));
         let older = [b"glTF\x01\0\0\0", &whole[8..]].concat();
-        assert!(told(&older).contains("raycl does not read binary glTF of version 1; expected version 2"));
+        assert!(
+            message_of(&older).contains("raycl does not read binary glTF of version 1; expected version 2")
+        );
     }
 
     #[test]

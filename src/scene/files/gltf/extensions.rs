@@ -19,7 +19,7 @@ const VARIANTS: &str = "KHR_materials_variants";
 /// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
 /// Largest number of extensions that a note lists.
-const TOLD: usize = 8;
+const MOST_LISTED: usize = 8;
 
 /// The extension that stores a primitive's vertices and triangles in compressed form.
 const DRACO: &str = "KHR_draco_mesh_compression";
@@ -45,10 +45,10 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
         1 => "the extension",
         _ => "the extensions",
     };
-    let told = |what: &str| format!("the file requires {what}, which raycl does not support");
-    let quoting = told(&format!("{what} {}", lacking.join(", ")));
+    let text = |what: &str| format!("the file requires {what}, which raycl does not support");
+    let quoting = text(&format!("{what} {}", lacking.join(", ")));
     Err(named
-        .error(Flaw::quoting(quoting, told("an extension that compresses its vertices")))
+        .error(Flaw::quoting(quoting, text("an extension that compresses its vertices")))
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
@@ -69,17 +69,17 @@ pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
     let unknown =
         root.extensions_used.iter().filter(|extension| !is_known(extension) && !required(extension));
     let ignored = list(unknown);
-    let told = |what: &str, names: Vec<String>| {
+    let note = |what: &str, names: Vec<String>| {
         let listed = || if quotes { format!(": {}", names.join(", ")) } else { String::new() };
         (!names.is_empty()).then(|| what.to_owned() + &listed())
     };
-    let needed = told(
+    let needed = note(
         "the file requires extensions that are not supported, without which the picture may be wrong",
         needed,
     );
-    needed.into_iter().chain(told("unsupported extensions are ignored", ignored))
+    needed.into_iter().chain(note("unsupported extensions are ignored", ignored))
 }
 
 fn list<'a>(extensions: impl Iterator<Item = &'a String>) -> Vec<String> {
-    extensions.take(TOLD).map(|extension| quoted(extension.as_bytes())).collect()
+    extensions.take(MOST_LISTED).map(|extension| quoted(extension.as_bytes())).collect()
 }

@@ -79,9 +79,9 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     });
     match version {
         Some(version) if !version.starts_with('2') => {
-            let told = |version: &str| format!("raycl does not read glTF of {version}; expected version 2.0");
-            let quoting = told(&format!("version {}", quoted(version.as_bytes())));
-            named.error(Flaw::quoting(quoting, told("this version"))).with_help("export the file as glTF 2.0")
+            let text = |version: &str| format!("raycl does not read glTF of {version}; expected version 2.0");
+            let quoting = text(&format!("version {}", quoted(version.as_bytes())));
+            named.error(Flaw::quoting(quoting, text("this version"))).with_help("export the file as glTF 2.0")
         }
         _ => {
             let message = error.to_string();

@@ -10,8 +10,8 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, extensions::material::Material as Extensions};
 
-/// Materials and their unsupported features. Number 0 is for primitives without a material; if such a primitive has
-/// colours, its number is [`white`].
+/// Materials and their unsupported features. Material 0 is for primitives without a material. A primitive that has
+/// colours but no material uses the material whose number [`white`] returns.
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub asked: Vec<Asked>,
@@ -43,14 +43,15 @@ fn has_colours(primitive: &Primitive) -> bool {
     primitive.attributes.contains_key(&Checked::Valid(Semantic::Colors(0)))
 }
 
-/// raycl does not blend a surface with what lies behind it. Where the file asks for blending, points with at least this
-/// alpha are opaque, and all other points are holes.
+/// raycl does not blend a surface with the surfaces behind it. Where the file asks for blending, points with at least
+/// this alpha are opaque, and all other points are holes.
 const BLENDED: f32 = 0.5;
 
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // The surface is faint, such as the picture of a shadow. Without holes, it would hide what lies behind it.
+        // The surface is almost transparent everywhere, like a picture of a shadow. Without holes, it would hide the
+        // surfaces behind it, so the alpha of its texture alone decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
@@ -78,7 +79,8 @@ fn factor(wire: &Wire) -> f32 {
 }
 
 /// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a surface
-/// without holes. If it is blended and its factor is above 0, it has the holes of its texture alone.
+/// without holes, with one exception: if the surface is blended and its factor is above 0, the alpha of its texture
+/// alone decides which points are holes.
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -140,7 +142,8 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     if wire.emissive_factor.0 != [0.0; 3] {
         asked.add(Wish::Emission, b"emissiveFactor");
     }
-    // With these extensions, the two factors have no effect. Without `metallicFactor`, a material is metal.
+    // In a material with one of these extensions, `metallicFactor` and `roughnessFactor` have no effect. A material
+    // that does not state `metallicFactor` is metal.
     let replacing = ["KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"];
     let is_replaced = replacing.iter().any(|name| extension(wire, name).is_some());
     if pbr.metallic_factor.0 > 0.0 && !is_replaced {
@@ -202,8 +205,8 @@ mod tests {
         }
         let expected = "1 material asks for a colour outside 0 to 1 (baseColorFactor), which raycl does not support: \
                         channels are limited to this range";
-        let found = of(&coloured("[2, -1, 0.5, 1]"));
-        assert_eq!(found, (Vec3::new(1.0, 0.0, 0.5), vec![expected.to_owned()]));
+        let actual = of(&coloured("[2, -1, 0.5, 1]"));
+        assert_eq!(actual, (Vec3::new(1.0, 0.0, 0.5), vec![expected.to_owned()]));
         let older = object("diffuseFactor", "[1e39, 0, 0.5, 1]");
         let (colour, notes) =
             of(&object("extensions", &object("KHR_materials_pbrSpecularGlossiness", &older)));

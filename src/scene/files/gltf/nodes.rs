@@ -23,7 +23,7 @@ use gltf::json::{Index, Root};
 use std::collections::HashSet;
 
 /// A node of the scene, with its transform to the scene's coordinates.
-pub(super) type Placed = (Index<Node>, DMat4);
+pub(super) type PlacedNode = (Index<Node>, DMat4);
 
 /// The results of traversing the nodes; positions are in the scene's coordinates, in double precision.
 pub(super) struct Walk<'a> {
@@ -43,10 +43,10 @@ pub(super) struct Walk<'a> {
     has_maps: bool,
     /// The texture coordinates of each triangle; empty if no material has a texture.
     mapped: Vec<Mapped>,
-    /// The first triangle of each node that has a mesh.
+    /// The index of the first triangle of each node that has a mesh.
     starts: Vec<u32>,
-    /// Each perspective camera, placed at the origin, its position in double precision, and the depth beyond which it
-    /// sees nothing (zfar), if the file states one.
+    /// For each perspective camera: its position in double precision, the camera moved to the origin, and the depth
+    /// beyond which the camera sees nothing (zfar), if the file states this depth.
     cameras: Vec<(DVec3, Camera, Option<f32>)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
@@ -54,7 +54,7 @@ pub(super) struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// Reads the meshes, cameras and lights of all nodes of the scene.
-    pub fn of(numbers: Numbers<'a>, placed: &[Placed], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
+    pub fn of(numbers: Numbers<'a>, placed: &[PlacedNode], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
         let mut walk = Self {
             numbers,
             positions: Vec::new(),
@@ -71,9 +71,9 @@ impl<'a> Walk<'a> {
             lights: Vec::new(),
             left_out: LeftOut::default(),
         };
-        for (index, place) in placed {
+        for (index, transform) in placed {
             let Some(node) = numbers.root.get(*index) else { continue };
-            walk.visit(node, *place).map_err(|what| format!("node {}: {what}", index.value()))?;
+            walk.visit(node, *transform).map_err(|what| format!("node {}: {what}", index.value()))?;
         }
         if walk.starts.is_empty() {
             walk.add_unplaced()?;
@@ -91,16 +91,16 @@ impl<'a> Walk<'a> {
         })
     }
 
-    fn visit(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
+    fn visit(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         if let Some(index) = node.mesh {
             self.left_out.skins += usize::from(node.skin.is_some());
-            self.add_mesh(index, place)?;
+            self.add_mesh(index, transform)?;
         }
-        self.add_camera(node, place)?;
-        self.add_light(node, place)
+        self.add_camera(node, transform)?;
+        self.add_light(node, transform)
     }
 
-    fn add_mesh(&mut self, index: Index<GltfMesh>, place: DMat4) -> Parsed<()> {
+    fn add_mesh(&mut self, index: Index<GltfMesh>, transform: DMat4) -> Parsed<()> {
         self.starts.push(self.triangles.len() as u32);
         let mesh = self.numbers.root.get(index);
         let mesh = mesh.ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
@@ -114,7 +114,7 @@ impl<'a> Walk<'a> {
                     let is_clear = part.is_clear && material.is_some_and(uses_alpha);
                     self.left_out.clear_colours += usize::from(is_clear);
                     self.left_out.add(&part);
-                    self.add(part, map, place)?;
+                    self.add(part, map, transform)?;
                 }
                 Shape::Other => self.left_out.lines_and_points += 1,
             }
@@ -122,7 +122,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    fn add(&mut self, part: Part, map: Option<ColourMap>, place: DMat4) -> Parsed<()> {
+    fn add(&mut self, part: Part, map: Option<ColourMap>, transform: DMat4) -> Parsed<()> {
         let first = self.positions.len() as u32;
         let first_normal = self.normals.len() as u32;
         if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
@@ -130,8 +130,8 @@ impl<'a> Walk<'a> {
                 "the file has more than {MAX_TRIANGLES} triangles; export it with fewer triangles"
             ));
         }
-        self.positions.extend(part.positions.iter().map(|position| place.transform_point3(*position)));
-        let linear = DMat3::from_mat4(place);
+        self.positions.extend(part.positions.iter().map(|position| transform.transform_point3(*position)));
+        let linear = DMat3::from_mat4(transform);
         let across = normal_matrix(linear);
         self.normals.extend(part.normals.iter().map(|n| (across * *n).normalize_or_zero().as_vec3()));
         self.coloured += part.coloured;
@@ -147,22 +147,22 @@ impl<'a> Walk<'a> {
             Triangle { positions: corners.map(|i| i + first), normals, material: part.material }
         }));
         if self.has_maps {
-            self.add_places(&part, map, mirrored);
+            self.add_texture_coordinates(&part, map, mirrored);
         }
         Ok(())
     }
 
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the order of the corners
     /// is reversed.
-    fn add_places(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
+    fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
         let unmapped = &mut self.left_out.unmapped;
         self.mapped.extend(part.triangles.iter().map(|corners| {
             let Some(map) = map else { return Mapped::NONE };
-            let place = || {
+            let mapped = || {
                 let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
-                map.place(if mirrored { [a, c, b] } else { [a, b, c] })
+                map.mapped(if mirrored { [a, c, b] } else { [a, b, c] })
             };
-            let row = (!part.coordinates.is_empty()).then(place).and_then(finite);
+            let row = (!part.coordinates.is_empty()).then(mapped).and_then(finite);
             row.unwrap_or_else(|| {
                 *unmapped += 1;
                 Mapped::NONE
@@ -171,7 +171,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Adds the camera of a node, which looks along the node's -z axis.
-    fn add_camera(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
+    fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
             self.numbers.root.get(index).ok_or_else(|| format!("camera {} does not exist", index.value()))?;
@@ -182,9 +182,9 @@ impl<'a> Walk<'a> {
             }
             return Ok(());
         };
-        let position = place.transform_point3(DVec3::ZERO);
+        let position = transform.transform_point3(DVec3::ZERO);
         let [ahead, up] =
-            [DVec3::NEG_Z, DVec3::Y].map(|axis| place.transform_vector3(axis).normalize_or_zero());
+            [DVec3::NEG_Z, DVec3::Y].map(|axis| transform.transform_vector3(axis).normalize_or_zero());
         let degrees = lens.yfov.to_degrees();
         let valid = degrees > 1e-3 && degrees < 179.99;
         self.left_out.odd_views += usize::from(!valid);
@@ -197,7 +197,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Adds the light of a node. A directional light shines along the node's -z axis.
-    fn add_light(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
+    fn add_light(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         let Some(index) = named.map(|named| named.light) else { return Ok(()) };
         let lights = self
@@ -215,16 +215,16 @@ impl<'a> Walk<'a> {
                 index.value()
             ));
         }
-        // If all lights of the file are dark, the scene gets raycl's own lights.
+        // A dark light is left out. If all lights of the file are dark, the scene gets raycl's own lights.
         if strength == DVec3::ZERO {
             self.left_out.dark += 1;
             return Ok(());
         }
         self.left_out.ranges += usize::from(light.range.is_some());
-        let position = place.transform_point3(DVec3::ZERO);
+        let position = transform.transform_point3(DVec3::ZERO);
         self.lights.push(match light.type_ {
             Checked::Valid(punctual::Type::Directional) => {
-                FileLight::direction(place.transform_vector3(DVec3::NEG_Z), strength)
+                FileLight::direction(transform.transform_vector3(DVec3::NEG_Z), strength)
             }
             other => {
                 self.left_out.spots += usize::from(other == Checked::Valid(punctual::Type::Spot));
@@ -291,9 +291,9 @@ impl<'a> Walk<'a> {
 
 /// Returns the nodes of the file's scene in order or, if the file has no scene, all nodes without a parent and their
 /// descendants.
-pub(super) fn placed(root: &Root) -> Parsed<Vec<Placed>> {
+pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
     let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
-    let mut next: Vec<Placed> = match scene {
+    let mut next: Vec<PlacedNode> = match scene {
         Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
         None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
     };
@@ -306,24 +306,24 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<Placed>> {
         if std::mem::replace(&mut visited[number], true) {
             return Err(format!("node {number} occurs twice in the scene; expected once"));
         }
-        let place = parent * local(node);
-        if !place.is_finite() {
+        let transform = parent * local(node);
+        if !transform.is_finite() {
             return Err(format!("node {number} has a transform that is not finite"));
         }
-        placed.push((index, place));
-        next.extend(node.children.iter().flatten().rev().map(|child| (*child, place)));
+        placed.push((index, transform));
+        next.extend(node.children.iter().flatten().rev().map(|child| (*child, transform)));
     }
     Ok(placed)
 }
 
 /// Returns the mesh of each node that has one. If no node has a mesh, returns all meshes of the file.
-pub(super) fn meshes_of(root: &Root, placed: &[Placed]) -> Vec<Index<GltfMesh>> {
+pub(super) fn meshes_of(root: &Root, placed: &[PlacedNode]) -> Vec<Index<GltfMesh>> {
     let of_nodes: Vec<_> = placed.iter().filter_map(|(node, _)| root.get(*node)?.mesh).collect();
     if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }
 }
 
-/// Returns the indices of the materials of the triangles in these nodes' meshes.
-pub(super) fn materials_of(root: &Root, placed: &[Placed]) -> HashSet<usize> {
+/// Returns the indices of the materials of the triangles in the meshes of the nodes `placed`.
+pub(super) fn materials_of(root: &Root, placed: &[PlacedNode]) -> HashSet<usize> {
     // Each mesh is looked at once, however many nodes place it.
     let meshes: HashSet<usize> = meshes_of(root, placed).iter().map(Index::value).collect();
     let meshes = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh));
@@ -363,8 +363,8 @@ fn local(node: &Node) -> DMat4 {
     )
 }
 
-/// Returns the matrix of cofactors, negated if the determinant is negative. This matrix equals the inverse transpose
-/// times a positive factor, and also exists if the transform flattens the mesh.
+/// Returns the matrix that transforms normals: the matrix of cofactors, negated if the determinant is negative. This
+/// matrix equals the inverse transpose times a positive factor, but it also exists if the transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

@@ -19,15 +19,15 @@ pub(super) struct Part {
     pub colours: Vec<Vec3>,
     /// The number of the file's vertices that have a colour and belong to a triangle.
     pub coloured: usize,
-    /// The number of these vertices whose colour has channels outside 0 to 1.
+    /// The number of vertices that belong to a triangle and have a colour with channels outside 0 to 1.
     pub outside: usize,
     /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
     /// Coordinates in the material's texture: one pair per position, or none at all.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
-    /// The number of the material; the file's materials start at 1. If the part has none, the number is 0 or, with
-    /// colours, [`white`].
+    /// The number of the material; the file's materials start at 1. If the part has no material, the number is 0 or, if
+    /// the part has colours, the number that [`white`] returns.
     pub material: u32,
     /// Number of the part's accessors that store nothing.
     pub empty: usize,
@@ -42,7 +42,7 @@ pub(super) struct Part {
 /// Upper limits of a part's sizes, from its accessors' numbers of elements.
 #[derive(Default)]
 pub(super) struct Sizes {
-    /// The elements of all accessors.
+    /// The number of elements of all accessors together.
     pub elements: u64,
     pub triangles: u64,
     /// The positions of the triangles. Positions that no triangle uses are not kept.
@@ -206,7 +206,7 @@ impl Part {
     }
 }
 
-/// Returns the mode of a primitive of triangles.
+/// Returns the mode of a primitive of triangles; `None` for any other primitive, such as lines.
 pub(super) fn mode_of(primitive: &Primitive) -> Option<Mode> {
     match primitive.mode {
         Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => Some(mode),
@@ -252,7 +252,7 @@ fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
     (existing, dangling)
 }
 
-/// Returns how many of a number of corners come after the last whole triangle.
+/// Returns how many of `corners` corners come after the last whole triangle.
 fn spare(mode: Mode, corners: usize) -> usize {
     match mode {
         Mode::Triangles => corners % 3,
@@ -262,9 +262,9 @@ fn spare(mode: Mode, corners: usize) -> usize {
 }
 
 fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
-    let strip = |(place, window): (usize, &[u32])| {
+    let strip = |(index, window): (usize, &[u32])| {
         let [a, b, c] = [window[0], window[1], window[2]];
-        if place.is_multiple_of(2) { [a, b, c] } else { [b, a, c] }
+        if index.is_multiple_of(2) { [a, b, c] } else { [b, a, c] }
     };
     match mode {
         Mode::TriangleStrip => corners.windows(3).enumerate().map(strip).collect(),

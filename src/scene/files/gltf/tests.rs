@@ -113,9 +113,9 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 
 #[test]
 fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
-    // The sparse accessor replaces one position. Its data are other bytes of the file: the index of the replaced
-    // position is the second of the triangle's indices, 1, and the new position is the second to fourth numbers of the
-    // positions: 0, 0, 1.
+    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle. The index
+    // of the replaced position is the second of the triangle's indices, 1. The new position consists of the second to
+    // fourth numbers of the positions: 0, 0, 1.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
@@ -125,9 +125,9 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
 
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
-    // The sparse accessor replaces one position. Its data are other bytes of the file: the index of the replaced
-    // position is the second of the triangle's indices, 1, and the new position is the sixth to eighth numbers of the
-    // corners: 0, 0, 127.
+    // The sparse accessor replaces one position. Its data are bytes that the file also uses for the triangle. The index
+    // of the replaced position is the second of the triangle's indices, 1. The new position consists of the sixth to
+    // eighth numbers of the corners: 0, 0, 127.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 5}},"#;
@@ -186,7 +186,8 @@ fn materials_cameras_and_lights() {
     }
 }
 
-/// Returns the notes on a camera with this range, which looks from the origin along -z at a triangle.
+/// Returns the notes on a camera that looks from the origin along -z at a triangle. `range` has the camera's `znear`
+/// and perhaps its `zfar`.
 fn camera_notes(range: &str, z_of_triangle: i32) -> Vec<String> {
     let lens = format!(r#"{{"yfov": 1, {range}}}"#);
     let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
@@ -226,8 +227,8 @@ fn colours_of_corners_make_one_of_the_triangle() {
     // The positions are used as colours: black, red and green.
     let mean = Vec3::new(1.0, 1.0, 0.0) / 3.0;
     let colour = |mesh: &Mesh, at: usize| mesh.material(&mesh.triangles[at]).lambertian;
-    let found = colour(&file.mesh, 0);
-    assert!((found - mean).abs().max_element() < 5e-3, "{found}");
+    let actual = colour(&file.mesh, 0);
+    assert!((actual - mean).abs().max_element() < 5e-3, "{actual}");
     assert!(file.notes.iter().any(|note| note.contains("colours of 3 vertices")), "{:?}", file.notes);
     // A second primitive has neither a material nor colours, and a third one has both.
     let others = r#""primitives": [{"attributes": {"POSITION": 0}},
@@ -236,8 +237,8 @@ fn colours_of_corners_make_one_of_the_triangle() {
     let mixed = text.replace(r#""primitives": ["#, others).replacen('{', materials, 1);
     let mesh = read(&mixed).unwrap().mesh;
     for (at, expected) in [(0, Vec3::splat(0.8)), (1, 0.5 * mean), (2, mean)] {
-        let found = colour(&mesh, at);
-        assert!((found - expected).abs().max_element() < 5e-3, "{at}: {found}");
+        let actual = colour(&mesh, at);
+        assert!((actual - expected).abs().max_element() < 5e-3, "{at}: {actual}");
     }
 }
 
@@ -255,7 +256,8 @@ fn lights_of_intensity_0_are_left_out_and_noted() {
 
 #[test]
 fn positions_that_no_triangle_uses_are_left_out() {
-    // Two of the three positions of the first primitive are used, and the positions serve as normals.
+    // The triangle uses two of the three positions in the list, and the list of positions also serves as the list of
+    // normals.
     let text = triangle()
         .replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "NORMAL": 0}"#)
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode([&bytes()[..36], &[1, 0, 2, 0, 1, 0]].concat()));
@@ -265,7 +267,7 @@ fn positions_that_no_triangle_uses_are_left_out() {
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::X, Vec3::Y, Vec3::X]);
 }
 
-/// A file of 3 MB, whose mesh would take about 900 GB.
+/// The test's file has 3 MB, and its mesh would take about 900 GB.
 #[test]
 fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
     let nodes = vec![r#"{"mesh": 0}"#; 200_000].join(",");
@@ -282,12 +284,13 @@ fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
     assert!(error.starts_with("reading a.gltf needs about") && error.contains("B for all nodes"), "{error}");
 }
 
-/// A file outside the folder of the file that names it may belong to somebody else.
+/// A file outside the folder of the file that names it may belong to somebody else, so errors and notes must not quote
+/// it.
 #[test]
 fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
     let permitted = Permitted { quotes: false, ..PERMITTED };
     let reach = Reach { folder: Path::new("/nowhere"), permitted };
-    let told = |from: &str, to: &str| parse("a.gltf", reach, triangle().replacen(from, to, 1).as_bytes());
+    let parsed = |from: &str, to: &str| parse("a.gltf", reach, triangle().replacen(from, to, 1).as_bytes());
     let data = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes()));
     for (from, to, message) in [
         (
@@ -306,12 +309,12 @@ fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
         (r#""mesh": 0"#, r#""mesh": "secret""#, "a.gltf:3: not valid glTF 2.0"),
         (r#""mesh": 0"#, r#""mesh": 7"#, "a.gltf: node 0: mesh 7 does not exist"),
     ] {
-        let error = told(from, to).err().unwrap().to_string();
+        let error = parsed(from, to).err().unwrap().to_string();
         assert!(error.contains(message) && !error.contains("secret"), "{error}");
     }
     let extensions = r#"{"extensionsUsed": ["secret", "EXT_x"], "extensionsRequired": ["secret"],
 "animations": [{"channels": [], "samplers": []}], "#;
-    let notes = told("{", extensions).unwrap().notes.join("\n");
+    let notes = parsed("{", extensions).unwrap().notes.join("\n");
     for note in
         ["1 animation is left out", "requires extensions that are not supported", "extensions are ignored"]
     {
@@ -429,15 +432,15 @@ fn parts_that_are_not_used_may_have_any_form() {
 }
 
 #[test]
-fn a_directional_light_shines_the_same_way_wherever_its_node_stands() {
+fn a_directional_light_shines_in_the_same_direction_wherever_its_node_stands() {
     let light =
         r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 2}]}}, "#;
     let text = triangle()
         .replacen('{', light, 1)
         .replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}},"#);
-    for place in ["[0, 0, 5]", "[3, -4, 0]"] {
-        let lights = read(&text.replace("[0, 0, 5]", place)).unwrap().lights;
-        assert_eq!(lights, [FileLight::direction(DVec3::NEG_Z, DVec3::splat(2.0))], "{place}");
+    for translation in ["[0, 0, 5]", "[3, -4, 0]"] {
+        let lights = read(&text.replace("[0, 0, 5]", translation)).unwrap().lights;
+        assert_eq!(lights, [FileLight::direction(DVec3::NEG_Z, DVec3::splat(2.0))], "{translation}");
     }
 }
 
@@ -480,9 +483,9 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("\"scenes\"", "\"scenes", "a.gltf:2: not valid glTF 2.0: "),
     ] {
         let text = triangle().replacen(from, to, 1);
-        let found = read(&text).err().map(|error| error.to_string()).unwrap_or_default();
+        let actual = read(&text).err().map(|error| error.to_string()).unwrap_or_default();
         let version = to.contains("1.0");
-        assert!(version || found.contains(message), "{from} -> {to}: {found}");
+        assert!(version || actual.contains(message), "{from} -> {to}: {actual}");
     }
 }
 
@@ -636,7 +639,9 @@ fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
     assert_eq!(file.mesh.triangles.len(), 2);
     let colours = "colours of 3 vertices: each triangle has one colour, the mean of its corners";
     assert_eq!(file.notes, [colours]);
-    // Of these bytes, only those of the number 1 are not zero; the third colour has them as whole numbers.
+    // The colours are now nine bytes of the positions, read as whole numbers. Only the bytes of the floating-point
+    // number 1 among them are not zero. These bytes belong to the third colour, and make two of its channels larger
+    // than 1.
     let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     assert_eq!(notes, [colours, outside]);

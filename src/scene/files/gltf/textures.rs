@@ -28,10 +28,10 @@ pub(super) struct ColourMap {
 
 impl ColourMap {
     /// Returns the texture coordinates of a triangle with this material.
-    pub fn place(&self, corners: [[f32; 2]; 3]) -> Mapped {
-        let placed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
+    pub fn mapped(&self, corners: [[f32; 2]; 3]) -> Mapped {
+        let transformed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
         let mask = (self.usage.least_alpha > 0).then_some(self.texture);
-        Mapped::new(corners.map(placed), Some(self.texture), mask, self.usage.wrap)
+        Mapped::new(corners.map(transformed), Some(self.texture), mask, self.usage.wrap)
     }
 }
 
@@ -162,7 +162,8 @@ fn transform(info: &Info) -> (Affine2, Option<u32>) {
         Vec2::new(value(0), value(1))
     };
     let rotation = named["rotation"].as_f64().unwrap_or(0.0) as f32;
-    // The rotation is counter-clockwise if v grows upwards; here v grows downwards.
+    // The angle is negated, because glTF's rotation is counter-clockwise if v grows upwards, and here v grows
+    // downwards.
     let transform = Affine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
     (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))
 }

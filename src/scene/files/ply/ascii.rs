@@ -66,7 +66,8 @@ fn scalar<'a>(kind: &ScalarType, words: &mut impl Iterator<Item = &'a [u8]>) -> 
         ScalarType::UShort => Property::UShort(next(words, whole, WHOLE)?),
         ScalarType::Int => Property::Int(next(words, whole, WHOLE)?),
         ScalarType::UInt => Property::UInt(next(words, whole, WHOLE)?),
-        // Programs write more digits than a float has, and a position is rounded only after the mesh was moved.
+        // Numbers of the type `float` are read in double precision, too: programs write more digits than a float has,
+        // and a position is rounded only after the mesh was moved.
         ScalarType::Float | ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
     })
 }

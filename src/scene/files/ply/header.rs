@@ -18,14 +18,14 @@ const MAX_BYTES: usize = 1 << 20;
 
 /// A file whose header is in the form that PLY defines.
 pub(super) struct Tidied<'a> {
-    /// The lines of the header. Each line has its number in the file.
+    /// The lines of the header. Each line has the same number as in the file.
     pub header: String,
     /// The bytes after the header.
     pub payload: &'a [u8],
-    /// The number of lines that PLY does not define: some exporters write their name without `comment`. These lines
-    /// have become comments.
+    /// The number of lines whose first word PLY does not define; in `header`, these lines are comments. Some exporters,
+    /// for example, write their name into a line without the word `comment`.
     pub strange: usize,
-    /// The name that each element has in the file, by its name in `header`.
+    /// A map from the name of each element in `header` to the element's name in the file.
     pub elements: HashMap<String, String>,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
         }
     }
     tidied.elements = names.elements;
-    // Another file is refused because of its first line.
+    // A file whose first line is not `ply` is refused later, because of this line.
     let is_ply = tidied.header.lines().next().is_some_and(|line| line.trim_end().eq_ignore_ascii_case("ply"));
     if is_read || !is_ply { Ok(tidied) } else { Err(too_long()) }
 }
@@ -70,8 +70,8 @@ fn too_long() -> Flaw {
     .with_remedy("export the file with fewer comments in its header, or convert it to OBJ")
 }
 
-/// Returns what is wrong with a line of a header that `ply-rs-bw` does not read; `None` if the crate's own message says
-/// it. Lines are counted from 1.
+/// Returns what is wrong with a line of a header that `ply-rs-bw` does not read; `None` if the message of `ply-rs-bw`
+/// is used instead. Lines are counted from 1.
 pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     let before = || header.lines().take(number.saturating_sub(1));
     let line = header.lines().nth(number.checked_sub(1)?)?;
@@ -108,8 +108,9 @@ fn of_types(types: &[&str]) -> Flaw {
     }
 }
 
-/// Returns the byte that ends each line of a header. A CR counts as a line end only if no LF follows the first CR,
-/// since in a binary file, the byte after the last line may be equal to an LF.
+/// Returns the byte that ends each line of a header. It is CR if the first line ends with a CR that no LF follows, and
+/// otherwise LF. The first line decides, because in a binary file the byte after the header's last line belongs to the
+/// data, and may be equal to an LF.
 fn line_end(head: &[u8]) -> u8 {
     match head.iter().position(|&byte| byte == b'\n' || byte == b'\r') {
         Some(at) if head[at] == b'\r' && head.get(at + 1) != Some(&b'\n') => b'\r',
@@ -202,9 +203,10 @@ mod tests {
         assert_eq!(of(header(MAX_BYTES).as_bytes()).1, b"1 2 3\n");
         assert!(tidied(header(MAX_BYTES + 1).as_bytes()).is_err());
         assert!(tidied(format!("ply\n{}", " ".repeat(MAX_BYTES)).as_bytes()).is_err());
-        // A file that is no PLY is refused because of its first line.
+        // `tidied` accepts a long file that is no PLY, because a later check refuses the file's first line.
         assert!(tidied(" ".repeat(MAX_BYTES + 1).as_bytes()).is_ok());
-        // Without an end, the file's own mistake is told.
+        // `tidied` also accepts a file of exactly `MAX_BYTES` bytes without `end_header`, because a later check reports
+        // the file's mistake.
         assert!(tidied(" ".repeat(MAX_BYTES).as_bytes()).is_ok());
     }
 

@@ -9,7 +9,7 @@ use crate::words::counted;
 use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 
 /// Largest number of properties that a message lists.
-const TOLD: usize = 8;
+const MOST_LISTED: usize = 8;
 
 /// Refuses a header whose vertices have no x or y, or whose faces or strips have no list of corners.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
@@ -42,14 +42,14 @@ fn check_names(header: &Header) -> Result<(), Flaw> {
 
 /// Returns the mistake of an element that lacks a property.
 fn without(element: &ElementDef, what: &str) -> Flaw {
-    let mut names: Vec<String> = element.properties.values().take(TOLD).map(told).collect();
-    names.extend((element.properties.len() > TOLD).then(|| "...".to_owned()));
+    let mut names: Vec<String> = element.properties.values().take(MOST_LISTED).map(described).collect();
+    names.extend((element.properties.len() > MOST_LISTED).then(|| "...".to_owned()));
     let what = format!("`{}` has {what}", element.name);
     Flaw::quoting(format!("{what}; it has {}", names.join(", ")), what)
 }
 
 /// Returns a property for messages: its name, and its type if it is a list.
-fn told(property: &PropertyDef) -> String {
+fn described(property: &PropertyDef) -> String {
     let name = quoted(property.name.as_bytes());
     match &property.data_type {
         PropertyType::Scalar(_) => name,
@@ -73,14 +73,14 @@ pub(super) fn has_number(element: &ElementDef, name: &str) -> bool {
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
-/// Returns notes on properties of vertices of which some are missing.
+/// Returns notes on groups of vertex properties, such as nx, ny and nz, if only some properties of a group exist.
 pub(super) fn notes(header: &Header) -> Vec<String> {
     let Some(vertex) = header.elements.get("vertex") else { return Vec::new() };
     let mut notes = Vec::new();
     if !has_number(vertex, "z") {
         notes.push(format!("{}: z is 0", counted(vertex.count, "vertex without z")));
     }
-    // A single `r` may also be a radius.
+    // The names r, g and b are not checked, since a single `r` may also be a radius.
     let [colours, diffuse, _] = CHANNELS;
     for names in [["nx", "ny", "nz"], colours, diffuse] {
         let count = names.iter().filter(|name| has_number(vertex, name)).count();

@@ -67,7 +67,7 @@ fn binary_files_of_both_orders_and_strips() {
 }
 
 #[test]
-fn mistakes_are_told_without_the_files_text() {
+fn mistakes_are_reported_without_the_files_text() {
     for (from, to, message) in [
         ("4 0 1 2 3", "4 0 1 2 9", "a.ply: face 0 has a vertex that does not exist"),
         ("4 0 1 2 3\n0 1\n", "", "a.ply"),
@@ -80,8 +80,8 @@ fn mistakes_are_told_without_the_files_text() {
         ("4 0 1 2 3\n0 1\n", "4 0 1 2 3\n0 secret\n", "a.ply:22: a value is not valid; expected a whole"),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
-        let [shown, error] = [true, false].map(|quotes| told(quotes).to_string());
+        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, error] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(error.contains(message) && !error.contains("secret") && !error.contains('\n'), "{error}");
         assert!(!shown.contains('\n'), "{shown}");
     }
@@ -101,7 +101,7 @@ fn a_value_that_is_not_valid_is_named() {
 }
 
 #[test]
-fn a_line_of_a_header_that_is_not_valid_is_told_with_what_was_expected() {
+fn a_line_of_a_header_that_is_not_valid_is_reported_with_what_was_expected() {
     for (from, to, message) in [
         ("ply\n", "PLY\n", "1: expected `ply` as the first line"),
         ("comment made by hand", "format binary_big_endian 1.0", "3: two different `format` lines"),
@@ -122,8 +122,8 @@ fn a_line_of_a_header_that_is_not_valid_is_told_with_what_was_expected() {
         ),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
-        let [shown, withheld] = [true, false].map(|quotes| told(quotes).to_string());
+        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, withheld] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(shown.starts_with(&format!("a.ply:{message}")), "{shown}");
         assert_eq!(withheld, shown.replace(" `int64`;", ";"), "a word of the file is withheld");
     }
@@ -139,7 +139,7 @@ fn an_ascii_file_may_have_numbers_of_every_form_and_any_line_ends() {
     for text in [forms.clone(), forms.replace('\n', "\r"), forms.replace('\n', "\r\n")] {
         assert_eq!(parse("a.ply", text.as_bytes()).unwrap().mesh, mesh, "{text:?}");
     }
-    // A point that was not measured, in a file whose face does not use it.
+    // The file gets a point that was not measured; the file's face does not use this point.
     let points = SQUARE.replace("element vertex 4", "element vertex 5");
     for point in ["nan NaN -nan", "inf -inf 0", "Infinity 1e400 0"] {
         let text = points.replacen("4 0 1 2 3", &format!("{point} 0 0 0\n4 0 1 2 3"), 1);
@@ -162,16 +162,17 @@ fn headers_of_other_programs_are_read() {
     }
 }
 
-/// Without a check, the first of these files would take all memory, and the second would never end.
+/// The first two headers of this test state elements without properties. If raycl did not refuse these headers, reading
+/// the elements of the first header would take all memory, and reading those of the second header would never end.
 #[test]
 fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
-    let told = |format: &str, elements: &str, data: &str| {
+    let message_of = |format: &str, elements: &str, data: &str| {
         let text = format!("ply\nformat {format} 1.0\n{elements}\nend_header\n{data}");
         parse("a.ply", text.as_bytes()).err().unwrap().to_string()
     };
     for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
         for elements in ["element vertex 100000000000", "element odd 18446744073709551615"] {
-            let message = told(format, elements, "");
+            let message = message_of(format, elements, "");
             assert!(message.starts_with("a.ply: the header has elements without properties (`"), "{message}");
         }
         for (property, data) in [
@@ -180,7 +181,8 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
             ("double x", "12345678901234567890"),
         ] {
             for count in ["11", "100000000000", "18446744073709551615"] {
-                let message = told(format, &format!("element vertex {count}\nproperty {property}"), data);
+                let message =
+                    message_of(format, &format!("element vertex {count}\nproperty {property}"), data);
                 assert!(
                     message.starts_with(&format!("a.ply: the header states {count} elements `vertex`")),
                     "{message}"
@@ -190,7 +192,7 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
     }
     let two =
         "element vertex 2\nproperty double x\nelement face 3\nproperty list ushort short a\nproperty float b";
-    let message = told("binary_little_endian", two, &"x".repeat(33));
+    let message = message_of("binary_little_endian", two, &"x".repeat(33));
     let expected = "the header states 3 elements `face` of at least 6 bytes, but 17 bytes are left for them";
     assert_eq!(message, format!("a.ply: {expected}"));
 }
@@ -212,7 +214,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
-    // Each face may have a colour of its own, until all colours of 8 bits per channel are there.
+    // Each face may have a colour of its own, so the number of colours is the number of faces, but at most the number
+    // of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
@@ -222,7 +225,7 @@ fn what_a_header_needs_is_held_against_the_memory() {
 }
 
 #[test]
-fn a_header_above_the_limit_is_told_by_the_limit() {
+fn a_header_above_the_limit_is_refused_with_the_limit() {
     let text = SQUARE.replacen("comment made by hand", &"comment by hand\n".repeat(1 << 16), 1);
     let error = parse("a.ply", text.as_bytes()).err().unwrap();
     let expected =
@@ -411,12 +414,12 @@ fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
         ("element vertex", "element Vertex", "the header has no element `vertex`; did you mean `Vertex`?"),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
-        let [shown, withheld] = [true, false].map(|quotes| told(quotes).to_string());
+        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, withheld] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(shown.starts_with(&format!("a.ply: {message}")), "{shown}");
         assert_eq!(withheld, shown.split_once(';').map_or(&*shown, |(what, _)| what), "{shown}");
     }
-    // Strips need a list, too. Elements of which there are none need nothing.
+    // Strips need a list of corners, too. If the header states 0 elements of a type, this type needs no properties.
     let strips = SQUARE.replacen("element face", "element tristrips", 1).replacen("indices", "list", 1);
     let error = parse("a.ply", strips.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply: `tristrips` has no list "), "{error}");
@@ -433,7 +436,7 @@ fn properties_of_vertices_of_which_some_are_missing_are_noted() {
     assert_eq!(notes("uchar blue", "uchar bleu"), [incomplete, edges]);
     let one = "vertices have only 1 of the properties nx, ny, nz: these are not read";
     assert_eq!(notes("uchar blue", "uchar nx"), [one, incomplete, edges]);
-    // Such a property is often a radius.
+    // A property `r` without `g` and `b` is often a radius, so it adds no note.
     assert_eq!(notes("uchar blue", "uchar r").len(), 2);
 }
 

@@ -112,7 +112,8 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
         let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{lines}");
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
     };
-    // OBJ counts upwards from the lower edge; a second number that is missing is 0.
+    // In OBJ, the second coordinate in a texture is measured upwards from the texture's lower edge; if this coordinate
+    // is missing, it is 0.
     let coordinates = "vt 0.25 0\nvt 0.5\nvt 0 0.75\n";
     for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
         let rows = mapped(&format!("{coordinates}{face}\n"));
@@ -144,11 +145,12 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(notes, [format!("line 7: `nan` {expected}: {ignored}"), unmapped.to_owned()]);
     let withheld = "line 7: the line is not valid; expected `vt u v`: two finite numbers";
     assert_eq!(read(text, false).notes, [format!("{withheld}: {ignored}"), unmapped.to_owned()]);
-    // Nothing needs these coordinates.
+    // No triangle uses the second coordinate here, so the only note is that this coordinate is ignored.
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
 }
 
-/// Returns the red of a triangle after the lines `obj`, and the notes. The text `mtl` is in two material files.
+/// Returns the red channel of a triangle that follows the lines `obj` in a mesh file, and the notes. The text `mtl` is
+/// in two material files.
 fn red(mtl: &str, obj: &str) -> (f32, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     for name in ["my paints.mtl", "#1.mtl"] {
@@ -173,7 +175,8 @@ fn a_comment_may_follow_a_name() {
     ] {
         assert_eq!(red(mtl, obj), (expected, Vec::new()), "{obj}");
     }
-    // A name without a comment counts before one with a comment, wherever it is defined.
+    // If the material `red` and the material `red # paint` are both defined, the name `red` means the first one, in
+    // whatever order the two are defined.
     let both = format!("newmtl red\nKd 1 0 0\n{mtl}");
     assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # walls").0, 1.0);
     assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # paint").0, 0.25);
@@ -228,7 +231,7 @@ fn a_picture_may_lie_beside_its_material_file_and_have_a_number_sign_in_its_name
         ("mats/m.mtl", "wood #2.png", 2),
         ("mats/m.mtl", "C:\\work\\wood #2.png", 2),
         ("mats/m.mtl", "#3.png", 3),
-        // The mesh's folder comes first.
+        // The mesh's folder is searched before the material file's folder.
         ("mats/m.mtl", "bark.png", 5),
         ("mats/m.mtl", "mats/bark.png", 4),
     ] {
@@ -352,21 +355,21 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("inner");
     std::fs::create_dir(&inner).unwrap();
-    for place in [folder.path(), &inner] {
-        std::fs::write(place.join("a.mtl"), "newmtl a\nKd secret\n").unwrap();
+    for path in [folder.path(), &inner] {
+        std::fs::write(path.join("a.mtl"), "newmtl a\nKd secret\n").unwrap();
     }
-    let told = |library: &str, quotes: bool| {
+    let notes = |library: &str, quotes: bool| {
         let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes, scaled: false } };
         let text = format!("mtllib {library}\n{CORNERS}f 1 2 3\n");
         parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
-    assert!(told("a.mtl", true).contains("secret"));
+    assert!(notes("a.mtl", true).contains("secret"));
     for (library, quotes, name) in [
         ("../a.mtl", true, "a.mtl"),
         ("a.mtl", false, "its material file"),
         ("../a.mtl", false, "its material file"),
     ] {
-        let note = told(library, quotes);
+        let note = notes(library, quotes);
         let start =
             format!("{name}:2: a value of Kd is not valid; expected one or three numbers from 0 to 1e6: ");
         assert!(note.contains(&start) && !note.contains("secret"), "{note}");

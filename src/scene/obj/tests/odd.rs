@@ -14,14 +14,14 @@ const BAD: [(&str, &str); 6] = [
 #[test]
 fn a_vertex_that_is_not_valid_is_ignored_unless_a_face_uses_the_vertex() {
     for (line, found) in BAD {
-        for (text, place) in [
+        for (text, corners) in [
             (format!("{CORNERS}{line}\nf 1 2 3\n"), [0, 1, 2]),
             (format!("#\n#\n#\n{line}\n{CORNERS}f 2 3 4\nf 1 2\n"), [1, 2, 3]),
         ] {
             let file = read(&text).unwrap();
             assert!(file.notes[0].starts_with(&format!("line 4: {found}")), "{line}: {:?}", file.notes);
             assert!(file.notes[0].ends_with(": 1 such vertex that no face uses is ignored"), "{line}");
-            assert_eq!(file.mesh.triangles[0].positions, place, "{line}");
+            assert_eq!(file.mesh.triangles[0].positions, corners, "{line}");
             assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.8), "{line}");
             let inside = |p: &Vec3| p.min_element() >= 0.0 && p.max_element() <= 1.0;
             assert!(file.mesh.positions.iter().all(inside), "{line}: {:?}", file.mesh.positions);
@@ -57,7 +57,7 @@ fn vertices_that_no_face_uses_are_counted_and_quoted_only_where_that_is_permitte
 }
 
 #[test]
-fn a_mesh_far_from_its_origin_keeps_its_place_beside_vertices_that_are_not_valid() {
+fn a_mesh_far_from_its_origin_keeps_its_placement_beside_vertices_that_are_not_valid() {
     let corners = "v 500000.25 5400000 7\nv 500001.25 5400000 7\nv 500000.25 5400001 7\n";
     let plain = read(&format!("{corners}f 1 2 3\n")).unwrap();
     assert_ne!(plain.placement, Placement::IDENTITY);

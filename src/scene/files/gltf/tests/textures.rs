@@ -149,7 +149,7 @@ fn blending_makes_holes_where_a_point_or_of_a_faint_surface_its_texture_is_less_
         let file = read(&textured(&material)).unwrap();
         (file.mesh.textures.have_holes(), file.notes.join("\n"))
     };
-    // A factor below 0.5 would hide every point, so the texture's alpha decides alone.
+    // With a factor below 0.5, every point would be a hole, so the texture's alpha alone decides.
     for (factor, expected) in [(0.8, false), (0.6, true), (0.2, false)] {
         let (has_holes, notes) = of(factor);
         assert_eq!(has_holes, expected, "{factor}");

@@ -1,5 +1,6 @@
-//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and all hit points see the
-//! same lights, then one search is enough for a pixel's ray and all its nudges. Beams thus make the reference fast.
+//! Ray packets: all rays of a narrow cone from one point. If all rays of a packet hit the same triangle, and all hit
+//! points see the same lights, then one search is enough for a pixel's ray and all its nudges. Packets thus make the
+//! reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -7,12 +8,12 @@ use super::tree::{Indexed, Tree};
 use crate::strategy::Culling;
 use glam::DVec3;
 
-/// The smallest angle of a beam in radians; far larger than the rounding errors of double precision.
+/// The smallest angle of a packet in radians; far larger than the rounding errors of double precision.
 const NARROWEST: f64 = 1e-9;
 
-/// A cone of rays from a point.
+/// A packet of rays: all rays of a cone from a point.
 #[derive(Clone, Copy, Debug)]
-pub struct Beam {
+pub struct RayPacket {
     /// The origin of the rays.
     pub origin: DVec3,
     /// The unit vector along the cone's axis.
@@ -24,9 +25,9 @@ pub struct Beam {
     end: DVec3,
 }
 
-/// How a beam meets a triangle, with the range of distances at which its rays may hit the triangle.
+/// How the rays of a packet hit a triangle, with the range of distances at which they may hit it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum BeamHit {
+enum PacketHit {
     /// No ray hits the triangle.
     None,
     /// Some rays may hit the triangle.
@@ -35,27 +36,27 @@ enum BeamHit {
     All([f64; 2]),
 }
 
-impl Beam {
-    /// Makes a beam: all rays from `origin` whose angle to the axis `direction` is at most `angle`.
+impl RayPacket {
+    /// Makes a packet: all rays from `origin` whose angle to the axis `direction` is at most `angle`.
     pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns this beam for rays between a light and a surface. The light is at the beam's origin.
+    /// Returns this packet for rays between a light and a surface. The light is at the packet's origin.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }
 
-    /// Returns how the beam meets a triangle. The function tests on which side of each of three planes the beam's rays
-    /// lie. Each of these planes contains the origin and an edge of the triangle. The dot product of a ray's direction
-    /// with a plane's unit normal differs from that of the axis by at most the beam's angle. A result that rounding
-    /// could change is `BeamHit::Some` (see [`super::leaning`]).
-    fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
+    /// Returns how the packet hits a triangle. The function tests on which side of each of three planes the packet's
+    /// rays lie. Each of these planes contains the origin and an edge of the triangle. The dot product of a ray's
+    /// direction with a plane's unit normal differs from that of the axis by at most the packet's angle. A result that
+    /// rounding could change is `PacketHit::Some` (see [`super::leaning`]).
+    fn intersect(&self, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let sizes = [ab, bc, ca].map(DVec3::length);
-        // The errors of all determinants of a ray-triangle test, as in `leaning`. Rays of the beam end near `end`, not
-        // exactly there; the factor 1.01 allows for this.
+        // These are the largest rounding errors of all determinants of a ray-triangle test, as in `leaning`. Rays of
+        // the packet end near `end`, not exactly there; the factor 1.01 allows for this.
         let part = 1.01 * ROUNDING * self.reach(corners);
         let error_of_slope = ROUNDING * sizes[0] * sizes[2];
         let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];
@@ -63,7 +64,7 @@ impl Beam {
         let planes = [(b.cross(bc), errors[0]), (c.cross(ca), errors[1]), (a.cross(ab), errors[2])];
         let sides = planes.map(|(plane, error)| self.side(plane, error));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
-            return BeamHit::None;
+            return PacketHit::None;
         }
         let normal = ca.cross(ab);
         let (height, slope) = (normal.dot(a), normal.dot(self.direction));
@@ -72,9 +73,9 @@ impl Beam {
         match self.side(normal, error_of_slope) {
             // The triangle is seen edge-on, or is so small that nothing is certain.
             Side::Between => {
-                BeamHit::Some([(height.abs() - error_of_height) / (slope.abs() + slack), f64::INFINITY])
+                PacketHit::Some([(height.abs() - error_of_height) / (slope.abs() + slack), f64::INFINITY])
             }
-            Side::Above if culling == Culling::Back => BeamHit::None, // seen from behind
+            Side::Above if culling == Culling::Back => PacketHit::None, // seen from behind
             face => {
                 let heights = [height - error_of_height, height + error_of_height];
                 let ends = heights.map(|height| [height / (slope - slack), height / (slope + slack)]);
@@ -85,20 +86,20 @@ impl Beam {
                 ];
                 let outside = if face == Side::Above { Side::Below } else { Side::Above };
                 if sides == [face; 3] {
-                    BeamHit::All(range)
+                    PacketHit::All(range)
                 } else if sides.contains(&outside) {
-                    BeamHit::None
+                    PacketHit::None
                 } else {
-                    BeamHit::Some(range)
+                    PacketHit::Some(range)
                 }
             }
         }
     }
 
-    /// Tests the beam like [`Self::meet`]. If the triangle may have holes, no beam certainly hits it.
-    fn meet_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
-        match self.meet(corners, culling) {
-            BeamHit::All(range) if indexed.has_holes => BeamHit::Some(range),
+    /// Tests the packet like [`Self::intersect`]. If the triangle may have holes, no packet certainly hits it.
+    fn intersect_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
+        match self.intersect(corners, culling) {
+            PacketHit::All(range) if indexed.has_holes => PacketHit::Some(range),
             certain => certain,
         }
     }
@@ -123,7 +124,7 @@ impl Beam {
         squared(self.origin).max(squared(self.end)).sqrt()
     }
 
-    /// Returns the largest distance from the axis at which a ray of the beam may hit a triangle.
+    /// Returns the largest distance from the axis at which a ray of the packet may hit a triangle.
     fn around(&self, tree: &Tree) -> f64 {
         let reach = tree.reach(self.origin);
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
@@ -148,28 +149,28 @@ impl Beam {
             best.map_or(f64::INFINITY, |(_, range)| range[1] * (1.0 + 2.0 * rival))
         };
         tree.walk(&ray, around, |indexed, far| {
-            match self.meet_surface(indexed, &indexed.corners(), tree.culling()) {
-                BeamHit::None => {}
-                BeamHit::Some(range) | BeamHit::All(range) if range[1] < nearest => {}
-                BeamHit::All(range) if range[0] > farthest => match best {
+            match self.intersect_surface(indexed, &indexed.corners(), tree.culling()) {
+                PacketHit::None => {}
+                PacketHit::Some(range) | PacketHit::All(range) if range[1] < nearest => {}
+                PacketHit::All(range) if range[0] > farthest => match best {
                     Some((_, known)) if known[1] <= range[1] => others = others.min(range[0]),
                     _ => {
                         others = others.min(best.map_or(f64::INFINITY, |(_, known)| known[0]));
                         best = Some((indexed.triangle, range));
                     }
                 },
-                BeamHit::Some(range) | BeamHit::All(range) => others = others.min(range[0]),
+                PacketHit::Some(range) | PacketHit::All(range) => others = others.min(range[0]),
             }
             far.min(reach(&best))
         });
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. The rays are
-    /// stopped if all of them hit a triangle at a distance in the range `sure`. They are not stopped if none of them
+    /// Returns whether a triangle other than `own` blocks the rays that run towards the packet's origin. The rays are
+    /// blocked if all of them hit a triangle at a distance in the range `sure`. They are not blocked if none of them
     /// can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain (`None`). Distances are
-    /// measured from the beam's origin.
-    pub fn is_stopped_on_the_way_here(
+    /// measured from the packet's origin.
+    pub fn is_blocked_towards_origin(
         &self,
         tree: &Tree,
         own: u32,
@@ -179,27 +180,29 @@ impl Beam {
         let around = self.around(tree);
         let ray =
             Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1], to_light: true };
-        let (mut stopped, mut open) = (false, false);
+        let (mut blocked, mut open) = (false, false);
         tree.walk(&ray, around, |indexed, far| {
-            if stopped || indexed.triangle == own {
+            if blocked || indexed.triangle == own {
                 return far;
             }
             // The rays run towards the origin, so they hit the triangle's other side.
             let [a, b, c] = indexed.corners();
-            match self.meet_surface(indexed, &[a, c, b], tree.culling()) {
-                BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
-                BeamHit::Some(range) | BeamHit::All(range) if range[1] >= may[0] && range[0] <= may[1] => {
+            match self.intersect_surface(indexed, &[a, c, b], tree.culling()) {
+                PacketHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => blocked = true,
+                PacketHit::Some(range) | PacketHit::All(range)
+                    if range[1] >= may[0] && range[0] <= may[1] =>
+                {
                     open = true;
                 }
                 _ => {}
             }
-            if stopped { ray.near } else { far }
+            if blocked { ray.near } else { far }
         });
-        if stopped { Some(true) } else { (!open).then_some(false) }
+        if blocked { Some(true) } else { (!open).then_some(false) }
     }
 }
 
-/// On which side of a plane a beam's rays lie.
+/// On which side of a plane a packet's rays lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     Above,
@@ -217,11 +220,11 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Returns rays within and on the cone.
-    fn rays(beam: &Beam) -> impl Iterator<Item = DVec3> {
-        let across = beam.direction.any_orthonormal_vector();
-        let down = beam.direction.cross(across);
-        let (direction, angle) = (beam.direction, beam.angle);
+    /// Returns directions of rays inside the packet's cone and on its surface.
+    fn rays(packet: &RayPacket) -> impl Iterator<Item = DVec3> {
+        let across = packet.direction.any_orthonormal_vector();
+        let down = packet.direction.cross(across);
+        let (direction, angle) = (packet.direction, packet.angle);
         (0..40_u8).map(move |i| {
             let turn = f64::from(i) * 0.7;
             let off = angle * [0.0, 0.3, 0.7, 1.0][usize::from(i) % 4];
@@ -230,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_meets_what_its_rays_meet() {
+    fn a_packet_hits_what_its_rays_hit() {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let mut vector = |half: f64| DVec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
         let mut counts = [0; 3];
@@ -238,32 +241,32 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // The beam aims at the triangle, often at its edge. The beam starts far away or in the triangle's plane.
+            // The packet aims at the triangle, often at its edge. It starts far away or in the triangle's plane.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
             let angle = [1e-5, 1e-2, 1e-4][case % 3];
-            let beam = Beam::new(origin, (aim - origin).normalize(), angle);
+            let packet = RayPacket::new(origin, (aim - origin).normalize(), angle);
             for culling in [Culling::None, Culling::Back] {
-                let meeting = beam.meet(&corners, culling);
-                counts[match meeting {
-                    BeamHit::None => 0,
-                    BeamHit::Some(_) => 1,
-                    BeamHit::All(_) => 2,
+                let packet_hit = packet.intersect(&corners, culling);
+                counts[match packet_hit {
+                    PacketHit::None => 0,
+                    PacketHit::Some(_) => 1,
+                    PacketHit::All(_) => 2,
                 }] += 1;
-                for direction in rays(&beam) {
+                for direction in rays(&packet) {
                     let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
                     let hit = moller_trumbore(&ray, corners, culling).map(|(t, _)| t);
                     let within =
                         |t: f64, [low, high]: [f64; 2]| t >= low * (1.0 - 1e-6) && t <= high * (1.0 + 1e-6);
-                    let agrees = match (meeting, hit) {
-                        (BeamHit::None, hit) => hit.is_none(),
-                        (BeamHit::Some(_), None) => true,
-                        (BeamHit::Some(range) | BeamHit::All(range), Some(t)) => within(t, range),
-                        // For `meet`, a triangle behind the origin also counts as hit.
-                        (BeamHit::All(range), None) => range[0] <= 0.0,
+                    let agrees = match (packet_hit, hit) {
+                        (PacketHit::None, hit) => hit.is_none(),
+                        (PacketHit::Some(_), None) => true,
+                        (PacketHit::Some(range) | PacketHit::All(range), Some(t)) => within(t, range),
+                        // For `intersect`, a triangle behind the origin also counts as hit.
+                        (PacketHit::All(range), None) => range[0] <= 0.0,
                     };
-                    assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
+                    assert!(agrees, "case {case}: {packet_hit:?}, {hit:?}");
                 }
             }
         }
@@ -271,38 +274,38 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_is_certain_only_of_triangles_that_rounding_does_not_change() {
+    fn a_packet_is_certain_only_of_triangles_that_rounding_does_not_change() {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let mut vector = |half: f64| DVec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
         let mut counts = [0; 3];
         for case in 0..20_000 {
             let (middle, along) = (vector(1.0), vector([1.0, 100.0][case % 2]));
             let corners = [middle - along, middle + along, middle + vector(0.1)];
-            // The beam is as narrow as possible, so that only rounding decides.
+            // The packet is as narrow as possible, so that only rounding can make the result uncertain.
             let aim = corners[0].lerp(corners[1], 0.45) + vector(1e-4);
             let (origin, light) = (vector(2.0), vector([2.0, 300.0][case % 3 % 2]));
             let direction = (aim - origin).normalize();
-            let beam = Beam::new(origin, direction, NARROWEST).from_light(light);
+            let packet = RayPacket::new(origin, direction, NARROWEST).from_light(light);
             let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
-            let meeting = beam.meet(&corners, Culling::None);
-            let found = larger_hit(&ray, 0, corners, Culling::None);
-            let (larger, smaller) = (found.is_some(), found.is_some_and(|found| found.is_certain));
-            match meeting {
-                BeamHit::None => assert!(!larger, "case {case}"),
-                BeamHit::Some(_) => {}
-                BeamHit::All([low, _]) => assert!(smaller || low <= 0.0, "case {case}"),
+            let packet_hit = packet.intersect(&corners, Culling::None);
+            let hit = larger_hit(&ray, 0, corners, Culling::None);
+            let (larger, smaller) = (hit.is_some(), hit.is_some_and(|hit| hit.is_certain));
+            match packet_hit {
+                PacketHit::None => assert!(!larger, "case {case}"),
+                PacketHit::Some(_) => {}
+                PacketHit::All([low, _]) => assert!(smaller || low <= 0.0, "case {case}"),
             }
-            counts[match meeting {
-                BeamHit::None => 0,
-                BeamHit::Some(_) => 1,
-                BeamHit::All(_) => 2,
+            counts[match packet_hit {
+                PacketHit::None => 0,
+                PacketHit::Some(_) => 1,
+                PacketHit::All(_) => 2,
             }] += 1;
         }
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Returns rectangles perpendicular to the z axis, at these distances down the axis. Each rectangle consists of two
-    /// triangles.
+    /// Returns rectangles perpendicular to the z axis, at the given distances from the origin towards negative z. Each
+    /// rectangle consists of two triangles.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
         for depth in depths {
@@ -317,9 +320,9 @@ mod tests {
         Tree::new(&mesh, Culling::None)
     }
 
-    /// Returns a beam down the z axis, beside the rectangles' diagonals.
-    fn down() -> Beam {
-        Beam::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
+    /// Returns a packet that runs towards negative z, beside the rectangles' diagonals.
+    fn down() -> RayPacket {
+        RayPacket::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
     }
 
     #[test]
@@ -336,15 +339,15 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_is_not_in_its_own_way() {
+    fn a_surface_does_not_block_itself() {
         let tree = squares(&[1.0, 2.0]);
-        let stopped = |own: u32, least: f64| {
-            down().is_stopped_on_the_way_here(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
+        let blocked = |own: u32, least: f64| {
+            down().is_blocked_towards_origin(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
         };
         // From the origin, the first rectangle is in front of the second one.
-        assert_eq!(stopped(2, 1.9), Some(true));
-        assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
-        assert_eq!(stopped(0, 0.5), Some(false));
-        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first rectangle lies in `may` but not in `sure`");
+        assert_eq!(blocked(2, 1.9), Some(true));
+        assert_eq!(blocked(0, 1.1), Some(false), "nothing else is as near");
+        assert_eq!(blocked(0, 0.5), Some(false));
+        assert_eq!(blocked(2, 1.0 - 1e-4), None, "the first rectangle lies in `may` but not in `sure`");
     }
 }

@@ -20,7 +20,7 @@ const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
 /// Data that one frame passes on to the next; by default, nothing is passed on.
 #[derive(Default)]
-pub(super) struct Kept {
+pub(super) struct FrameCache {
     keeps: bool,
     /// For each object of this frame, the text from which its mesh is built; empty if the animation changes no object.
     keys: Vec<String>,
@@ -41,7 +41,7 @@ pub(super) struct Kept {
     strengthened: Option<((PathBuf, f32), FileTexels)>,
 }
 
-impl Kept {
+impl FrameCache {
     /// Begins a frame, whose scene file is `document`. `objects_change` says whether the animation changes any object,
     /// or the scene's `crease`. The meshes made so far become those of the previous frame; older meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
@@ -135,15 +135,15 @@ mod tests {
     /// Returns whether the object's mesh is rebuilt for a frame with the scene file `text`, if the previous frame had
     /// the scene file `OBJECT`.
     fn is_made_again(text: &str) -> bool {
-        let mut kept = Kept::default();
+        let mut cache = FrameCache::default();
         let mut made = 0;
         for text in [OBJECT, text] {
-            kept.begin(&text.parse().unwrap(), true);
+            cache.begin(&text.parse().unwrap(), true);
             let make = || {
                 made += 1;
                 Ok(MeshFile::default())
             };
-            kept.mesh(0, make).unwrap();
+            cache.mesh(0, make).unwrap();
         }
         made > 1
     }
@@ -161,24 +161,24 @@ mod tests {
 
     #[test]
     fn another_picture_of_the_sky_is_read() {
-        let place = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let [dark, bright] = [("dark.exr", 0.25), ("bright.exr", 4.0)].map(|(name, value)| {
-            let path = place.path().join(name);
+            let path = folder.path().join(name);
             image::Rgb32FImage::from_pixel(4, 2, image::Rgb([value; 3])).save(&path).unwrap();
             path
         });
-        let mut kept = Kept::default();
-        kept.begin(&Table::new(), true);
-        let red = |kept: &mut Kept, path: &Path| kept.picture(path, 1.0).unwrap().texels[0][0];
+        let mut cache = FrameCache::default();
+        cache.begin(&Table::new(), true);
+        let red = |cache: &mut FrameCache, path: &Path| cache.picture(path, 1.0).unwrap().texels[0][0];
         assert_eq!(
-            [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
+            [red(&mut cache, &dark), red(&mut cache, &bright), red(&mut cache, &dark)],
             [0.25, 4.0, 0.25]
         );
         // The texels of the picture that was read last are kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
-        assert_eq!(red(&mut kept, &dark), 0.25);
+        assert_eq!(red(&mut cache, &dark), 0.25);
         // Frames whose pictures have the same strength share the multiplied texels, too.
-        let mut texels = |strength| kept.picture(&dark, strength).unwrap().texels;
+        let mut texels = |strength| cache.picture(&dark, strength).unwrap().texels;
         let [one, again, stronger] = [2.0, 2.0, 4.0].map(&mut texels);
         assert!(Arc::ptr_eq(&one, &again));
         assert_eq!([one[0][0], stronger[0][0], texels(2.0)[0][0]], [0.5, 1.0, 0.5]);

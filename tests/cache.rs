@@ -1,6 +1,6 @@
 //! The cache between runs: programs are compiled once, and a damaged entry is replaced.
 
-use crate::binary::{Place, TRIANGLE, device, has, until};
+use crate::binary::{TRIANGLE, WorkFolder, device, has, until};
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -35,37 +35,37 @@ min_samples = 5
 max_samples = 5
 "#;
 
-fn place(config: &str) -> Place {
+fn folder_with(config: &str) -> WorkFolder {
     let other = TRIANGLE.replace("little", "other").replace("[0, 1, -2]", "[0, 0.7, -2]");
-    Place::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
+    WorkFolder::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
 }
 
 /// Returns a command that starts raycl with a separate cache, but with the user's PoCL cache.
-fn raycl(place: &Place, arguments: &[&str]) -> Command {
+fn raycl(folder: &WorkFolder, arguments: &[&str]) -> Command {
     let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
     let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
-    let mut command = place.raycl(arguments);
+    let mut command = folder.raycl(arguments);
     if std::env::var_os("POCL_CACHE_DIR").is_none() {
         command.env("POCL_CACHE_DIR", caches.join("pocl/kcache"));
     }
-    command.env("XDG_CACHE_HOME", place.path(".caches")).env("RAYCL_CACHE_MIB", "64");
+    command.env("XDG_CACHE_HOME", folder.path(".caches")).env("RAYCL_CACHE_MIB", "64");
     command
 }
 
 /// Runs the config with its results in the folder `out`, and returns its records.
-fn records(place: &Place, out: &str, more: &[&str]) -> Vec<Value> {
+fn records(folder: &WorkFolder, out: &str, more: &[&str]) -> Vec<Value> {
     let device = device();
     let arguments = [&["run", "config.toml", "--out", out, "--device", &device], more].concat();
-    raycl(place, &arguments).assert().success();
-    place.json_lines(&format!("{out}/records.jsonl"))
+    raycl(folder, &arguments).assert().success();
+    folder.json_lines(&format!("{out}/records.jsonl"))
 }
 
 fn fields<'a>(records: &'a [Value], field: &str) -> Vec<&'a Value> {
     records.iter().map(|record| &record[field]).collect()
 }
 
-fn entries(place: &Place) -> Vec<PathBuf> {
-    let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+fn entries(folder: &WorkFolder) -> Vec<PathBuf> {
+    let files = std::fs::read_dir(folder.path(".caches/raycl")).expect("a cache");
     let programs = files.map(|file| file.expect("a file").path());
     programs.filter(|path| path.to_string_lossy().contains("/program-")).collect()
 }
@@ -79,21 +79,21 @@ fn spoil(path: &Path) {
 
 #[test]
 fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
-    let place = place(CONFIG);
+    let folder = folder_with(CONFIG);
     let from_cache = |records: &[Value]| {
-        fields(records, "build_from_cache").into_iter().filter(|kept| **kept == Value::Bool(true)).count()
+        fields(records, "build_from_cache").into_iter().filter(|value| **value == Value::Bool(true)).count()
     };
-    let first = records(&place, "first", &[]);
+    let first = records(&folder, "first", &[]);
     assert_eq!(fields(&first, "outcome"), vec!["measured"; 4]);
     // The second scene uses the programs of the first one; only the program of a strategy with a tree may depend on the
     // scene.
     assert_eq!(from_cache(&first), 2, "{first:?}");
-    assert_eq!(entries(&place).len(), 2);
-    let second = records(&place, "second", &[]);
+    assert_eq!(entries(&folder).len(), 2);
+    let second = records(&folder, "second", &[]);
     assert_eq!(from_cache(&second), 4, "{second:?}");
     assert_eq!(fields(&first, "image_hash"), fields(&second, "image_hash"));
-    entries(&place).iter().for_each(|path| spoil(path));
-    let third = records(&place, "third", &[]);
+    entries(&folder).iter().for_each(|path| spoil(path));
+    let third = records(&folder, "third", &[]);
     assert_eq!(from_cache(&third), 2, "{third:?}");
     assert_eq!(fields(&first, "image_hash"), fields(&third, "image_hash"));
     assert_eq!(fields(&first, "program_hash"), fields(&third, "program_hash"));
@@ -101,29 +101,29 @@ fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
 
 #[test]
 fn the_cache_is_shown_cleared_and_named() {
-    let place = place(CONFIG);
+    let work_folder = folder_with(CONFIG);
     let said = |arguments: &[&str]| {
-        let output = raycl(&place, arguments).assert().success().get_output().clone();
+        let output = raycl(&work_folder, arguments).assert().success().get_output().clone();
         String::from_utf8(output.stdout).expect("UTF-8")
     };
-    let folder = place.path(".caches/raycl").display().to_string();
+    let folder = work_folder.path(".caches/raycl").display().to_string();
     assert_eq!(said(&["cache", "path"]).trim(), folder);
     let path: Value = serde_json::from_str(&said(&["cache", "path", "--json"])).expect("JSON");
     assert_eq!(path, serde_json::json!({ "folder": folder }));
     has(&said(&["cache"]), &[&folder, "0 entries", "of at most 67.1 MB"]);
-    records(&place, "out", &["--set", "strategies=[\"deferred\"]"]);
-    let others = place.path(".caches/raycl/somebody-elses");
+    records(&work_folder, "out", &["--set", "strategies=[\"deferred\"]"]);
+    let others = work_folder.path(".caches/raycl/somebody-elses");
     std::fs::write(&others, "a file").expect("a file");
     let shown: Value = serde_json::from_str(&said(&["cache", "show", "--json"])).expect("JSON");
     assert!(shown["entries"].as_u64() > Some(0) && shown["bytes"].as_u64() > Some(1000), "{shown}");
     has(&said(&["cache", "clear"]), &["removed"]);
-    assert!(entries(&place).is_empty() && others.exists());
-    let none = raycl(&place, &["cache"]).env("RAYCL_CACHE_MIB", "0").assert().success();
+    assert!(entries(&work_folder).is_empty() && others.exists());
+    let none = raycl(&work_folder, &["cache"]).env("RAYCL_CACHE_MIB", "0").assert().success();
     has(&String::from_utf8_lossy(&none.get_output().stdout), &["Nothing is stored", "RAYCL_CACHE_MIB is 0"]);
-    raycl(&place, &["cache", "path"]).env("RAYCL_CACHE_MIB", "0").assert().code(1);
+    raycl(&work_folder, &["cache", "path"]).env("RAYCL_CACHE_MIB", "0").assert().code(1);
     assert!(!said(&["cache"]).contains("stores nothing"));
-    std::fs::remove_dir_all(place.path(".caches/raycl")).expect("the cache's folder");
-    place.write(".caches/raycl", "a file");
+    std::fs::remove_dir_all(work_folder.path(".caches/raycl")).expect("the cache's folder");
+    work_folder.write(".caches/raycl", "a file");
     has(&said(&["cache"]), &["raycl stores nothing in this folder", "it is not a folder"]);
     let shown: Value = serde_json::from_str(&said(&["cache", "--json"])).expect("JSON");
     assert_eq!(shown["unusable"], "it is not a folder");
@@ -131,7 +131,7 @@ fn the_cache_is_shown_cleared_and_named() {
 
 #[test]
 fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
-    let place = place(OTHERS);
+    let folder = folder_with(OTHERS);
     let outcomes = |records: &[Value]| -> Vec<String> {
         fields(records, "outcome")
             .into_iter()
@@ -141,8 +141,8 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
     let run = |out: &str, more: &[&str]| {
         let device = device();
         let arguments = [&["run", "config.toml", "--out", out, "--device", &device], more].concat();
-        place.raycl(&arguments).assert().success();
-        place.json_lines(&format!("{out}/records.jsonl"))
+        folder.raycl(&arguments).assert().success();
+        folder.json_lines(&format!("{out}/records.jsonl"))
     };
     let mut passed_over = run("out", &[]);
     passed_over.sort_by_key(|record| record["name"].as_str().map(str::to_owned));
@@ -150,47 +150,47 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
     let record = &passed_over[1];
     assert_eq!((&record["name"], &record["build_ms"]), (&"tiled-wide".into(), &Value::Null));
     has(record["reason"].as_str().expect("a reason"), &["meant for GPUs", "any_kind = true"]);
-    let summary = place.text("out/summary.md");
+    let summary = folder.text("out/summary.md");
     has(&summary, &["other-kind", "meant for GPUs"]);
     let named = run("named", &["--set", "strategies=[\"tiled-wide\"]"]);
     assert_eq!(outcomes(&named), ["measured"]);
     // Points that were skipped are measured if the user requests them, and measured points stay as they are.
     let resumed = run("out", &["--set", "any_kind=true", "--resume"]);
     assert_eq!(outcomes(&resumed), ["other-kind", "measured", "measured"].map(str::to_owned));
-    let dry = place.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);
+    let dry = folder.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);
     has(&dry, &["meant for GPUs", "1 is meant for devices of another kind"]);
 }
 
 #[test]
 fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
-    let place = place(CONFIG);
+    let folder = folder_with(CONFIG);
     let device = device();
     let arguments =
         ["render", "scene.toml", "--width", "40", "--height", "25", "--json", "--device", &device];
     let report = || -> Value {
-        let output = raycl(&place, &arguments).assert().success().get_output().clone();
+        let output = raycl(&folder, &arguments).assert().success().get_output().clone();
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(!said.contains("generated"), "a compiler's chatter: {said}");
         serde_json::from_slice(&output.stdout).expect("JSON")
     };
     let first = report();
-    let kept = || !entries(&place).is_empty();
+    let is_stored = || !entries(&folder).is_empty();
     // If the driver does not return a binary immediately, a separate process compiles it.
-    until("the program is kept", kept);
+    until("the program is kept", is_stored);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);
     let note = "another process is storing the compiled program, so that the next start need not compile it";
-    let is_told =
+    let is_noted =
         |report: &Value| report["notes"].as_array().is_some_and(|notes| notes.contains(&note.into()));
     // If the driver returns a binary at once, raycl stores it without another process.
     let in_background = device.to_lowercase().contains("portable computing language");
-    assert_eq!([is_told(&first), is_told(&second)], [in_background, false], "{first} {second}");
+    assert_eq!([is_noted(&first), is_noted(&second)], [in_background, false], "{first} {second}");
     // The kernels of a folder are probably being edited, so their programs are not stored in the background.
     let cl = crate::binary::repository("cl");
     let edited = [&arguments[..], &["--strategy", "naive", "--cl-dir", cl.to_str().expect("text")]].concat();
-    let output = raycl(&place, &edited).assert().success().get_output().clone();
+    let output = raycl(&folder, &edited).assert().success().get_output().clone();
     let edited: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert_eq!((&edited["build_from_cache"], is_told(&edited)), (&Value::Bool(false), false), "{edited}");
+    assert_eq!((&edited["build_from_cache"], is_noted(&edited)), (&Value::Bool(false), false), "{edited}");
     for report in [&first, &second] {
         let parts = report["parts"].as_array().expect("parts");
         let sum: f64 = parts.iter().filter_map(|part| part["ms"].as_f64()).sum();
@@ -201,7 +201,7 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
         }
     }
     assert_eq!(first["device"], second["device"]);
-    let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+    let files = std::fs::read_dir(folder.path(".caches/raycl")).expect("a cache");
     let names: Vec<_> =
         files.map(|file| file.expect("a file").file_name().into_string().expect("text")).collect();
     assert!(names.iter().any(|name| name.starts_with("devices-")), "{names:?}");
@@ -209,8 +209,8 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
 
 #[test]
 fn a_variable_that_leaves_pocl_without_devices_is_named() {
-    let place = place(CONFIG);
-    let listed = place.raycl(&["devices"]).env("POCL_DEVICES", "nonsense").assert().success();
+    let folder = folder_with(CONFIG);
+    let listed = folder.raycl(&["devices"]).env("POCL_DEVICES", "nonsense").assert().success();
     let said = String::from_utf8_lossy(&listed.get_output().stdout).into_owned();
     has(
         &said,
@@ -221,22 +221,22 @@ fn a_variable_that_leaves_pocl_without_devices_is_named() {
 #[test]
 #[cfg(target_os = "linux")]
 fn without_a_cache_folder_that_can_be_written_pictures_are_cast_all_the_same() {
-    let place = place(CONFIG);
-    std::fs::create_dir(place.path("temporary")).expect("a folder");
+    let folder = folder_with(CONFIG);
+    std::fs::create_dir(folder.path("temporary")).expect("a folder");
     let device = device();
     let render = |name: &str, value: &str| {
         let arguments =
             ["render", "scene.toml", "--width", "17", "--height", "9", "-o", "a.png", "--device", &device];
-        let mut command = place.raycl(&arguments);
+        let mut command = folder.raycl(&arguments);
         command
             .env_remove("XDG_CACHE_HOME")
             .env_remove("POCL_CACHE_DIR")
-            .env("TMPDIR", place.path("temporary"));
+            .env("TMPDIR", folder.path("temporary"));
         command.env(name, value).assert()
     };
     render("HOME", "/dev/null").success();
     let user = rustix::process::geteuid().as_raw();
-    let programs = place.path(&format!("temporary/raycl-{user}/pocl"));
+    let programs = folder.path(&format!("temporary/raycl-{user}/pocl"));
     assert!(std::fs::read_dir(programs).is_ok_and(|files| files.count() > 0), "PoCL stored nothing");
     let refused = render("POCL_CACHE_DIR", "/dev/null/kernels").code(1);
     let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();

@@ -3,7 +3,7 @@
 // so that shading does not depend on the test or rasteriser that found a hit. In very thin triangles, rounding can give
 // arbitrary weights. The weights are therefore clamped to the triangle, so that the point stays on the triangle, and
 // its normal stays between the corners' normals. t is the distance of this point along the ray.
-Hit meet_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
+Hit intersect_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
     // Moeller and Trumbore's solution of origin + t direction = v0 + w1 e1 + w2 e2, by Cramer's rule.
     const Vec3 s = subtract(origin, v0);
     const Vec3 q = cross3(direction, e2);

@@ -6,12 +6,13 @@ use crate::device::DeviceInfo;
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
 /// The kind of entries that map a program's name to its key. If the program uses a tree, its key is known only
-/// once the tree is built. Its name is known before, so that raycl can look up whether the program is stored.
+/// once the tree is built. The program's name is known earlier; with the name, raycl finds out before the tree is built
+/// whether the program is stored.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.
 #[derive(Clone, Debug, Default)]
-pub struct Kept {
+pub struct ProgramCache {
     cache: Cache,
     /// Everything besides a program's source and options that affects the compiled code.
     compiler: String,
@@ -19,14 +20,14 @@ pub struct Kept {
 }
 
 /// A compiled program from the cache.
-pub struct KeptProgram {
+pub struct StoredProgram {
     /// The compiler's messages.
     pub log: String,
     /// The binary for the driver.
     pub binary: Vec<u8>,
 }
 
-impl Kept {
+impl ProgramCache {
     /// Returns the cache for the programs of this device and its driver.
     pub fn of(cache: Cache, device: &DeviceInfo) -> Self {
         Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand() }
@@ -48,8 +49,8 @@ impl Kept {
     }
 
     /// Returns the program stored under a key.
-    pub fn find(&self, key: &str) -> Option<KeptProgram> {
-        KeptProgram::from_bytes(&self.cache.get(KIND, key)?)
+    pub fn find(&self, key: &str) -> Option<StoredProgram> {
+        StoredProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
     /// Stores a name for the program that is stored under `key`.
@@ -68,12 +69,12 @@ impl Kept {
     }
 
     /// Stores a program; returns whether that succeeded.
-    pub fn keep(&self, key: &str, program: &KeptProgram) -> bool {
+    pub fn keep(&self, key: &str, program: &StoredProgram) -> bool {
         self.cache.put(KIND, key, &program.to_bytes())
     }
 }
 
-impl KeptProgram {
+impl StoredProgram {
     fn to_bytes(&self) -> Vec<u8> {
         let length = (self.log.len() as u64).to_le_bytes();
         [&length[..], self.log.as_bytes(), &self.binary].concat()
@@ -92,25 +93,25 @@ mod tests {
     use super::*;
     use crate::device::{DeviceKind, tests::example};
 
-    fn kept_of(cache: &Cache, device: &DeviceInfo) -> Kept {
-        Kept::of(cache.clone(), device)
+    fn programs_of(cache: &Cache, device: &DeviceInfo) -> ProgramCache {
+        ProgramCache::of(cache.clone(), device)
     }
 
     #[test]
     fn a_program_comes_back_for_the_same_text_options_device_driver_and_variables_alone() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let kept = kept_of(&cache, &device);
-        let program = KeptProgram { log: "said".into(), binary: vec![1, 2, 3] };
-        assert!(kept.keep(&kept.key("text", "-D A=1"), &program));
-        let found = |device: &DeviceInfo, source, options| {
-            let kept = kept_of(&cache, device);
-            kept.find(&kept.key(source, options)).map(|found| (found.log, found.binary))
+        let programs = programs_of(&cache, &device);
+        let program = StoredProgram { log: "said".into(), binary: vec![1, 2, 3] };
+        assert!(programs.keep(&programs.key("text", "-D A=1"), &program));
+        let stored = |device: &DeviceInfo, source, options| {
+            let programs = programs_of(&cache, device);
+            programs.find(&programs.key(source, options)).map(|program| (program.log, program.binary))
         };
-        assert_eq!(found(&device, "text", "-D A=1"), Some(("said".to_owned(), vec![1, 2, 3])));
-        assert_eq!(found(&device, "text ", "-D A=1"), None);
-        assert_eq!(found(&device, "text", "-D A=2"), None);
+        assert_eq!(stored(&device, "text", "-D A=1"), Some(("said".to_owned(), vec![1, 2, 3])));
+        assert_eq!(stored(&device, "text ", "-D A=1"), None);
+        assert_eq!(stored(&device, "text", "-D A=2"), None);
         let changed: [fn(&mut DeviceInfo); 5] = [
             |device| device.name = "another".into(),
             |device| device.driver = "3.2".into(),
@@ -121,21 +122,21 @@ mod tests {
         for change in changed {
             let mut other = device.clone();
             change(&mut other);
-            assert_eq!(found(&other, "text", "-D A=1"), None, "{other:?}");
+            assert_eq!(stored(&other, "text", "-D A=1"), None, "{other:?}");
         }
     }
 
     #[test]
     fn a_name_finds_a_program_of_the_same_driver_as_long_as_it_is_stored() {
-        let place = tempfile::tempdir().unwrap();
-        let cache = Cache::at(place.path(), 1 << 20);
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path(), 1 << 20);
         let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let kept = kept_of(&cache, &device);
-        kept.name("hash", "key");
-        assert!(!kept.has("hash"), "the program itself is missing");
-        kept.keep("key", &KeptProgram { log: String::new(), binary: vec![1] });
-        let other = kept_of(&cache, &DeviceInfo { driver: "3.2".into(), ..device });
-        assert_eq!([kept.has("hash"), kept.has("another"), other.has("hash")], [true, false, false]);
+        let programs = programs_of(&cache, &device);
+        programs.name("hash", "key");
+        assert!(!programs.has("hash"), "the program itself is missing");
+        programs.keep("key", &StoredProgram { log: String::new(), binary: vec![1] });
+        let other = programs_of(&cache, &DeviceInfo { driver: "3.2".into(), ..device });
+        assert_eq!([programs.has("hash"), programs.has("another"), other.has("hash")], [true, false, false]);
     }
 
     #[test]
@@ -143,7 +144,7 @@ mod tests {
         for bytes in
             [&b""[..], b"1234567", &[255; 8], &[9, 0, 0, 0, 0, 0, 0, 0, 1], &[1, 0, 0, 0, 0, 0, 0, 0, 255]]
         {
-            assert!(KeptProgram::from_bytes(bytes).is_none(), "{bytes:?}");
+            assert!(StoredProgram::from_bytes(bytes).is_none(), "{bytes:?}");
         }
     }
 }

@@ -3,20 +3,20 @@
 /// The name that a compiler gives to the whole text of a program if it ignores `#line`, as NVIDIA's compiler does.
 const WHOLE_TEXT: &str = "<kernel>";
 
-/// Returns the compiler's messages with kernel files instead of places in the whole text `text`: `cast/shade.cl:7:1`
+/// Returns the compiler's messages with kernel files instead of positions in the whole text `text`: `cast/shade.cl:7:1`
 /// instead of `<kernel>:1042:1`.
 pub fn in_files(log: &str, text: &str) -> String {
-    let placed = |word: &str| {
+    let located = |word: &str| {
         let (number, rest) = word.strip_prefix(WHOLE_TEXT)?.strip_prefix(':')?.split_once(':')?;
-        let (name, number) = place(text, number.parse().ok()?)?;
+        let (name, number) = position_of_line(text, number.parse().ok()?)?;
         Some(format!("{name}:{number}:{rest}"))
     };
-    log.split_inclusive([' ', '\n']).map(|word| placed(word).unwrap_or_else(|| word.to_owned())).collect()
+    log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
 
 /// Returns the file and the number in this file of line `number` of a text, according to the text's directives `#line`.
 /// Lines are counted from 1.
-fn place(text: &str, number: usize) -> Option<(&str, usize)> {
+fn position_of_line(text: &str, number: usize) -> Option<(&str, usize)> {
     let mut next = None;
     for line in text.lines().take(number.checked_sub(1)?) {
         next = directive(line).or(next.map(|(name, number)| (name, number + 1)));
@@ -35,10 +35,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_in_the_whole_text_become_places_in_files() {
+    fn positions_in_the_whole_text_become_positions_in_files() {
         let text = "#define A 1\n#line 1 \"outer.cl\"\none\n#line 1 \"inner.cl\"\nwithin\n#line 3 \"outer.cl\"\nthree\nfour\n";
         assert_eq!(
-            [1, 2, 3, 5, 7, 8].map(|number| place(text, number)),
+            [1, 2, 3, 5, 7, 8].map(|number| position_of_line(text, number)),
             [
                 None,
                 None,

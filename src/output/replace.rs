@@ -31,7 +31,8 @@ impl Choice {
         Self { force: false, elsewhere, has_force: false }
     }
 
-    /// Returns the remedy if a file is not replaced: the ways out that the user has.
+    /// Returns the remedy if a file is not replaced. The remedy names `--force`, if the command has this option, and
+    /// the option for another output path.
     fn help(self, what_force_does: &str) -> String {
         let force = if self.has_force { format!("`--force` {what_force_does}, ") } else { String::new() };
         format!("{force}`{}` writes elsewhere", self.elsewhere)
@@ -95,8 +96,8 @@ pub(super) fn permit(
 }
 
 /// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the process ends
-/// before that, nothing stays, except on file systems without unnamed files. Before the file is put into its place, the
-/// path is checked again, since another program may have created a file there meanwhile.
+/// before that, no incomplete file stays, except on file systems without unnamed files. Before the file is put into its
+/// place, the path is checked again, since another program may have created a file there meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -243,7 +244,8 @@ mod tests {
             assert_eq!(error.to_string(), format!("'{}' {why}", path.display()));
             assert_eq!(error.remedy(), format!("{help}`-o FILE` writes elsewhere"));
         }
-        // Not every command has this option, and no function of the library has it.
+        // Some commands have no option `--force`, and functions of the library have no options. In these cases the
+        // remedy does not name `--force`.
         let without = permit(&name("a.png"), Choice::without_force("-o FILE"), |_| Ok(Maker::Other));
         assert_eq!(without.unwrap_err().remedy(), "`-o FILE` writes elsewhere");
         assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
