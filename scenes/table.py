@@ -128,8 +128,8 @@ def square(material, corner, right, up, times):
     length = math.sqrt(sum(x * x for x in cross))
     normal = [x / length for x in cross]
     at = lambda s, t: [c + s * r + t * u for c, r, u in zip(corner, right, up)]
-    place = lambda s, t: (s * times[0], t * times[1])
-    return material, [(at(s, t), place(s, t), normal) for s, t in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    texture = lambda s, t: (s * times[0], t * times[1])
+    return material, [(at(s, t), texture(s, t), normal) for s, t in ((0, 0), (1, 0), (1, 1), (0, 1))]
 
 
 def ball(material, rows, columns):

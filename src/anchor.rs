@@ -163,7 +163,7 @@ fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
 
 /// Returns the distance that the kernel should find for one ray.
 fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
-    let at = |step: usize| (step % 64) as f32 / 32.0 - 1.0;
+    let at = |index: usize| (index % 64) as f32 / 32.0 - 1.0;
     let direction = [at(ray), at(ray / 64), 1.0];
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let length_squared = dot(direction, direction);

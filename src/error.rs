@@ -416,7 +416,7 @@ mod tests {
         assert_eq!((own.to_string().as_str(), own.remedy()), ("a", "own"));
         let Error::Input(input_error) = own else { panic!("not an input error") };
         assert_eq!(input_error.span.map(|span| (span.offset(), span.len())), Some((6, 1)));
-        assert_eq!(Error::run("a").placed(located).exit_code(), 1, "only input errors have places");
+        assert_eq!(Error::run("a").placed(located).exit_code(), 1, "only input errors have locations");
     }
 
     #[test]

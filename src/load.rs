@@ -203,7 +203,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn this_machine_tells() {
+    fn this_machine_reports_its_ticks_and_processors() {
         assert!(ticks().is_some_and(|ticks| ticks.own >= 0.0 && ticks.all >= ticks.busy));
         assert!(processors().is_some());
     }

@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn this_machine_tells_what_it_has_and_what_was_taken() {
+    fn this_machine_reports_what_it_has_and_what_was_taken() {
         if cfg!(target_os = "linux") {
             let available = Available::read();
             assert!((1 << 20..1 << 50).contains(&available.bytes), "{available:?}");

@@ -107,7 +107,7 @@ fn read(path: &Path) -> Result<Settings> {
 
 /// Returns whether an error means that there is no settings file, or that it lies in a folder in which this user may
 /// look up no file, such as the home folder of another user. A part of the path may also be a file: services often have
-/// the home folder /dev/null. `metadata` is the file's metadata, or the error from reading them.
+/// the home folder /dev/null. `metadata` is the file's metadata, or the error from reading it.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)

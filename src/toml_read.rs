@@ -27,8 +27,8 @@ pub fn from_table<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<T,
     T::deserialize(Strict(toml::Deserializer::from(table)))
 }
 
-/// Wraps a deserialiser or another reading object of serde, so that it refuses a list in place of a table. The objects
-/// that it creates for inner values are wrapped, too.
+/// Wraps a deserialiser of serde, or one of serde's readers of the inner values of a list or a table, so that a list in
+/// place of a table is refused. The deserialisers of all inner values are wrapped, too.
 struct Strict<T>(T);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {

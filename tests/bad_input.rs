@@ -257,7 +257,7 @@ fn a_folder_of_kernels_that_is_not_there() {
 #[test]
 fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = folder.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let kernels = folder.kernels("cast/shade.cl", "// Computes", "oops;\n// Computes");
     let device = crate::binary::device();
     let render =
         ["render", "scene.toml", "--device", &device, "--strategy", "deferred", "--cl-dir", &kernels];

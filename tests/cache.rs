@@ -162,7 +162,7 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
 }
 
 #[test]
-fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
+fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_stored() {
     let folder = folder_with(CONFIG);
     let device = device();
     let arguments =

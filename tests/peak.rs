@@ -30,7 +30,7 @@ const FIGURES: [&str; 10] = [
 ];
 
 #[test]
-fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
+fn what_a_device_can_do_is_measured_and_a_run_reports_its_fraction_of_it() {
     let folder = new_folder();
     let device = device();
     let text = folder.output(&["peak", "--device", &device, "--out", "peak.json"]);

@@ -271,8 +271,8 @@ fn displayed_values_and_radiance_are_compared_with_a_note() {
         picture.save(path_of(name)).expect("it saves");
     }
     let notes = |names: [&str; 2]| {
-        let [found, expected] = names.map(path_of);
-        let (said, _) = outcome(&["compare-images", &found, &expected, "--json"], 0);
+        let [actual, expected] = names.map(path_of);
+        let (said, _) = outcome(&["compare-images", &actual, &expected, "--json"], 0);
         let said: Value = serde_json::from_str(&said).expect("JSON");
         said["notes"].as_array().expect("a list").clone()
     };

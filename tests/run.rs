@@ -281,7 +281,7 @@ fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
 #[test]
 fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
     let folder = new_folder();
-    let kernels = folder.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let kernels = folder.kernels("cast/shade.cl", "// Computes", "oops;\n// Computes");
     let records = records(&folder, &["--cl-dir", &kernels], 1);
     let failed: Vec<_> = records.iter().filter(|record| record["outcome"] == "build-failed").collect();
     assert_eq!((records.len(), failed.len()), (5, 4));

@@ -194,9 +194,11 @@ fn the_pointer_finds_the_triangle() {
     let user = Mutex::new(server.user());
     let title = || user.lock().expect("no panic").title();
     user.lock().expect("no panic").point([48, 30]);
-    until("the triangle is told", || title().contains("triangle 0, object 0, material 0, normal (0.00, "));
+    until("the title names the triangle", || {
+        title().contains("triangle 0, object 0, material 0, normal (0.00, ")
+    });
     user.lock().expect("no panic").point([1, 1]);
-    until("no triangle is told where there is none", || !title().contains("triangle 0"));
+    until("the title names no triangle where there is none", || !title().contains("triangle 0"));
     quit(child, &server);
 }
 
@@ -213,7 +215,7 @@ fn it_spins_and_reads_a_changed_scene_again() {
     server.until_shown("it shows the changed scene", |shown| differences(shown, &after) == 0);
     folder.write("scene.toml", "power = \"none\"\n");
     let user = Mutex::new(server.user());
-    until("the mistake is told", || user.lock().expect("no panic").title().contains("power"));
+    until("the title describes the mistake", || user.lock().expect("no panic").title().contains("power"));
     assert_eq!(differences(&server.picture(), &after), 0, "the last good picture stays");
     user.lock().expect("no panic").press(LETTER(' '));
     server.until_shown("it spins", |shown| differences(shown, &after) > 20);

@@ -46,7 +46,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         // end is the light. The number of the light's origin is 1 + light, since the eye is origin 0.
         const varying length = distance - scene->bias;
 #if PLANES_OF_ORIGIN
-        // The ray is cast from the light, and ends at a small gap before the hit.
+        // The ray is cast from the light, and ends a small distance before the hit.
         const varying end = distance * (1.0f - gap_before_hit(scene->bias / distance, 1.0f / cosine));
 #else
         const varying end = length;

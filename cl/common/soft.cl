@@ -121,7 +121,8 @@ float radius_of(const Soft *soft, int light) {
 // the ball then looks like an evenly bright disc, whatever side it is seen from.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
-    // The scaled vector has three of the four coordinates of a point on the sphere in four dimensions.
+    // The vector to which `scale` is applied has three of the four coordinates of a point on the unit sphere in four
+    // dimensions.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));

@@ -5,8 +5,8 @@
 #ifndef SHOWN_VALUES
 #error "SHOWN_VALUES: number of values of a displayed channel"
 #endif
-#ifndef PLACE_SHIFT
-#error "PLACE_SHIFT: number of a radiance's lower bits that are ignored when a table is read"
+#ifndef INDEX_SHIFT
+#error "INDEX_SHIFT: number of a radiance's lower bits that are ignored when a table is read"
 #endif
 #ifndef ITEM_PIXELS
 #error "ITEM_PIXELS: pixels of a work-item, whose bytes fill whole words"
@@ -23,15 +23,15 @@
 // addresses, which __constant memory would serve one after the other.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
-    uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
+    uint value = at_least[as_uint(radiance) >> INDEX_SHIFT];
     // The bound in `at_least` is only a few values too low, so the loop takes few steps.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }
 
 // `image` has the pixels, of which `count` are displayed, starting with `first`. A pixel's fourth channel is positive
-// for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements, to
-// which the kernel adds the number of pixels that hit something, and the number of pixels that are not finite.
+// for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements:
+// the kernel adds to them the number of pixels that hit something, and the number of pixels that are not finite.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict counters) {

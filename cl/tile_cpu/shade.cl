@@ -3,9 +3,10 @@
 // INLINED functions take or return columns of values. Inlining keeps these columns in registers.
 #define INLINED static __attribute__((always_inline))
 
-// A row of `rows` has three parts: a triangle's three corners, or their normals. A part begins `step` floats after the
-// part before it. Its first three floats are a vector; the fourth float belongs to the corner (see LEAF_ROW), or is the
-// first one of the next normal.
+// A row has three parts: a triangle's three corners, or their normals. A part begins `step` floats after the part
+// before it. Its first three floats are a vector; the fourth float belongs to the corner (see LEAF_ROW), or is the
+// first one of the next normal. (The host allocates a row after the last one, so that the last normal has a fourth
+// float, too.)
 //
 //     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
 //     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z
@@ -19,7 +20,7 @@ INLINED void spread_row(const __global float *row, int step, varying *column) {
     }
 }
 
-// Loads four floats for each of four lanes. In `at` are the lanes' offsets in floats.
+// Loads four floats for each of four lanes. `at` has the lanes' offsets in floats.
 #define FOUR_QUADS(from, at, lane)                                                                             \
     (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
               vload4(0, from + at[lane + 3]))

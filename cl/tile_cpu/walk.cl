@@ -16,8 +16,8 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes those children of a node that a vector of `live` meets onto the stack, the nearest child last. With `any`, the
-// order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
+// Pushes children of a node onto the stack, the nearest child last: those that a vector of `live` meets. With `any`,
+// the order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
 // number of these children below it, which the tile enters later. An example with three children, entered at 5, 2 and
 // 9:
 //

@@ -20,7 +20,7 @@
     group.earlier = earlier;               \
     group.bits = (int)subpixel_bits;       \
     group.samples = (int)samples_of_frame; \
-    group.positions = places;              \
+    group.positions = positions;           \
     group.tile = own_tile(&group, rough, (int)rough_count);
 #define SUBPIXEL_BITS group.bits
 #define SAMPLES_OF_FRAME group.samples

@@ -13,7 +13,7 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
 #if SOFT
         // A ray to a light with a radius, or to the sky, starts at its own hit and needs no planes prepared for the
         // light.
-        if (goes_apart(sources, light)) {
+        if (lacks_common_origin(sources, light)) {
             const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
             SurfacePoint hit = surface_point_of(tree, surfaces, from_eye, leaf_index);
             hit.pixel = eye_ray;

@@ -216,16 +216,17 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 
 // Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries of the queue
 // for all lanes of the group.
-INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global uint *queued) {
-    const uint leaving = lane_ballot(group, lights != 0);
+INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
+                     __global uint *queued) {
+    const uint enqueuing = lane_ballot(group, lights != 0);
     // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
     // here.
     uint first = 0;
     // One atomic operation per group is enough, since a lane with an entry finds its position in the queue by its rank
     // among the lanes with entries.
-    if (leaving && group->lane == 0) first = atomic_add(queued, popcount(leaving));
+    if (enqueuing && group->lane == 0) first = atomic_add(queued, popcount(enqueuing));
     first = lane_get(group, first, 0);
-    if (lights) queue[first + BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
+    if (lights) queue[first + BITS_BEFORE(group, enqueuing)] = (uint2)(index_of(eye_ray, grid), lights);
 }
 
 // The buffers for the results of shadow rays.
@@ -251,7 +252,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float *surf
                                                   sources, lights, light, bias), light);
             continue;
         }
-        if (goes_apart(sources, light)) {
+        if (lacks_common_origin(sources, light)) {
             // All rays without a common origin become leftover shadow rays.
             leftover |= BITS_OF_LIGHT(hits, light);
             continue;
@@ -271,8 +272,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float *surf
         if (HAS(hits, ray)) results.lit[index_of(eye_ray, grid)] = BITS_OF_PIXEL(reached, ray) | left;
     }
     for (int ray = 0; ray < RAYS; ray++)
-        leave(group, tile_ray(group, ray, grid), grid, BITS_OF_PIXEL(leftover, ray), results.queue,
-              results.queued);
+        enqueue(group, tile_ray(group, ray, grid), grid, BITS_OF_PIXEL(leftover, ray), results.queue, results.queued);
 }
 
 #define BIND_RESULTS       \

@@ -11,7 +11,7 @@ typedef struct {
 #define SOURCE_COUNT(light_count) ((light_count) + SKY)
 
 // Returns whether the rays of a source have no common origin.
-INLINED int goes_apart(const Sources *sources, int light) {
+INLINED int lacks_common_origin(const Sources *sources, int light) {
     const int source = sources->first_light + light;
     return source >= sources->light_count || radius_of(&sources->soft, source) > 0.0f;
 }

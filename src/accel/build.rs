@@ -17,9 +17,9 @@ const PARALLEL_NODE: usize = 1 << 16;
 const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
-/// The nodes of a subtree with at most this many triangles are joined into one piece as soon as the subtree is finished.
-/// A piece of this size has memory of its own, which the system gets back when the piece is freed. The memory of many
-/// small pieces would stay with the allocator, and large meshes would need a tenth more memory until the end.
+/// The nodes of a subtree with at most this many triangles are joined into one piece as soon as the subtree is
+/// finished. A piece of this size has memory of its own, which the system gets back when the piece is freed. The memory
+/// of many small pieces would stay with the allocator, and large meshes would need a tenth more memory until the end.
 const JOINED: usize = 1 << 19;
 /// Nodes with more triangles than this are cut into `FINE` slices, others into `COARSE`.
 const FINE_NODE: usize = 64;

@@ -65,7 +65,7 @@ impl Cache {
 
     /// Returns whether the cache is in use: it has a folder from which later processes of raycl take what this process
     /// stores.
-    pub fn keeps(&self) -> bool {
+    pub fn is_usable(&self) -> bool {
         self.folder.is_some() && self.why_unusable().is_none()
     }
 
@@ -295,22 +295,22 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_folder_that_others_may_write_and_a_file_in_its_place_keep_nothing() {
+    fn a_folder_that_others_may_write_and_a_file_in_its_place_store_nothing() {
         use std::os::unix::fs::PermissionsExt as _;
         let (parent, cache) = cache(10_000);
-        assert!(cache.keeps(), "the folder can be made");
-        assert!(!Cache::none().keeps());
-        assert!(cache.put("program", "key", b"content") && cache.keeps());
+        assert!(cache.is_usable(), "the folder can be made");
+        assert!(!Cache::none().is_usable());
+        assert!(cache.put("program", "key", b"content") && cache.is_usable());
         let folder = cache.folder().unwrap();
         std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o770)).unwrap();
-        assert!(!cache.keeps() && !cache.put("program", "other", b"content"));
+        assert!(!cache.is_usable() && !cache.put("program", "other", b"content"));
         assert_eq!(cache.entries().len(), 1, "only the entry that was stored before");
         assert!(cache.why_unusable().unwrap().contains("users other than its owner"));
         let file = parent.path().join("file");
         std::fs::write(&file, "").unwrap();
         assert_eq!(Cache::at(&file, 10_000).why_unusable(), Some("it is not a folder"));
         let below = Cache::at(&file.join("raycl"), 10_000);
-        assert_eq!((below.keeps(), below.why_unusable()), (false, Some("raycl cannot write into it")));
+        assert_eq!((below.is_usable(), below.why_unusable()), (false, Some("raycl cannot write into it")));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::choice::usual_device_index;
-use crate::device::{self, DeviceInfo, Survey};
+use crate::device::{self, DeviceInfo, Survey, common_name};
 use crate::error::Result;
 use crate::settings;
 use crate::sources::Sources;
@@ -58,7 +58,7 @@ fn listing<'a>(
 }
 
 const HEADER: [&str; 9] = [
-    "device\nplatform, driver",
+    "device\nthe driver's name for it\nplatform, driver",
     "kind",
     "compute\nunits",
     "threads",
@@ -112,8 +112,10 @@ fn cells(info: &DeviceInfo) -> Vec<String> {
     let limits = &info.limits;
     let mark = if info.unusable.is_some() { " (unusable)" } else { "" };
     let label = info.own_label().map(|label| format!("\n--device {label}")).unwrap_or_default();
+    let of_driver =
+        if common_name(&info.name) == info.name { String::new() } else { format!("\n{}", info.name) };
     vec![
-        format!("{}{mark}\n{}, {}{label}", info.name, info.platform, info.driver),
+        format!("{}{mark}{of_driver}\n{}, {}{label}", common_name(&info.name), info.platform, info.driver),
         info.kind.name().to_owned(),
         limits.compute_units.to_string(),
         info.threads.map_or(String::new(), |threads| threads.to_string()),

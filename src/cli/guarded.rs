@@ -25,10 +25,10 @@ use terminal::LentTerminal;
 /// page fault; these page faults took a fifth of the time of a short command. With these settings, the allocator asks
 /// the system for huge pages, and extends its heaps by 16 MiB at a time. Larger steps are hardly faster, and let the
 /// process keep more freed memory than raycl's predictions of memory use allow for. An allocation of 4 MiB or more gets
-/// memory of its own, which the system gets back when the allocation is freed. (By itself, glibc raises this limit to as
-/// much as 32 MiB; a picture of ten million triangles then took 125 MiB more.) glibc reads the variable only when a
-/// process starts, so raycl sets it for the child process of `render` or `view`. If the user has set the variable,
-/// raycl leaves it unchanged.
+/// memory of its own, which the system gets back when the allocation is freed. (By itself, glibc raises the limit of
+/// 4 MiB to as much as 32 MiB; a picture of ten million triangles then took 125 MiB more.) glibc reads the variable
+/// only when a process starts, so raycl sets it for the child process of `render` or `view`. If the user has set the
+/// variable, raycl leaves it unchanged.
 const ALLOCATOR: (&str, &str) = (
     "GLIBC_TUNABLES",
     "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216:glibc.malloc.mmap_threshold=4194304",

@@ -203,8 +203,8 @@ impl Cli {
     ///
     /// # Errors
     ///
-    /// Fails if the user's settings contain a mistake, or if the help or the version cannot be printed. A worker ignores
-    /// a mistake in the settings.
+    /// Fails if the user's settings contain a mistake, or if the help or the version cannot be printed. A worker
+    /// ignores a mistake in the settings.
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();

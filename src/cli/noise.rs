@@ -4,6 +4,7 @@ use super::choice::parse_assignment;
 use super::progress::observer;
 use super::run;
 use crate::config::{Experiment, parse_built_in, with_absolute_paths};
+use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::record::{Folder, Noise, percent, significant};
 use crate::words::counted;
@@ -105,7 +106,7 @@ fn text(noise: &Noise) -> String {
     let mut lines = vec![
         format!(
             "{}, {} in {}",
-            noise.device,
+            common_name(&noise.device),
             counted(noise.samples, "sample"),
             counted(noise.launches, "launch")
         ),

@@ -4,6 +4,7 @@ use super::choice::one_device;
 use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::child::output_unless;
+use crate::device::common_name;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
 use crate::experiment::Observer;
@@ -172,7 +173,7 @@ fn text(peak: &Peak) -> String {
     latency("__local memory", &peak.local_ns);
     latency("global memory", &peak.global_ns);
     let clock = peak.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
-    format!("{} ({}, driver {}){clock}\n{table}", peak.device, peak.platform, peak.driver)
+    format!("{} ({}, driver {}){clock}\n{table}", common_name(&peak.device), peak.platform, peak.driver)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::choice::{one_device, whole};
 use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::device::Device;
+use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::output::{Choice, Target};
 use crate::printer;
@@ -189,7 +190,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
         "device    {}, {}: shortest times of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%; the worst choice takes {worst:.3} times as long as the best strategy",
-        sweep.device,
+        common_name(&sweep.device),
         sweep.date,
         sweep.rounds,
         within(1.05),

@@ -45,10 +45,10 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns all names under which the config lists a strategy at a local size. `strategy` is the strategy's index
-    /// in the list of strategies.
-    pub fn names_of(&self, strategy: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
-        let wanted = self.strategies.get(strategy).map(|named| named.strategy);
+    /// Returns all names under which the config lists a strategy at a local size. `index` is the strategy's index in
+    /// the list of strategies.
+    pub fn names_of(&self, index: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
+        let wanted = self.strategies.get(index).map(|named| named.strategy);
         let is_wanted = move |named: &&NamedStrategy| {
             Some(named.strategy) == wanted && named.local_sizes.contains(&local_size)
         };

@@ -59,7 +59,7 @@ pub fn pick_one(
     let key = key(sources)?;
     let known = stored(cache, &key);
     // A device that is not in the stored list may be new. If the stored list lacks the device, all devices are listed
-    // anew, and messages refer to the new list.
+    // again, and messages refer to the new list.
     let index = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let device = known.as_deref().zip(index).and_then(|(known, index)| again(known.get(index)?));
     if device.is_some() {
@@ -258,7 +258,7 @@ mod tests {
 
     /// The device may have been added after the list was stored.
     #[test]
-    fn a_device_that_the_stored_list_lacks_is_looked_for_anew() {
+    fn a_device_that_the_stored_list_lacks_is_searched_for_in_a_new_list() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(&folder.path().join("raycl"), 1 << 20);
         let key = key(&Sources::Embedded).unwrap();

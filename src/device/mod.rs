@@ -2,6 +2,7 @@
 
 mod alike;
 mod asked;
+mod common_name;
 mod compiling;
 mod discover;
 pub mod drivers;
@@ -19,6 +20,7 @@ mod threads;
 pub mod variables;
 
 pub use alike::check_alike;
+pub(crate) use common_name::{common_name, common_names};
 pub(crate) use compiling::compile;
 pub use discover::{Survey, discover, no_device_advice, survey};
 pub(crate) use errors::{compiler_log, lacks_resources, may_pass};
@@ -153,18 +155,25 @@ pub struct DeviceInfo {
 impl DeviceInfo {
     /// Returns one line that distinguishes the device from every other device.
     pub fn describe(&self) -> String {
-        let Self { name, platform, driver, limits, .. } = self;
+        let Self { platform, driver, limits, .. } = self;
         let threads = self
             .threads
             .map(|threads| format!(", {}", counted(threads as usize, "thread")))
             .unwrap_or_default();
         let twin = if self.twins_before > 0 { format!(" #{}", self.twins_before + 1) } else { String::new() };
+        let name = common_name(&self.name);
+        let of_driver = if name == self.name { String::new() } else { format!("{}, ", self.name) };
         format!(
-            "{name}{twin} ({platform}, driver {driver}): {}, {}{threads}, {} KiB __local",
+            "{name}{twin} ({of_driver}{platform}, driver {driver}): {}, {}{threads}, {} KiB __local",
             self.kind.name(),
             counted(limits.compute_units as usize, "compute unit"),
             limits.local_bytes / 1024
         )
+    }
+
+    /// Returns the name under which people know the device, or the device's label if other devices have the same name.
+    pub fn common_name(&self) -> String {
+        self.own_label().map_or_else(|| common_name(&self.name), str::to_owned)
     }
 
     /// Returns a name for files: lower case, and the same in every run.

@@ -1,6 +1,6 @@
 //! Selects devices by name and kind, not by number, since numbers differ between machines.
 
-use super::{Device, DeviceInfo, DeviceKind};
+use super::{Device, DeviceInfo, DeviceKind, common_name};
 use crate::error::{Error, Result, nearest};
 use crate::sources::Sources;
 
@@ -80,11 +80,16 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
         // Of several devices with the same name, the first one's label is the beginning of the others' labels. So only
         // a whole label selects a device.
-        _ => names(info).iter().any(|name| name.to_lowercase().contains(&pattern)) || info.slug() == pattern,
+        _ => {
+            let names = names(info).map(str::to_lowercase).into_iter();
+            let mut names = names.chain([common_name(&info.name).to_lowercase()]);
+            names.any(|name| name.contains(&pattern)) || info.slug() == pattern
+        }
     }
 }
 
-/// Returns the texts of a device with which patterns are compared: a pattern may be any part of one of them.
+/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of one of them, or
+/// of the device's common name.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }

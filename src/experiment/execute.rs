@@ -74,7 +74,7 @@ impl Run<'_> {
             .map(|group| pass_over(missing.of(group), launches, &mut sink).map(OpenGroup::new))
             .collect();
         let end = groups.and_then(|groups| {
-            if let Some(ahead) = self.ahead.filter(|_| self.builds_beside_timing()) {
+            if let Some(ahead) = self.ahead.filter(|_| self.builds_while_timing()) {
                 ahead.order(groups.iter().flat_map(OpenGroup::points));
             }
             measure(groups, &mut sink)
@@ -94,7 +94,7 @@ impl Run<'_> {
 
     /// Returns whether programs of later groups are built while earlier groups are timed. This is
     /// true if no timed point needs the CPU's cores.
-    fn builds_beside_timing(&self) -> bool {
+    fn builds_while_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
     }

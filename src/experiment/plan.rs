@@ -119,7 +119,7 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 
 impl Point {
     /// Returns whether both points have the same scene and image size.
-    pub fn is_beside(&self, other: &Self) -> bool {
+    pub fn has_scene_and_size_of(&self, other: &Self) -> bool {
         (self.scene, self.image_size) == (other.scene, other.image_size)
     }
 
@@ -236,7 +236,8 @@ mod tests {
             work: Work::Kernel { strategy: device, local_size: [8, 8] },
             image_size: [width, 5],
         };
-        assert!(point(0, 8, 0).is_beside(&point(0, 8, 1)));
-        assert!(!point(0, 8, 0).is_beside(&point(1, 8, 0)) && !point(0, 8, 0).is_beside(&point(0, 16, 0)));
+        assert!(point(0, 8, 0).has_scene_and_size_of(&point(0, 8, 1)));
+        assert!(!point(0, 8, 0).has_scene_and_size_of(&point(1, 8, 0)));
+        assert!(!point(0, 8, 0).has_scene_and_size_of(&point(0, 16, 0)));
     }
 }

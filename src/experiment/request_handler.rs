@@ -115,7 +115,7 @@ impl<'a> RequestHandler<'a> {
     /// Prepares for requests about a point: drops the entries of the previous group if the point is in another group,
     /// and loads the point's scene unless it is loaded already.
     fn turn_to(&mut self, point: Point) -> Result<()> {
-        if self.group.is_none_or(|group| !group.is_beside(&point)) {
+        if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }

@@ -150,11 +150,11 @@ mod tests {
     }
 
     #[test]
-    fn bytes_of_no_format_have_the_format_that_the_name_tells() {
+    fn bytes_of_no_format_have_the_format_that_the_name_suggests() {
         assert_eq!(refusal(b"nothing"), "its first bytes are those of no known format");
         let reader = picture_reader(b"nothing", Some(ImageFormat::Tga)).unwrap();
         assert_eq!(reader.format(), Some(ImageFormat::Tga));
-        // A file is checked for missing data of a JPEG only if its bytes, not just its name, show that it is a JPEG.
+        // A file is checked for a missing end only if its bytes show that it is a JPEG; its name alone is not enough.
         assert!(picture_reader(b"nothing", Some(ImageFormat::Jpeg)).is_ok());
     }
 

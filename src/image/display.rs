@@ -47,7 +47,7 @@ impl Shown {
     /// Number of values of a channel.
     pub const VALUES: usize = 256;
     /// Number of low bits of a radiance that the second table of [`Self::tables`] ignores.
-    pub const PLACE_SHIFT: u32 = 16;
+    pub const INDEX_SHIFT: u32 = 16;
 
     /// Makes the tables for a scene's display settings.
     pub fn new(display: Display) -> Self {
@@ -91,8 +91,8 @@ impl Thresholds {
             *threshold = smallest(value, display);
         }
         let shown = |radiance| thresholds[..255].partition_point(|least| *least <= radiance) as u8;
-        let at_least = (0..1 << (31 - Shown::PLACE_SHIFT))
-            .map(|upper: u32| shown(f32::from_bits(upper << Shown::PLACE_SHIFT)));
+        let at_least = (0..1 << (31 - Shown::INDEX_SHIFT))
+            .map(|upper: u32| shown(f32::from_bits(upper << Shown::INDEX_SHIFT)));
         let at_least = at_least.collect();
         Self { smallest: thresholds, at_least }
     }
@@ -102,7 +102,7 @@ impl Thresholds {
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }
-        let mut value = self.at_least[(radiance.to_bits() >> Shown::PLACE_SHIFT) as usize];
+        let mut value = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize];
         while self.smallest[usize::from(value)] <= radiance {
             value += 1;
         }

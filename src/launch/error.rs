@@ -72,9 +72,9 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
-    /// Turns `error`, for which a program's kernel could not be made, into a [`LaunchError`]. `own_files` are the paths
-    /// of the kernel files in the program that the user added or changed. If there are such files, they may lack the
-    /// kernel, or declare other parameters.
+    /// Turns `error`, because of which a program's kernel could not be made, into a [`LaunchError`]. `own_files` are
+    /// the paths of the kernel files in the program that the user added or changed. If there are such files, they may
+    /// lack the kernel, or declare other parameters.
     pub(crate) fn of_kernel(kernel: &str, own_files: &[String], error: ocl::Error) -> Self {
         let (status, files) = (error.api_status(), some_of(own_files));
         match status {

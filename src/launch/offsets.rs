@@ -80,7 +80,7 @@ fn the_last_of_a_hundred_million_triangles_lies_after_all_others() {
 fn the_loop_over_a_queue_ends_at_the_largest_number_of_entries() {
     let text = Sources::Embedded.read_joined("tile_gpu/shade.cl").unwrap().0;
     let queued = text.lines().find(|line| line.starts_with("#define FOR_QUEUED")).expect("the loop");
-    // The kernel leaves the loop after four entries, in case the loop would never end.
+    // The kernel leaves the loop after four entries, in case the loop never ends.
     let after = "__kernel void find(__global ulong *results, const __global float *unused) {
                      const uint count = 0xffffffffu, first = count - 100u, groups = 60u;
                      int n = 0;

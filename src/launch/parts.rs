@@ -66,8 +66,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Checks that a kernel with files of the user uses no more `__local` memory than the files' headers state. From the
-    /// headers, raycl computed whether the kernel fits on the device; if it does not fit, some drivers crash.
+    /// Checks that a kernel with files of the user uses no more `__local` memory than the files' headers state. From
+    /// the headers, raycl computed whether the kernel fits on the device; if it does not fit, some drivers crash.
     fn check_local_memory(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let Setup { queue, strategy, workload, .. } = self.setup;
         let files = self.setup.files_that_state_local_memory();

@@ -3,7 +3,7 @@
 use super::band::Band;
 use super::held::Frames;
 use super::refused::Refused;
-use super::scene::{light_anew, move_lights};
+use super::scene::{move_lights, replace_lights};
 use super::setup::{Setup, sees_sky};
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue, preprocess_for};
 use crate::error::Result as OrError;
@@ -77,7 +77,7 @@ impl Prepared {
         if !self.suits(scene) {
             return Ok(false);
         }
-        light_anew(&self.queue, &self.uploaded, [&self.scene, scene])?;
+        replace_lights(&self.queue, &self.uploaded, [&self.scene, scene])?;
         caster.show_background(scene)?;
         self.scene = Arc::clone(scene);
         Ok(true)

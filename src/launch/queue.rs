@@ -51,7 +51,7 @@ impl Queue {
     /// Returns a queue that treats its device as if it had separate memory, and transfers data in pieces of
     /// `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
     #[must_use]
-    pub fn apart(self, piece_bytes: usize) -> Self {
+    pub fn with_separate_memory(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
     }
 

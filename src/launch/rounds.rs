@@ -94,7 +94,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         if !self.shades_leftover {
             let [across, down] = setup.workload.local_size.map(|n| n as usize);
             let groups = [across * self.shared.groups.div_ceil(down), down];
-            steps.push((phase, Step::Run(cast(Role::LeftOver, Some(groups))?)));
+            steps.push((phase, Step::Run(cast(Role::Leftover, Some(groups))?)));
         }
         Ok(steps)
     }

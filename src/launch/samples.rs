@@ -52,7 +52,7 @@ impl Samples {
 
     /// Adds the buffers to a frame's arguments.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.positions);
+        let arguments = arguments.with(WANTED, &self.wanted).with("positions", &self.positions);
         let arguments = arguments.with("earlier", 0_u32);
         let arguments = arguments.with("rough", &self.rough).with("rough_count", 0_u32);
         let arguments = arguments.with("rough_counter", &self.rough_counter);

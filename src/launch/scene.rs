@@ -97,7 +97,7 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
 
 /// Replaces the lights on a device by those of another scene, which must have the same number of lights. Also replaces
 /// the sky and the lights' radii if any of them has changed; the size of the sky's picture must stay the same.
-pub(super) fn light_anew(
+pub(super) fn replace_lights(
     queue: &Queue,
     uploaded: &DeviceScene,
     [last, scene]: [&Scene; 2],

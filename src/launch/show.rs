@@ -35,9 +35,9 @@ impl ShowProgram {
     /// Returns the source to be compiled for an open device.
     pub fn spec(sources: &Sources, queue: &Queue) -> Result<ProgramSpec> {
         let options = format!(
-            "-D SHOWN_VALUES={} -D PLACE_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={} -cl-std=CL1.2",
+            "-D SHOWN_VALUES={} -D INDEX_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={} -cl-std=CL1.2",
             Shown::VALUES,
-            Shown::PLACE_SHIFT,
+            Shown::INDEX_SHIFT,
             queue.group
         );
         let (source, files) = sources.read_joined(FILE)?;
@@ -157,7 +157,7 @@ mod tests {
 
     fn queue_of(piece_bytes: usize) -> Queue {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        Queue::open(&device).unwrap().apart(piece_bytes)
+        Queue::open(&device).unwrap().with_separate_memory(piece_bytes)
     }
 
     fn display(exposure: f32, gamma: f32) -> Display {

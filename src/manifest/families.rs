@@ -2,7 +2,7 @@
 
 use super::Fact::{self, Always, Environment, Fused, GivenRays, HalfLight, Planes, Sampled, Separate};
 use super::Role::{
-    ApplyLight, Background, FilterLight, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade,
+    ApplyLight, Background, FilterLight, Frame, Leftover, Mark, Prepare, Primary, Rays, Resolve, Shade,
     Shadow,
 };
 use super::Values::{AllBut, FilesIn, Only};
@@ -224,9 +224,9 @@ pub static TILE_GPU: Family = Family {
             ],
         ),
         kernel_if(
-            Fact::LeftOver,
+            Fact::Leftover,
             "tile_left_over",
-            LeftOver,
+            Leftover,
             &[
                 LIGHTS,
                 TREE,

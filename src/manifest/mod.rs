@@ -59,7 +59,7 @@ pub enum Fact {
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
     /// Leftover shadow rays have a kernel of their own, because the shading kernel does not cast them.
-    LeftOver,
+    Leftover,
     /// The caller provides rays, which need a kernel that no frame needs.
     GivenRays,
 }
@@ -79,7 +79,7 @@ pub enum Role {
     /// Casts shadow rays.
     Shadow,
     /// Casts leftover shadow rays.
-    LeftOver,
+    Leftover,
     /// Shades the nearest hits; if no kernel has the role `Shadow`, the shading kernel casts shadow rays too.
     Shade,
     /// Shows the sky where rays have hit nothing.

@@ -77,12 +77,12 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_y"),
 ];
 /// Into how many sub-pixels a frame divides each pixel, and how many samples the frame casts per pixel, for tiles that
-/// are each shared by 32 work-items. `places` has the position (x and y) of each sample in its pixel. The frame casts
-/// only the rough blocks of pixels, or all blocks if `rough_count` is 0.
+/// are each shared by 32 work-items. `positions` has the position (x and y) of each sample in its pixel. The frame
+/// casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
-    p(Sampled, FLOATS, "places"),
+    p(Sampled, FLOATS, "positions"),
     p(Sampled, WORDS, "rough"),
     p(Sampled, "const uint", "rough_count"),
 ];

@@ -100,7 +100,7 @@ impl BuiltProgram {
             context,
         };
         if built.programs.has_binaries_at_hand() {
-            built.keep();
+            built.store();
         }
         Ok(built)
     }
@@ -112,15 +112,15 @@ impl BuiltProgram {
 
     /// Stores the compiled program in the cache, and returns whether it is stored now. This may take long, because
     /// some drivers compile every kernel again to return the binary.
-    pub fn keep(&self) -> bool {
-        if self.from_cache || !self.programs.keeps() {
+    pub fn store(&self) -> bool {
+        if self.from_cache || !self.programs.is_usable() {
             return self.from_cache;
         }
         if self.lacks_log() {
             return false;
         }
         let binary = self.binary();
-        !binary.is_empty() && self.programs.keep(&self.key, &StoredProgram { log: self.log(), binary })
+        !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
     /// Returns whether the compiler printed no registers although it can. In this case, the driver took the
@@ -131,7 +131,7 @@ impl BuiltProgram {
 
     /// Stores the program if it is not stored yet, and returns its key; `None` if it cannot be stored.
     pub fn stored_as(&self) -> Option<&str> {
-        self.keep().then_some(&self.key)
+        self.store().then_some(&self.key)
     }
 
     /// Loads the stored program once if this process compiled it and its binary is PTX. A driver that returns PTX

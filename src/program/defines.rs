@@ -66,7 +66,7 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "SAMPLED" => u64::from(workload.many_samples),
         "HALF_LIGHT" => u64::from(workload.half_light && strategy.family().takes(Fact::Soft)),
         "FUSED" => u64::from(strategy.fuses(workload)),
-        "LEFTOVER_KERNEL" => u64::from(strategy.holds_of(Fact::LeftOver, workload)),
+        "LEFTOVER_KERNEL" => u64::from(strategy.holds_of(Fact::Leftover, workload)),
         "GIVEN_RAYS" => u64::from(workload.given_rays),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,

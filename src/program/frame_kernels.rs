@@ -9,7 +9,7 @@ pub fn frame_kernels(strategy: &Strategy, workload: &Workload) -> Vec<&'static s
     let has_light = workload.lights > 0 || workload.sky;
     let is_needed = |role: Role| match role {
         Role::Records | Role::Prepare | Role::Frame | Role::Primary | Role::Resolve => true,
-        Role::Shadow | Role::LeftOver => has_light,
+        Role::Shadow | Role::Leftover => has_light,
         Role::Shade | Role::Background => true,
         Role::Rays | Role::Mark | Role::FilterLight | Role::ApplyLight => false,
     };

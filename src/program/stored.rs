@@ -39,8 +39,8 @@ impl ProgramCache {
     }
 
     /// Returns whether the cache stores anything.
-    pub fn keeps(&self) -> bool {
-        self.cache.keeps()
+    pub fn is_usable(&self) -> bool {
+        self.cache.is_usable()
     }
 
     /// Returns whether a driver can return a compiled program's binary without further work.
@@ -69,7 +69,7 @@ impl ProgramCache {
     }
 
     /// Stores a program; returns whether that succeeded.
-    pub fn keep(&self, key: &str, program: &StoredProgram) -> bool {
+    pub fn store(&self, key: &str, program: &StoredProgram) -> bool {
         self.cache.put(KIND, key, &program.to_bytes())
     }
 }
@@ -104,7 +104,7 @@ mod tests {
         let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
         let programs = programs_of(&cache, &device);
         let program = StoredProgram { log: "said".into(), binary: vec![1, 2, 3] };
-        assert!(programs.keep(&programs.key("text", "-D A=1"), &program));
+        assert!(programs.store(&programs.key("text", "-D A=1"), &program));
         let stored = |device: &DeviceInfo, source, options| {
             let programs = programs_of(&cache, device);
             programs.find(&programs.key(source, options)).map(|program| (program.log, program.binary))
@@ -134,7 +134,7 @@ mod tests {
         let programs = programs_of(&cache, &device);
         programs.name("hash", "key");
         assert!(!programs.has("hash"), "the program itself is missing");
-        programs.keep("key", &StoredProgram { log: String::new(), binary: vec![1] });
+        programs.store("key", &StoredProgram { log: String::new(), binary: vec![1] });
         let other = programs_of(&cache, &DeviceInfo { driver: "3.2".into(), ..device });
         assert_eq!([programs.has("hash"), programs.has("another"), other.has("hash")], [true, false, false]);
     }

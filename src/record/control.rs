@@ -107,7 +107,7 @@ mod tests {
     }
 
     /// The control point's ratio to itself is exactly 1 and has no error. If a point is compared with the control point
-    /// of another block, this ratio therefore has only the error of the point's ratio to the control point of the
+    /// in another block, the result therefore has only the error of the point's ratio to the control point in the
     /// point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::clocks::Clocks;
 use super::git::git_state;
 use super::whole::write_whole;
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, common_name};
 use crate::error::{Error, Result};
 
 /// Everything that may affect a result and is not in a record.
@@ -164,11 +164,10 @@ impl DeviceEnvironment {
 
 /// Returns whether records may use the name `shown` for the device `name`. If a run was merged from
 /// machines with devices of the same name, the names in records end with a text in brackets, so that
-/// the devices differ.
+/// the devices differ. Pages show the device's common name instead.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
-    shown
-        .strip_prefix(name)
-        .is_some_and(|rest| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')'))
+    let is_end = |rest: &str| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')');
+    [name, &common_name(name)].iter().any(|name| shown.strip_prefix(*name).is_some_and(is_end))
 }
 
 impl Environment {

@@ -626,7 +626,7 @@ mod tests {
     #[test]
     fn anchors_are_those_of_a_device_that_a_later_session_gave_another_name() {
         use crate::record::fixtures::measured;
-        use crate::record::{anchored, judge_beside_anchors, significant};
+        use crate::record::{anchored, judge_with_anchors, significant};
         let earlier = measured("gpu", "naive", 8, 10.0);
         let folder = folder(std::slice::from_ref(&earlier));
         let mut journal = JsonLines::append_to(&folder.path().join(ANCHORS)).unwrap();
@@ -640,7 +640,7 @@ mod tests {
         CurrentPlan::of(&[Record { device: "cuda-gpu".into(), ..earlier }]).write(folder.path()).unwrap();
         let mut read = Folder::read(folder.path()).unwrap();
         assert!(read.anchors.iter().all(|anchor| anchor.device == "cuda-gpu"), "{:?}", read.anchors);
-        judge_beside_anchors(&mut read.records, &read.anchors);
+        judge_with_anchors(&mut read.records, &read.anchors);
         let (name, ratio) = anchored(&read.records[0]).unwrap();
         assert_eq!((name, significant(ratio.middle, 3)), ("one", "2.00".to_owned()));
     }

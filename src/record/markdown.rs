@@ -9,6 +9,7 @@ use super::terminal::percent;
 use super::together::median;
 use super::together::{interval, launches, ratio, smallest_difference_note};
 use super::types::{HOST, Record};
+use crate::device::common_names;
 use crate::printer::{line, markdown};
 
 /// Number of columns of a table.
@@ -40,10 +41,15 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     }
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
     let groups = groups(records);
+    let names = common_names(groups.iter().map(|group| group.device));
     for group in &groups {
         let size = by(group.image_size);
+        let device = names[group.device].as_str();
         // Writing to a String cannot fail, so the results are ignored.
-        let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(group.device));
+        let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(device));
+        if device != group.device {
+            let _ = write!(text, "The driver's name of the device is {}.\n\n", markdown(group.device));
+        }
         if group.device != HOST {
             text.push_str(&verdict(group, &groups));
             text.push('\n');

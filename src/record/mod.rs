@@ -71,7 +71,7 @@ pub(crate) use together::{
     mean_relative_to_earlier, median, ranking, ratio, ratio_apart, ratio_of_means, ratio_of_passes,
     ratio_to_mean, rounds_of,
 };
-pub use together::{judge, judge_beside_anchors};
+pub use together::{judge, judge_with_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
     TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_closed, refuse_file,

@@ -7,6 +7,7 @@ use super::numbers::{by, duration, ms, significant};
 use super::summary::{Group, groups, not_enough, scene_notes};
 use super::together::{fewest, is_below_resolution, median};
 use super::types::{HOST, Outcome, Record};
+use crate::device::common_names;
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
@@ -16,8 +17,10 @@ use crate::strategy::Infeasible;
 /// these words. If `coloured` is true, winners are green and points without a time are yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
-    let parts = groups.iter().map(|group| {
-        if group.device == HOST { plain(&host_line(group)).into_owned() } else { matrix(group, coloured) }
+    let names = common_names(groups.iter().map(|group| group.device));
+    let parts = groups.iter().map(|group| match group.device {
+        HOST => plain(&host_line(group)).into_owned(),
+        device => matrix(group, &names[device], coloured),
     });
     let mut text = parts.collect::<Vec<_>>().join("\n");
     text.push_str(&plain(&legend(&groups)));
@@ -40,7 +43,8 @@ fn host_line(group: &Group<'_>) -> String {
     format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join("; "))
 }
 
-fn matrix(group: &Group<'_>, coloured: bool) -> String {
+/// Returns a group's table; `device` is the name of its device as people know it.
+fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     let (mut names, mut sizes) = (Vec::new(), Vec::new());
     for record in &group.records {
         if !names.contains(&&record.name) {
@@ -71,7 +75,7 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
         table.add_row(std::iter::once(Cell::new(line(name))).chain(cells));
     }
     let peak = peak_line(group);
-    let (scene, device) = (line(group.scene), line(group.device));
+    let (scene, device) = (line(group.scene), line(device));
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 

@@ -33,7 +33,7 @@ pub fn judge(records: &mut [Record]) {
 /// Computes each record's relative times like [`judge`], and also those of the anchors. If the records already have
 /// relative times from `judge`, the intervals of their medians stay as they are, since every output of raycl must show
 /// the same intervals.
-pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
+pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let of_judge = |record: &Record| Some(record.relative_times.as_ref()?.median_ms);
     let medians: Vec<Option<Interval>> = records.iter().map(of_judge).collect();
     write_all_relative_times(records, anchors);
@@ -90,19 +90,19 @@ impl Table {
         let samples = in_order(own(), &[]);
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
-        let beside = AnchorTimes::of_launches(&launches, anchors);
-        let beside_anchor = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
+        let anchor_times = AnchorTimes::of_launches(&launches, anchors);
+        let record_of = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
         let on_processors: Vec<bool> =
-            beside.iter().map(|anchor| beside_anchor(anchor).is_some_and(is_on_processors)).collect();
-        let paired = Paired::beside_anchors(&in_order(own(), &beside), indices.len(), &on_processors);
+            anchor_times.iter().map(|anchor| record_of(anchor).is_some_and(is_on_processors)).collect();
+        let paired = Paired::with_anchors(&in_order(own(), &anchor_times), indices.len(), &on_processors);
         let of_anchors =
-            beside.iter().map(|anchor| beside_anchor(anchor).map(between_runs).unwrap_or_default());
+            anchor_times.iter().map(|anchor| record_of(anchor).map(between_runs).unwrap_or_default());
         let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
         let anchor = |AnchorTimes { name, device, utilization, .. }: &AnchorTimes<'_>| {
             let (name, device) = ((*name).to_owned(), (*device).to_owned());
             Anchor { name, device, utilization: *utilization }
         };
-        let anchors = beside.iter().map(anchor).collect();
+        let anchors = anchor_times.iter().map(anchor).collect();
         Self { together, indices, anchors, paired }
     }
 
@@ -262,7 +262,7 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
 }
 
 /// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name.
-/// `None` if the anchor was not measured, or not requested (see [`judge_beside_anchors`]).
+/// `None` if the anchor was not measured, or not requested (see [`judge_with_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let times = record.relative_times.as_ref()?;
     let anchor = times.anchor.as_ref()?;

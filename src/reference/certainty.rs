@@ -468,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_with_holes_is_neither_hit_nor_blocks_the_light_for_sure() {
+    fn a_triangle_with_holes_neither_is_hit_nor_blocks_the_light_for_sure() {
         let mut scene = fixtures::figure_4();
         // The triangle and its copy of opposite orientation become holes; the ground is solid.
         fixtures::make_holes(scene.mesh_mut(), 2);

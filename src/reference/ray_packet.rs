@@ -1,6 +1,6 @@
-//! Ray packets: all rays of a narrow cone from one point. If all rays of a packet hit the same triangle, and all hit
-//! points see the same lights, then one search is enough for a pixel's ray and all its nudges. Packets thus make the
-//! reference fast.
+//! Ray packets. A packet consists of all rays of a narrow cone from one point. If all rays of a packet hit the same
+//! triangle, and all hit points see the same lights, then one search is enough for a pixel's ray and all its nudges.
+//! Packets thus make the reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;

@@ -12,11 +12,11 @@ const MOST_PER_COSINE: f64 = 50.0;
 
 /// Returns the distances from a hit at which devices end a shadow ray that they cast from a light.
 ///
-/// The first is the end that cl/common/shadow_end.cl computes. It is the shadow bias or, if the light is so distant that
-/// rounding moves the hit's triangle by more than the bias, this rounding error. The second adds the largest rounding
-/// error of the distance of another surface, which the light may graze: surfaces up to this distance from the hit may or
-/// may not block the light. Both are the bias if the light is so near that no rounding error exceeds the bias. `normal`
-/// is the unit normal at the hit.
+/// The first is the end that cl/common/shadow_end.cl computes. It is the shadow bias or, if the light is so distant
+/// that rounding moves the hit's triangle by more than the bias, this rounding error. The second adds the largest
+/// rounding error of the distance of another surface, which the light may graze: surfaces up to this distance from the
+/// hit may or may not block the light. Both are the bias if the light is so near that no rounding error exceeds the
+/// bias. `normal` is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }

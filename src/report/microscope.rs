@@ -65,7 +65,7 @@ struct Step {
 }
 
 struct TableRow {
-    place: String,
+    line_or_part: String,
     text: String,
     instructions: u32,
     /// The number of instructions of each kind; empty for 0.
@@ -235,7 +235,7 @@ fn table_row(row: &Row, kinds: &[Kind]) -> TableRow {
         count => count.to_string(),
     };
     TableRow {
-        place: row.line.map_or_else(part, |line| line.to_string()),
+        line_or_part: row.line.map_or_else(part, |line| line.to_string()),
         text: row.source.clone().unwrap_or_default(),
         instructions: row.instructions,
         counts: kinds.iter().map(count).collect(),

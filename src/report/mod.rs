@@ -2,6 +2,7 @@
 
 mod answer;
 mod claims;
+mod common_names;
 mod compare;
 mod environment;
 mod gallery;

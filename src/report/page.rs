@@ -1,6 +1,7 @@
 //! Collects the data of the report's template from records.
 
 use super::answer::{self, Answer, answers, headline};
+use super::common_names::{name_of_driver, with_common_names};
 use super::environment::{self, EnvironmentView, Program};
 use super::gallery::{self, Pictures};
 use super::merged::{Origins, labels, merged};
@@ -97,6 +98,7 @@ pub struct HostRow {
 impl Page {
     /// Collects the data of the page from the folders.
     pub fn of(folders: &[Folder]) -> Self {
+        let folders = &with_common_names(folders).0[..];
         let records = merged(folders);
         let groups = groups(&records);
         let looks = Looks::of(&groups);
@@ -314,7 +316,7 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 /// Returns the command that writes a page with a point's instructions. The command has the device's own name, even
 /// if a text in brackets follows this name in the record.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
-    let name = entries(folders, &record.device).find_map(|entry| entry["device"].as_str());
+    let name = entries(folders, &record.device).find_map(name_of_driver);
     microscope::command(record, name.unwrap_or(&record.device))
 }
 

@@ -9,6 +9,7 @@ use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::words::{Looks, tip};
+use crate::device::common_name;
 use crate::peak::{Peak, Traffic, operations_per_test};
 use crate::record::{Folder, Group, Record, significant};
 use crate::words::counted;
@@ -23,7 +24,7 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
     for (label, folder) in labels(folders).into_iter().zip(folders) {
         match Peak::stored_in(&folder.path) {
             Ok(of_folder) => {
-                peaks.extend(of_folder.into_iter().map(|peak| (format!("{} ({label})", peak.device), peak)));
+                peaks.extend(of_folder.into_iter().map(|peak| (label.clone(), peak)));
             }
             Err(error) => unreadable.push((label, folder, format!("{error}; {}.", error.remedy()))),
         }
@@ -33,8 +34,12 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         let records: Vec<(&Group<'_>, &Record)> = own
             .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
             .collect();
-        // In records, the name of a device may be followed by the name of its folder of results.
-        let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
+        // Pages show the device's common name, and the name of its folder of results may follow.
+        let is_its = |(label, peak): &&(String, Peak)| {
+            [peak.device.clone(), common_name(&peak.device)]
+                .iter()
+                .any(|name| device == name || device == format!("{name} ({label})"))
+        };
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
         let has = |label: &str, folder: &Folder| {
             let mut devices = folder.records.iter().map(|record| &record.device);

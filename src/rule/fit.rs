@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_goes_between_the_cases_that_it_tells_apart() {
+    fn a_constant_goes_between_the_cases_that_it_distinguishes() {
         let times =
             |exhaustive, tiles, single| [("exhaustive", exhaustive), ("tiles", tiles), ("single", single)];
         let [tiny, small, large, dense] =

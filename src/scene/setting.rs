@@ -148,10 +148,10 @@ impl Changed {
     /// that set a value in the same part of the scene.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
-        let is_beside = |part: &Vec<String>, track: &TrackValue| {
+        let is_in_part = |part: &Vec<String>, track: &TrackValue| {
             !part.is_empty() && part.iter().zip(track.path.split('.')).all(|(one, other)| one == other)
         };
-        let is_named = |track: &&TrackValue| part.as_ref().is_none_or(|part| is_beside(part, track));
+        let is_named = |track: &&TrackValue| part.as_ref().is_none_or(|part| is_in_part(part, track));
         let settings = self.settings.iter().map(Change::Setting);
         let all = settings.chain(self.tracks.iter().filter(is_named).map(Change::Track));
         let shown: Vec<_> = all.map(|change| shortened(self.shown(change))).collect();

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_memory_of_other_processes_is_told_apart_where_this_process_is_listed() {
+    fn the_memory_of_other_processes_is_distinguished_where_this_process_is_listed() {
         let used = UsedMemory { total_bytes: 80_000_000_000, used_bytes: 79_500_000_000, own_bytes: None };
         assert_eq!(used.others_bytes(), None);
         assert_eq!(

@@ -30,7 +30,7 @@ impl Watch {
         std::thread::spawn(move || {
             let Some(mut sensor) = find() else { return };
             while !end.load(Ordering::Relaxed) {
-                keep(&shared, (Instant::now(), sensor.read()));
+                append(&shared, (Instant::now(), sensor.read()));
                 std::thread::sleep(PERIOD);
             }
         });
@@ -51,7 +51,7 @@ impl Drop for Watch {
     }
 }
 
-fn keep(readings: &Mutex<Readings>, reading: (Instant, Reading)) {
+fn append(readings: &Mutex<Readings>, reading: (Instant, Reading)) {
     let mut latest = locked(readings);
     latest.push_back(reading);
     if latest.len() > MOST_READINGS {
@@ -169,14 +169,14 @@ mod tests {
         let readings = Mutex::new(Readings::default());
         let start = Instant::now();
         for n in 0..MOST_READINGS as u64 + 2 {
-            keep(&readings, (at(start, n), Reading::default()));
+            append(&readings, (at(start, n), Reading::default()));
         }
         let latest = locked(&readings);
         assert_eq!((latest.len(), latest[0].0), (MOST_READINGS, at(start, 2)));
     }
 
     #[test]
-    fn a_counter_that_stands_still_or_covers_too_little_time_tells_no_power() {
+    fn a_counter_that_stands_still_or_covers_too_little_time_yields_no_power() {
         let start = Instant::now();
         let power_w = |end: u64, counters: [Option<f64>; 2]| {
             let reading = |energy_counter_mj| Reading { shown: SensorReading::default(), energy_counter_mj };

@@ -33,10 +33,10 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job. A launcher that another one may have started comes before it: MPI,
-/// for example, may run in a step of Slurm. A batch script of Slurm has the variable `SLURM_PROCID`, too, but there its
-/// value is not the number of a task. raycl therefore reads this variable only if `SLURM_STEP_ID` is set, which only a
-/// step of Slurm does.
+/// Launchers that number the processes of one job, the innermost first: each launcher comes before those that may have
+/// started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the variable `SLURM_PROCID`,
+/// too, but there its value is not the number of a task. raycl therefore reads this variable only if `SLURM_STEP_ID` is
+/// set, which only a step of Slurm does.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",

@@ -155,8 +155,9 @@ fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
 
 /// Returns the names of all kinds of device that took part in the experiment: each name once, joined by commas.
 fn names(all: &[Kind]) -> String {
-    let names: BTreeSet<&str> = all.iter().map(|kind| kind.device.as_str()).collect();
-    names.into_iter().collect::<Vec<_>>().join(", ")
+    let mut seen = BTreeSet::new();
+    let names = all.iter().map(|kind| kind.device.as_str()).filter(|name| seen.insert(*name));
+    names.collect::<Vec<_>>().join(", ")
 }
 
 /// Describes a kind of device on which the points `lacks` have to be measured, out of `of` points in all.

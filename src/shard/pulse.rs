@@ -230,9 +230,9 @@ mod tests {
 
     /// Stores the name and the arguments of every call.
     #[derive(Default)]
-    struct Heard(Vec<String>);
+    struct Events(Vec<String>);
 
-    impl Observer for Heard {
+    impl Observer for Events {
         fn enters(&mut self, stage: &str) {
             self.0.push(format!("enters {stage}"));
         }
@@ -266,8 +266,8 @@ mod tests {
     fn every_call_is_passed_on_and_those_that_show_progress_are_steps() {
         let folder = tempfile::tempdir().unwrap();
         let pulse = Pulse::start(folder.path()).unwrap();
-        let mut heard = Heard::default();
-        let mut steps = pulse.listening(&mut heard);
+        let mut events = Events::default();
+        let mut steps = pulse.listening(&mut events);
         let mut taken = Vec::new();
         let calls: [&dyn Fn(&mut Steps<'_>); 9] = [
             &|steps| steps.enters("a"),
@@ -296,7 +296,7 @@ mod tests {
             "finished d",
             "ends",
         ];
-        assert_eq!(heard.0, expected);
+        assert_eq!(events.0, expected);
     }
 
     #[test]

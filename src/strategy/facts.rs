@@ -159,7 +159,7 @@ impl Strategy {
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
             Fact::Fused => self.passes == Passes::Fused,
-            Fact::Separate | Fact::LeftOver => self.passes == Passes::Separate,
+            Fact::Separate | Fact::Leftover => self.passes == Passes::Separate,
             Fact::Textured
             | Fact::Soft
             | Fact::Sampled
@@ -184,7 +184,7 @@ impl Strategy {
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from the eye
             // is cast per pixel at a time. Otherwise, a kernel of its own casts them. Pictures with soft light have one
             // ray per pixel at a time even with many samples.
-            Fact::LeftOver => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
+            Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),
         }
@@ -230,7 +230,7 @@ mod tests {
     fn leftover_shadow_rays_have_a_kernel_of_their_own_if_the_shading_kernel_casts_none() {
         let has_kernel = |name: &str, lights, sky, many_samples| {
             let workload = Workload { lights, sky, many_samples, ..Workload::CUBE };
-            preset(name).unwrap().strategy.holds_of(Fact::LeftOver, &workload)
+            preset(name).unwrap().strategy.holds_of(Fact::Leftover, &workload)
         };
         assert!(!has_kernel("tile-group", 1, false, false), "one ray per pixel");
         assert!(has_kernel("tile-group", 1, false, true), "several rays per pixel at a time");

@@ -574,7 +574,7 @@ mod tests {
         write(&own);
         let mut live = live(&["--cl-dir", folder.path().to_str().expect("UTF-8")], 2);
         // Only a device with memory of its own uses this kernel.
-        live.queue = live.queue.clone().apart(1 << 20);
+        live.queue = live.queue.clone().with_separate_memory(1 << 20);
         let reds = |live: &mut Live| {
             let picture = live.cast(&Pose::START).expect("it casts").expect("a frame").picture;
             picture.pixels().filter(|pixel| pixel[0] == 77).count()

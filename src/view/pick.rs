@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_told_in_words() {
+    fn it_is_described_in_words() {
         let picked = Picked { triangle: 7, object: 1, material: 0, normal: [0.0, 0.999, -0.5] };
         assert_eq!(picked.text(), "triangle 7, object 1, material 0, normal (0.00, 1.00, -0.50)");
     }

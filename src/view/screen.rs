@@ -24,7 +24,8 @@ pub struct Input {
     pub pan: [f64; 2],
     /// The steps of the wheel; steps away from the user are positive.
     pub wheel: f64,
-    /// The size of the largest picture for which the screen has room, pixels across and down; `None` if it is not known.
+    /// The size of the largest picture for which the screen has room, in pixels across and down; `None` if the size is
+    /// not known.
     pub room: Option<[u32; 2]>,
     /// The pixel at the pointer; `None` if the pointer is not over the picture, or if its position is not known.
     pub pointer: Option<[u32; 2]>,

@@ -19,7 +19,7 @@ pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], more: impl Iterat
         format!("{cast} of {samples} samples"),
     ];
     // The device comes last: its name may be long, and a terminal cuts the line.
-    let device = live.device().name.clone();
+    let device = live.device().common_name();
     let line = parts.into_iter().chain(more).chain([device]).collect::<Vec<_>>().join(" | ");
     printer::line(&line).into_owned()
 }

@@ -189,7 +189,8 @@ impl WorkFolder {
         let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
-        // The folder of changed kernels is removed, since the next call may change another file only.
+        // The folder of changed kernels is removed, because it would add this change to the change of the next call,
+        // which may concern another file.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 

@@ -64,9 +64,9 @@ def gear(path, teeth=24):
 
 def wave(path, side=120):
     """A wave with a colour per vertex."""
-    places = [6 * i / (side - 1) - 3 for i in range(side)]
+    coordinates = [6 * i / (side - 1) - 3 for i in range(side)]
     lines = []
-    for x, z in ((x, z) for z in places for x in places):
+    for x, z in ((x, z) for z in coordinates for x in coordinates):
         y = 1.2 * math.sin(3 * math.hypot(x, z)) / (1 + x * x + z * z)
         tone = round(120 * math.tanh(2 * y))
         lines.append(f"{x:.4f} {y:.4f} {z:.4f} {127 + tone} 120 {127 - tone}")

@@ -174,12 +174,12 @@ def filtered(chance):
 
 def shape(thing, folder):
     turns = list(zip(np.eye(3), thing.get("rotation", [0, 0, 0])))
-    place = Transform().translate(thing.get("translation", [0, 0, 0]))
+    transform = Transform().translate(thing.get("translation", [0, 0, 0]))
     for axis, degrees in reversed(turns):
-        place = place @ Transform().rotate(axis, degrees)
-    place = place @ Transform().scale(thing.get("scale", 1))
+        transform = transform @ Transform().rotate(axis, degrees)
+    transform = transform @ Transform().scale(thing.get("scale", 1))
     path = folder / thing["mesh"]
-    return {"type": "obj", "filename": str(path), "to_world": place, "bsdf": surface(path.with_suffix(".mtl"))}
+    return {"type": "obj", "filename": str(path), "to_world": transform, "bsdf": surface(path.with_suffix(".mtl"))}
 
 
 def surface(path):

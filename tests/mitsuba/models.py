@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 
 
-def places(width, height):
+def texel_centres(width, height):
     """The centres of a picture's texels, from 0 to 1, from its upper left corner."""
     return np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
 
@@ -18,7 +18,7 @@ def save(path, *channels):
 
 def tiles(folder):
     """Four tiles of four colours, so that a mirrored or turned picture is noticed."""
-    u, v = places(64, 64)
+    u, v = texel_centres(64, 64)
     right, low = u > 0.5, v > 0.5
     line = (np.abs((2 * u) % 1 - 0.5) > 0.46) | (np.abs((2 * v) % 1 - 0.5) > 0.46)
     red = np.where(right, 0.95, 0.7) - 0.2 * low
@@ -27,7 +27,7 @@ def tiles(folder):
 
 def stripes(folder):
     """Slanted stripes that turn from blue to yellow, and fine lines across."""
-    u, v = places(128, 64)
+    u, v = texel_centres(128, 64)
     wave = 0.5 + 0.5 * np.sin(2 * math.pi * (4 * u + 2 * v))
     line = 0.12 * (np.sin(2 * math.pi * 16 * u) > 0.9)
     save(folder / "stripes.png", 0.4 + 0.5 * v * wave - line, 0.5 + 0.4 * wave - line, 0.95 - 0.5 * v - line)
@@ -35,32 +35,33 @@ def stripes(folder):
 
 def masks(folder):
     """A lattice, whose brightness is the mask, and a leaf with round holes in its alpha channel."""
-    u, v = places(48, 48)
+    u, v = texel_centres(48, 48)
     bars = np.minimum(np.abs((3 * (u + v)) % 1 - 0.5), np.abs((3 * (u - v)) % 1 - 0.5))
     lattice = np.clip(4 * (0.25 - bars), 0, 1)
     save(folder / "lattice.png", lattice, lattice, lattice)
-    u, v = places(32, 32)
+    u, v = texel_centres(32, 32)
     alpha = np.clip(8 * (np.hypot((2 * u) % 1 - 0.5, (2 * v) % 1 - 0.5) - 0.27) + 0.5, 0, 1)
     save(folder / "leaf.png", 0.35 + 0.4 * u, 0.75 - 0.3 * v, 0.2 + 0.2 * v, alpha)
 
 
 def sky(folder):
     """A sky with a sun of soft edges, a red window to the right and a green one behind, over a dark ground."""
-    u, v = places(512, 256)
+    u, v = texel_centres(512, 256)
     turn, height = 2 * math.pi * (u - 0.5), math.pi * (0.5 - v)
-    ways = np.stack([np.cos(height) * np.sin(turn), np.sin(height), -np.cos(height) * np.cos(turn)], axis=-1)
+    directions = np.stack([np.cos(height) * np.sin(turn), np.sin(height), -np.cos(height) * np.cos(turn)], axis=-1)
 
-    def lobe(way, sharpness):
-        way = np.array(way) / np.linalg.norm(way)
-        return np.exp(sharpness * (ways @ way - 1))[..., None]
+    def lobe(direction, sharpness):
+        direction = np.array(direction) / np.linalg.norm(direction)
+        return np.exp(sharpness * (directions @ direction - 1))[..., None]
 
-    base = np.where(ways[..., 1:2] > 0, [0.3, 0.4, 0.6] + 0.2 * ways[..., 1:2] * [-1, -0.5, 1], [0.12, 0.1, 0.08])
+    up = directions[..., 1:2]
+    base = np.where(up > 0, [0.3, 0.4, 0.6] + 0.2 * up * [-1, -0.5, 1], [0.12, 0.1, 0.08])
     lights = 9 * lobe([-1, 1.2, 0.6], 60) * [1, 0.9, 0.7] + 2 * lobe([2, 0.6, -0.3], 20) * [1, 0.2, 0.1]
     mi.Bitmap((base + lights + lobe([0.3, 0.4, 2], 20) * [0.1, 1, 0.2]).astype(np.float32)).write(str(folder / "sky.exr"))
 
 
 def mesh(folder, name, material, faces):
-    """Writes an OBJ of one material; a face is a list of corners, each a position, a place in the picture, a normal."""
+    """Writes an OBJ of one material; a face is a list of corners, each a position, a texture coordinate, a normal."""
     known, lines = [{}, {}, {}], []
     for face in faces:
         texts = [[" ".join(f"{x + 0.0:.6g}" for x in np.round(part, 6)) for part in corner] for corner in face]

@@ -9,7 +9,7 @@ void after_closest_hit(Working *working, const Scene *scene, const Nearest *near
     // Of the search's results, only the triangle's number is used. t and the weights are computed once, for the nearest
     // triangle.
     const Hit hit = intersect_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
-                                working_get(working, RAY_DIRECTION));
+                                     working_get(working, RAY_DIRECTION));
     working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));
     const Surface surface = TEXTURED(gather_surfaces(&scene->geometry, nearest->triangle), &scene->textures,
                                      nearest->triangle, hit.w1, hit.w2, working_get(working, RAY_DIRECTION), hit.t);

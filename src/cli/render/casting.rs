@@ -199,7 +199,7 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let queue = Queue::open(&device).unwrap();
-        let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
+        let queue = if is_apart { queue.with_separate_memory(PIECE_BYTES) } else { queue };
         let spec = ShowProgram::spec(&Sources::Embedded, &queue).unwrap();
         let show = ShowProgram::build(&queue, &spec, &ProgramCache::default(), &Sources::Embedded).unwrap();
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));

@@ -166,7 +166,7 @@ mod tests {
         let later = later.unwrap();
         assert_eq!(later.strategy, fastest.0);
         let prepared = first.build(&later.strategy, &later.workload, later.spec.clone());
-        assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.keep());
+        assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.store());
         let (chosen, later) = choose(&mut session());
         assert!(chosen == fastest && later.is_none());
         // If the fastest strategy is QUICK's strategy itself, this strategy is chosen, and no other program is compiled

@@ -33,9 +33,9 @@ struct Order {
     lanes: LaneOperations,
     /// The program to compile and store; `None` if the process only lists the devices.
     program: Option<Source>,
-    /// True if the driver must compile the program anew. raycl stores the build log together with the program, and a
-    /// driver prints a build log only if it compiles the program, not if it takes the program from its own cache.
-    anew: bool,
+    /// True if the driver must compile the program instead of taking it from the driver's own cache. raycl stores the
+    /// build log together with the program, and a driver prints a build log only if it compiles the program.
+    recompile: bool,
 }
 
 /// A program's source and compiler options.
@@ -100,24 +100,24 @@ fn order(prepared: &Prepared, device: &Device) -> bool {
 /// Returns whether a program should be stored by a background process: the cache is in use, the program is not in it
 /// yet, and the driver needs a long time to return the binary.
 fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> bool {
-    !from_cache && !device.has_binaries_at_hand() && cache.keeps()
+    !from_cache && !device.has_binaries_at_hand() && cache.is_usable()
 }
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing this work.
 /// Returns `false` if the cache is not in use. If the process cannot start, the next start of raycl also finds the
 /// program uncompiled, and casts its picture without it.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
-    if cache.keeps() {
+    if cache.is_usable() {
         in_background(cache, spec, device);
     }
-    cache.keeps()
+    cache.is_usable()
 }
 
 /// Starts a background process that tests the device's lane operations and stores the list of devices. If the process
 /// cannot start, the next start lists the devices again.
 fn list_later(device: &DeviceInfo) {
     let cache = Cache::of_user();
-    if cache.keeps() && begin(&cache, &device.identity()) {
+    if cache.is_usable() && begin(&cache, &device.identity()) {
         let _ = start(&order_for(device, None));
     }
 }
@@ -128,7 +128,7 @@ fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool
 }
 
 fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
-    Order { device: device.identity(), lanes: device.limits.lane_operations, program, anew: false }
+    Order { device: device.identity(), lanes: device.limits.lane_operations, program, recompile: false }
 }
 
 /// Records that a background process will do the work that `name` identifies. Returns `false` if another process is
@@ -151,7 +151,7 @@ fn start(order: &Order) -> std::io::Result<()> {
 /// Returns the command that starts the background process.
 fn background(order: &Order) -> Result<Command> {
     let mut command = own_worker()?;
-    if order.anew {
+    if order.recompile {
         command.env(CACHE_DISABLE, "1");
     }
     command.arg("--keep").stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -177,10 +177,10 @@ pub fn serve() -> Result<()> {
     let programs = ProgramCache::of(cache, &device.info);
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &programs);
     let built = built.map_err(|error| Error::run(error.to_string()))?;
-    if built.lacks_log() && !order.anew {
-        return start(&Order { anew: true, ..order }).map_err(|error| Error::run(error.to_string()));
+    if built.lacks_log() && !order.recompile {
+        return start(&Order { recompile: true, ..order }).map_err(|error| Error::run(error.to_string()));
     }
-    built.keep();
+    built.store();
     built.rehearse();
     Ok(())
 }
@@ -250,17 +250,18 @@ mod tests {
     #[test]
     fn a_process_uses_the_drivers_cache_unless_the_program_has_to_be_compiled_anew() {
         let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
-        let command =
-            |anew: bool| background(&Order { anew, ..order_for(&device, None) }).expect("a command");
-        let disabled = |anew: bool| {
+        let command = |recompile: bool| {
+            background(&Order { recompile, ..order_for(&device, None) }).expect("a command")
+        };
+        let disabled = |recompile: bool| {
             let of = |(name, value): (&OsStr, Option<&OsStr>)| {
                 (name == CACHE_DISABLE).then(|| value == Some("1".as_ref()))
             };
-            command(anew).get_envs().find_map(of)
+            command(recompile).get_envs().find_map(of)
         };
         assert_eq!((disabled(false), disabled(true)), (None, Some(true)));
         assert!(command(false).get_args().eq(["worker", "--keep"]));
-        assert!(!order_for(&device, None).anew, "at first, the driver's cache is used");
+        assert!(!order_for(&device, None).recompile, "at first, the driver's cache is used");
     }
 
     #[test]

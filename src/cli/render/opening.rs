@@ -171,7 +171,7 @@ mod tests {
         std::fs::create_dir(folder.path().join("display")).expect("a folder");
         let device = discover(&Sources::Embedded).expect("devices").remove(0);
         // Only a device with memory of its own uses this kernel.
-        let queue = Queue::open(&device).expect("a queue").apart(1 << 20);
+        let queue = Queue::open(&device).expect("a queue").with_separate_memory(1 << 20);
         let args = Command::parse_from(["render", "a.obj", "--cl-dir", "mine"]).args;
         let sources = Sources::Folder(folder.path().to_owned());
         let shown = |text: &str| {

@@ -5,7 +5,7 @@ use super::judge::{check, verified};
 use super::report::Verification;
 use super::{Args, last_notes, load, ms_since, target};
 use crate::cli::turn::hold;
-use crate::device::{Device, discover, select};
+use crate::device::{Device, common_name, discover, select};
 use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
@@ -181,7 +181,7 @@ fn text(report: &Report) -> String {
         let rows = format!("{} to {}", row.rows[0], row.rows[1].saturating_sub(1));
         let strategy = row.preset.map_or_else(|| row.strategy.clone(), str::to_owned);
         let times = [row.build_ms, row.upload_ms, row.frame_ms, row.read_ms].map(ms);
-        table.add_row([row.device.clone(), rows, strategy].into_iter().chain(times));
+        table.add_row([common_name(&row.device), rows, strategy].into_iter().chain(times));
     }
     let [width, height] = report.image_size;
     let mut lines = vec![format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle"))];
@@ -194,7 +194,10 @@ fn text(report: &Report) -> String {
         report.frame_ms, report.frames, report.upload_ms, report.read_ms
     ));
     lines.extend(
-        report.left_out.iter().map(|LeftOut { device, reason }| format!("left out  {device}: {reason}")),
+        report
+            .left_out
+            .iter()
+            .map(|LeftOut { device, reason }| format!("left out  {}: {reason}", common_name(device))),
     );
     lines.extend(report.verified.iter().map(Verification::text));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));

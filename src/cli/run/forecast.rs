@@ -1,6 +1,7 @@
 //! The output of `raycl run --dry-run`.
 
 use crate::cli::{print, print_json, table};
+use crate::device::common_name;
 use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
@@ -37,7 +38,7 @@ fn cells(point: &Forecast) -> [String; 6] {
     let fits = if point.done { "yes, and is done" } else { "yes" };
     [
         point.label.clone(),
-        point.device.clone(),
+        common_name(&point.device),
         point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| fits.to_owned()),
         bytes(|needs| needs.local_bytes),
         bytes(|needs| needs.constant_bytes),

@@ -29,12 +29,12 @@ pub fn execute(
     let programs = of_workers(&run, |device| ProgramCache::of(Cache::of_user(), device));
     let ahead = Ahead::new(programs, of_workers(&run, |device| LockName::of(Some(device))));
     // Workers that only wait (for tests) need no programs.
-    let keeps = args.asleep.is_none() && Cache::of_user().keeps();
-    let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
-    let builders = if keeps { builders(&run, folder) } else { Vec::new() };
+    let has_cache = args.asleep.is_none() && Cache::of_user().is_usable();
+    let run = Run { ahead: Some(&ahead).filter(|_| has_cache), ..run };
+    let builders = if has_cache { builders(&run, folder) } else { Vec::new() };
     let measured = ahead.beside(builders, args.hang_limit, interrupted, || {
         let workers = || Processes::new(run.jobs(folder, args.fault));
-        let workers = || if keeps { workers().using_driver_cache() } else { workers() };
+        let workers = || if has_cache { workers().using_driver_cache() } else { workers() };
         if !run.spread {
             return run.execute(results, observer, &mut workers(), interrupted);
         }

@@ -109,7 +109,7 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let points = run.plan_of_one_device().points;
     let mut cases: Vec<usize> = Vec::new();
     for (index, point) in points.iter().enumerate() {
-        let is_new = index > 0 && !point.is_beside(&points[index - 1]);
+        let is_new = index > 0 && !point.has_scene_and_size_of(&points[index - 1]);
         cases.push(cases.last().map_or(0, |case| case + usize::from(is_new)));
     }
     let points = points.iter().map(|point| point.label(run.experiment)).collect();

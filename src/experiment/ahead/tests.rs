@@ -267,7 +267,7 @@ fn what_an_earlier_run_has_stored_needs_no_builder() {
     assert_eq!(run(0).0, [0, 1], "the programs themselves are not stored yet");
     for point in [0, 1] {
         let program = StoredProgram { log: String::new(), binary: vec![1] };
-        stored.keep(&format!("the program of point {point}"), &program);
+        stored.store(&format!("the program of point {point}"), &program);
     }
     let (points, with, tally) = run(0);
     assert_eq!((points, with, tally.from_cache, tally.compiled), (vec![], vec![], 2, 0));

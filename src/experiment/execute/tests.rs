@@ -349,7 +349,7 @@ fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() 
     let (gpu, locks) = (asleep::device(1.0), fixtures::own_locks());
     let cpu = crate::device::DeviceInfo { kind: DeviceKind::Cpu, ..gpu.clone() };
     let builds = |lines: &str, devices: &[&crate::device::DeviceInfo]| {
-        fixtures::run(&fixtures::experiment(lines), devices, &locks).builds_beside_timing()
+        fixtures::run(&fixtures::experiment(lines), devices, &locks).builds_while_timing()
     };
     let with_baseline = "local_sizes = [1]\nbaselines = ['serial']";
     assert!(builds("local_sizes = [1]", &[&gpu]));

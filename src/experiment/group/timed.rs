@@ -116,10 +116,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         else {
             return Ok(());
         };
-        let is_beside = |(index, other): &(usize, &PendingPoint)| {
+        let shares_device = |(index, other): &(usize, &PendingPoint)| {
             other.job == pending.job && !other.record.is_baseline() && !self.failed.contains(index)
         };
-        let every = self.points.iter().enumerate().filter(is_beside).count().min(CASTS_PER_ANCHOR);
+        let every = self.points.iter().enumerate().filter(shares_device).count().min(CASTS_PER_ANCHOR);
         if let Some(casts) = self.casts.get_mut(&pending.job).filter(|casts| **casts + 1 < every) {
             *casts += 1;
             return Ok(());

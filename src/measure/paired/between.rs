@@ -38,8 +38,8 @@ impl BetweenRuns {
         known(own + self.shared_variance(other))
     }
 
-    /// Returns the part of the error [`Self::of_ratio`] that other ratios to the same reference do not share. It comes
-    /// from the factors of the points whose time is divided by the reference; `points` is their number.
+    /// Returns the error that the own factors of `points` points add to the mean time of these points. If this time is
+    /// divided by a reference, other ratios to the same reference do not share this part of the error of the ratio.
     pub(super) fn of_points(self, points: usize) -> Error {
         known(self.own_variance(points))
     }

@@ -199,13 +199,13 @@ impl Paired {
     /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
     /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any launch that is not ignored.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
-        Self::beside_anchors(samples, points, &[])
+        Self::with_anchors(samples, points, &[])
     }
 
     /// Compares points that were measured together with anchors; otherwise, this function is like [`Self::of`].
     /// `on_processors` says of each anchor whether it runs on processors (CPUs). In the samples, the indices of the
     /// anchors follow those of the points.
-    pub fn beside_anchors(samples: &[PairedSample], points: usize, on_processors: &[bool]) -> Self {
+    pub fn with_anchors(samples: &[PairedSample], points: usize, on_processors: &[bool]) -> Self {
         let (first_anchor, points) = (points, points + on_processors.len());
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();

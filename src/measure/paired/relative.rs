@@ -1,4 +1,4 @@
-//! Ratios of times to a reference time, if several ratios may have the same reference.
+//! Ratios of times to a reference time, which several ratios may have in common.
 
 use super::between::known;
 use super::error::Error;

@@ -248,7 +248,7 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     for sample in samples.iter_mut().filter(|sample| sample.launch == 1) {
         sample.ms *= if sample.point == 6 { 1.5 } else { 1.0 + 0.01 * (sample.point % 3) as f64 };
     }
-    let paired = Paired::beside_anchors(&samples, 6, &[true]);
+    let paired = Paired::with_anchors(&samples, 6, &[true]);
     let ratio = paired.ratio(0, 6).expect("enough samples");
     // Two launches leave one degree of freedom, and the ratio's error is half of the difference of the two launches.
     let expected = 0.5 * 1.5_f64.ln();
@@ -259,6 +259,6 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(1, 0).expect("enough samples"));
     assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
     // If the anchor does not run on processors, it is compared like a point.
-    let elsewhere = Paired::beside_anchors(&samples, 6, &[false]).ratio(0, 6).expect("enough samples");
+    let elsewhere = Paired::with_anchors(&samples, 6, &[false]).ratio(0, 6).expect("enough samples");
     assert!((elsewhere.degrees - beside.degrees).abs() < 1e-9, "{elsewhere:?} {beside:?}");
 }

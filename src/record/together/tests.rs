@@ -301,7 +301,7 @@ fn each_device_is_compared_with_its_own_anchor() {
     // The last anchor belongs to a launch in which none of these records was measured.
     let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
     let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
-    judge_beside_anchors(&mut records, &anchors);
+    judge_with_anchors(&mut records, &anchors);
     let actual: Vec<_> = records
         .iter()
         .map(|record| anchored(record).map(|(name, ratio)| (name, ratio.middle.round())))
@@ -328,7 +328,7 @@ fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_po
             ..AnchorSample::default()
         };
         let anchors: Vec<AnchorSample> = (0..10).map(anchor).collect();
-        judge_beside_anchors(&mut records, &anchors);
+        judge_with_anchors(&mut records, &anchors);
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
     // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the points adds

@@ -191,7 +191,10 @@ impl<'a> ClaimData<'a> {
             let decides = format!("a new measurement: delete this file, then `{}`", self.run.completion(""));
             Line::cannot(error.to_string(), decides)
         })?;
-        peaks.into_iter().find(|peak| peak.device == self.device).ok_or_else(|| self.missing(what))
+        peaks
+            .into_iter()
+            .find(|peak| is_shown_as(&peak.device, self.device))
+            .ok_or_else(|| self.missing(what))
     }
 
     /// Returns whether the run's environment describes the device as a CPU.

@@ -12,8 +12,8 @@ pub use pair::{Against, Pair};
 use super::merged::{labels, merged};
 use crate::measure::Verdict;
 use crate::record::{
-    Folder, HOST, MOVED, Outcome, Record, are_together, judge_beside_anchors, latency_ns, median,
-    significant, unshared_delay,
+    Folder, HOST, MOVED, Outcome, Record, are_together, judge_with_anchors, latency_ns, median, significant,
+    unshared_delay,
 };
 use change::References;
 use pair::{Both, name, percent};
@@ -92,7 +92,7 @@ impl Comparison {
     /// correspond if their contents are equal. If either folder did not record the contents, scenes
     /// correspond if their names are equal.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
-        let [before, after] = &beside_anchors([before, after]);
+        let [before, after] = &judged_with_anchors([before, after]);
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
         let by_content = [before, after].iter().all(|folder| has_content(folder));
         let point = |record: &Record| {
@@ -420,7 +420,7 @@ fn pairs_of_controls<P: Eq + Hash>(
 /// samples (samples that other programs delayed) were left out in one folder only, the anchor would seem to be slower
 /// in the other one. If an anchor has samples without processor times in either folder, all of its samples therefore
 /// remain in both.
-fn beside_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
+fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());
     let unknown: HashSet<&str> = unknown.map(|sample| sample.anchor.as_str()).collect();
@@ -431,7 +431,7 @@ fn beside_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
         }
         let count = folder.records.len();
         folder.records.append(&mut folder.controls);
-        judge_beside_anchors(&mut folder.records, &folder.anchors);
+        judge_with_anchors(&mut folder.records, &folder.anchors);
         folder.controls = folder.records.split_off(count);
         folder
     })

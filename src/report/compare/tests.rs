@@ -383,8 +383,8 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// The drift that is subtracted from a point's times is computed from all samples of the same rounds. It affects the
-/// point's ratio to the anchor.
+/// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the same rounds.
+/// The drift affects the point's ratio to the anchor.
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {

@@ -4,20 +4,22 @@ use super::{Device, Reproduction};
 use crate::error::{Error, Result};
 use crate::report::claims::Claim;
 use serde_json::{Value, json};
+use std::collections::HashMap;
 
 impl Reproduction {
     /// Returns each device's answer and claims; `docs/format.md` documents every field.
     pub fn json(&self) -> Result<String> {
-        let devices: Vec<Value> = self.devices.iter().map(device).collect();
+        let devices: Vec<Value> = self.devices.iter().map(|one| device(one, &self.drivers)).collect();
         let text = serde_json::to_string_pretty(&json!({ "devices": devices }));
         text.map(|text| text + "\n").map_err(|error| Error::fault(error.to_string()))
     }
 }
 
-fn device(device: &Device) -> Value {
+/// Returns a device's answer and claims. `drivers` has the driver's name for each common name.
+fn device(device: &Device, drivers: &HashMap<String, String>) -> Value {
     let answer = &device.answer;
     json!({
-        "device": device.name,
+        "device": drivers.get(&device.name).unwrap_or(&device.name),
         "answer": {
             "memory_strategy": answer.strategy,
             "local_size": answer.size,

@@ -8,6 +8,7 @@ mod json;
 mod predicted;
 
 use super::claims::{Claim, Row, Run, Verdict, claims, table};
+use super::common_names::with_common_names;
 use super::gallery::Pictures;
 use super::merged::merged;
 use super::page::{SCRIPT, STYLE, nonce, notes};
@@ -19,6 +20,7 @@ use answer::Answer;
 use askama::Template;
 use figures::{Described, Figure};
 use std::cmp::Reverse;
+use std::collections::HashMap;
 
 /// The page of the reproduction.
 #[derive(Template)]
@@ -33,6 +35,8 @@ pub struct Reproduction {
     commands: Vec<String>,
     /// Names of the folders next to the page that have their own reports.
     reports: Vec<String>,
+    /// The driver's name of each device whose common name is another one, by the common name.
+    drivers: HashMap<String, String>,
 }
 
 /// The results of one device.
@@ -57,6 +61,8 @@ impl Reproduction {
     /// results of more of the paper's configs.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
+        let (folders, drivers) = with_common_names(folders);
+        let folders = &folders[..];
         let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();
         let mut runs: Vec<Run<'_>> = folders
             .iter()
@@ -84,6 +90,7 @@ impl Reproduction {
             devices,
             notes: notes(folders),
             commands: commands(folders),
+            drivers,
             reports: reports.map(|folder| folder.label.clone()).collect(),
         })
     }

@@ -40,8 +40,8 @@ pub(in crate::scene) struct Reach<'a> {
 }
 
 /// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a material of
-/// the same name, the files of the last `mtllib` line count, and of the files in one line, the first counts. The
-/// specification of OBJ demands this order.
+/// the same name, the file in the last of their `mtllib` lines counts and, if this line names several of them, the
+/// first of these. The specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -50,7 +50,8 @@ pub(super) fn load_all<'a>(
     let mut loader = Loader::new();
     // The numbers of the files that each `mtllib` line names.
     let mut lines: Vec<Vec<usize>> = Vec::new();
-    // The files of each `mtllib` line are kept, since some programs write the same line before each object.
+    // The numbers of the files, by the text of the line. This map saves work, since some programs write the same
+    // `mtllib` line before each object.
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
         if !known.contains_key(&**library) {

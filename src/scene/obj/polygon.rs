@@ -62,16 +62,16 @@ fn is_convex(flat: &[DVec2]) -> bool {
 /// single precision moves each corner. The angles at the corners of a circle of very many corners are so flat that
 /// rounding makes some corners concave; some triangles of the fan are then reversed. The reversed triangles together
 /// may have at most the area of a seam, a narrow strip along the outline. The seam's width is four times the largest
-/// rounding error of a coordinate. The seam's width is also limited to a fraction of the outline's size, since an
-/// outline in double precision may be small and far from the origin.
+/// rounding error of a coordinate, but at most a fraction of the outline's size ([`WIDEST_SEAM`]), since an outline in
+/// double precision may be small and far from the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
     let seam = (2.0 * f64::from(f32::EPSILON) * largest(DVec2::ZERO)).min(WIDEST_SEAM * largest(first));
     let sides = || flat.windows(2).map(|side| (side[0], side[1]));
     let length: f64 = sides().map(|(a, b)| a.distance(b)).sum();
-    let overturned: f64 = sides().map(|(a, b)| -area(first, a, b).min(0.0)).sum();
-    overturned <= seam * length
+    let reversed: f64 = sides().map(|(a, b)| -area(first, a, b).min(0.0)).sum();
+    reversed <= seam * length
 }
 
 /// Divides a polygon into triangles by cutting off one ear after the other.

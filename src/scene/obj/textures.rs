@@ -32,7 +32,7 @@ impl Maps {
     /// the colour texture; different settings of the mask are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
-        let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
+        let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placement));
         if let [Some(colour), Some(mask)] = settings
             && colour != mask
         {
@@ -196,7 +196,7 @@ impl Map {
     }
 
     /// Returns the settings that decide where the picture is on a triangle.
-    fn placing(&self) -> ([f32; 2], [f32; 2], Wrap) {
+    fn placement(&self) -> ([f32; 2], [f32; 2], Wrap) {
         (self.scale, self.offset, self.wrap)
     }
 

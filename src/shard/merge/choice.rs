@@ -87,7 +87,7 @@ impl Offered {
 
     /// Returns two numbers for each attempt and each set of points that it measured together. The first is the number
     /// of these points of which no other attempt has a better record (a record with a lower rank). The second is the
-    /// number of samples in the attempt's records of these points.
+    /// number of samples in the attempt's records of the points that the first number counts.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {

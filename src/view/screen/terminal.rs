@@ -355,7 +355,7 @@ mod tests {
     #[test]
     fn a_smaller_terminal_shows_the_upper_left_part_of_a_picture_until_the_next_one() {
         let mut terminal = terminal(Graphics::Kitty);
-        terminal.line = "told".to_owned();
+        terminal.line = "a line".to_owned();
         terminal.resized([60, 11], None);
         assert_eq!(
             (terminal.room(), terminal.visible(), terminal.line.as_str()),

@@ -50,8 +50,8 @@ const BLENDED: f32 = 0.5;
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // The surface is almost transparent everywhere, like a picture of a shadow. Without holes, it would hide the
-        // surfaces behind it, so the alpha of its texture alone decides which points are holes.
+        // Every point of the surface is less than half opaque, as in a picture of a shadow. Without holes, the surface
+        // would hide the surfaces behind it, so the alpha of its texture alone decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,

@@ -1,0 +1,83 @@
+//! Devices' names as people know them: "AMD EPYC 9B45, PoCL" for the device that PoCL calls
+//! "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files for other programs keep the driver's names.
+
+use std::collections::HashMap;
+
+/// The beginnings of the names that PoCL gives to CPUs; LLVM's name of the processor's type follows.
+const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
+
+/// Returns the name under which people know a device. The name is derived from the driver's name alone, so that it can be
+/// derived from stored records. If the driver's name has no known form, it is returned as it is.
+pub fn common_name(name: &str) -> String {
+    let Some(rest) = POCL.iter().find_map(|start| name.strip_prefix(start)) else { return plain(name) };
+    format!("{}, PoCL", plain(&model(rest)))
+}
+
+/// Returns the common name of each device. If several devices have the same common name, each of them keeps its
+/// driver's name.
+pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str, String> {
+    let mut all: HashMap<&str, String> = names.map(|name| (name, common_name(name))).collect();
+    let mut counts: HashMap<String, usize> = HashMap::new();
+    all.values().for_each(|common| *counts.entry(common.clone()).or_default() += 1);
+    all.iter_mut()
+        .filter(|(_, common)| counts[*common] > 1)
+        .for_each(|(name, common)| *common = (*name).into());
+    all
+}
+
+/// Returns the processor's model, which follows LLVM's name of its type, as in `skylake-avx512-Intel(R) Xeon(R) Processor`.
+/// LLVM's names have neither capital letters nor blanks. If no model follows, returns LLVM's name.
+fn model(rest: &str) -> String {
+    let parts: Vec<&str> = rest.split('-').collect();
+    let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');
+    let first = parts.iter().position(|part| is_model(&part)).unwrap_or(0);
+    parts[first..].join("-")
+}
+
+/// Returns a model's name without marks, clock rate and number of cores.
+fn plain(name: &str) -> String {
+    let without_marks = ["(R)", "(r)", "(TM)", "(tm)", "®", "™"]
+        .iter()
+        .fold(name.to_owned(), |name, mark| name.replace(mark, ""));
+    let model = without_marks.split(" @ ").next().unwrap_or_default();
+    let is_intel = model.starts_with("Intel");
+    let adds_nothing =
+        |word: &&str| !(*word == "Processor" || word.ends_with("-Core") || is_intel && *word == "CPU");
+    model.split_whitespace().filter(adds_nothing).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processors_are_named_as_people_know_them() {
+        for (driver, common) in [
+            ("pthread-skylake-avx512-Intel(R) Xeon(R) Processor", "Intel Xeon, PoCL"),
+            ("cpu-znver4-AMD EPYC 9B45 96-Core Processor", "AMD EPYC 9B45, PoCL"),
+            ("pthread-AMD EPYC 9B14", "AMD EPYC 9B14, PoCL"),
+            ("cpu-haswell-Intel(R) Xeon(R) CPU E5-2690 v3 @ 2.60GHz", "Intel Xeon E5-2690 v3, PoCL"),
+            ("cpu-x86-64-v3-Common KVM processor", "Common KVM processor, PoCL"),
+            ("pthread-cortex-a72", "cortex-a72, PoCL"),
+            ("cpu-alderlake-13th Gen Intel(R) Core(TM) i7-1360P", "13th Gen Intel Core i7-1360P, PoCL"),
+            // Intel's driver for the same processors, and GPUs.
+            ("Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", "Intel Xeon Platinum 8481C"),
+            ("Intel(R) UHD Graphics 770", "Intel UHD Graphics 770"),
+            ("NVIDIA H200", "NVIDIA H200"),
+            ("gfx90a:sramecc+:xnack-", "gfx90a:sramecc+:xnack-"),
+            ("host", "host"),
+        ] {
+            assert_eq!(common_name(driver), common, "{driver}");
+            assert_eq!(common_name(common), common);
+        }
+    }
+
+    #[test]
+    fn devices_that_would_have_the_same_name_keep_their_drivers_names() {
+        let [old, new, gpu] = ["pthread-znver4-AMD EPYC 9B45", "cpu-znver4-AMD EPYC 9B45", "NVIDIA H200"];
+        let names = common_names([old, new, gpu].into_iter());
+        assert_eq!([&names[old], &names[new], &names[gpu]], [old, new, gpu]);
+        let names = common_names([old, gpu, old].into_iter());
+        assert_eq!([&names[old], &names[gpu]], ["AMD EPYC 9B45, PoCL", gpu]);
+    }
+}

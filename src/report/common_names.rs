@@ -1,0 +1,72 @@
+//! Gives devices the names that people know, for pages. Files for other programs keep the drivers' names.
+
+use crate::device::common_names;
+use crate::record::{Folder, HOST};
+use serde_json::{Value, json};
+use std::collections::HashMap;
+
+/// The key under which an entry of a page's environment holds the driver's name of the device.
+const DRIVER: &str = "driver's_name";
+
+/// Returns the folders with the devices' common names, and for each common name the driver's name.
+pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
+    let records = folders.iter().flat_map(|folder| &folder.records);
+    let devices = records.map(|record| record.device.as_str()).filter(|device| *device != HOST);
+    let names: HashMap<String, String> = common_names(devices)
+        .into_iter()
+        .filter(|(name, common)| name != common)
+        .map(|(name, common)| (name.to_owned(), common))
+        .collect();
+    let renamed = folders.iter().map(|folder| renamed(folder.clone(), &names)).collect();
+    (renamed, names.into_iter().map(|(name, common)| (common, name)).collect())
+}
+
+/// Returns the driver's name of a device that a page's environment describes.
+pub(super) fn name_of_driver(entry: &Value) -> Option<&str> {
+    entry[DRIVER].as_str().or(entry["device"].as_str())
+}
+
+fn renamed(mut folder: Folder, names: &HashMap<String, String>) -> Folder {
+    for record in folder.records.iter_mut().chain(&mut folder.controls) {
+        if let Some(common) = names.get(&record.device) {
+            record.device.clone_from(common);
+        }
+    }
+    let devices = folder.environment["devices"].as_array_mut();
+    for entry in devices.into_iter().flatten() {
+        let name = entry["device"].as_str().unwrap_or_default().to_owned();
+        if let Some(common) = names.get(&name) {
+            entry["device"] = json!(common);
+            entry[DRIVER] = json!(name);
+        }
+    }
+    folder
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Record;
+
+    #[test]
+    fn records_and_environment_get_the_common_name_and_the_driver_s_name_stays_beside() {
+        let driver = "pthread-znver4-AMD EPYC 9B45";
+        let record = |device: &str| Record { device: device.into(), ..Record::default() };
+        let folder = Folder {
+            records: vec![record(driver), record("NVIDIA H200"), record(HOST)],
+            environment: json!({ "devices": [{ "device": driver }, { "device": "NVIDIA H200" }] }),
+            ..Folder::default()
+        };
+        let (folders, drivers) = with_common_names(&[folder.clone()]);
+        let names: Vec<_> = folders[0].records.iter().map(|record| record.device.as_str()).collect();
+        assert_eq!(names, ["AMD EPYC 9B45, PoCL", "NVIDIA H200", HOST]);
+        assert_eq!(drivers, HashMap::from([(names[0].to_owned(), driver.to_owned())]));
+        let entry = |index: usize| &folders[0].environment["devices"][index];
+        assert_eq!((entry(0)["device"].as_str(), name_of_driver(entry(0))), (Some(names[0]), Some(driver)));
+        assert_eq!((name_of_driver(entry(1)), entry(1).get(DRIVER)), (Some("NVIDIA H200"), None));
+        // Another version of the driver has another name for the same processor.
+        let other = Folder { records: vec![record("cpu-znver4-AMD EPYC 9B45")], ..Folder::default() };
+        let (folders, drivers) = with_common_names(&[folder, other]);
+        assert_eq!((folders[0].records[0].device.as_str(), drivers.len()), (driver, 0));
+    }
+}
