@@ -228,7 +228,7 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
 /// Returns the name of a strategy's folder: "deferred-width-4" for "deferred,width=4".
 fn folder_name(strategy: &str) -> String {
     let allowed = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
-    strategy.chars().map(allowed).collect()
+    strategy.trim().chars().map(allowed).collect()
 }
 
 fn text_of(name: &str, made: &Compilation) -> String {
@@ -269,6 +269,13 @@ mod tests {
         ] {
             let error = refuse_not_compiled(failed, 3).unwrap_err();
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, message));
+        }
+    }
+
+    #[test]
+    fn the_name_of_a_strategys_folder_looks_like_no_option() {
+        for strategy in ["deferred,width=4", " deferred,width=4", "deferred,width=4 "] {
+            assert_eq!(folder_name(strategy), "deferred-width-4", "{strategy:?}");
         }
     }
 

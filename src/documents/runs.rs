@@ -2,6 +2,7 @@
 
 use super::sheet::line;
 use super::sources::Sources;
+use crate::device::common_name;
 use serde_json::Value;
 
 /// Returns the lines of the table: its heading, then one row per folder.
@@ -24,7 +25,7 @@ fn devices(environment: &Value) -> String {
     let devices = environment["devices"].as_array().map_or(&[][..], Vec::as_slice);
     let described = |device: &Value| {
         let [name, driver] = ["device", "driver"].map(|key| device[key].as_str().unwrap_or("?").to_owned());
-        format!("{name}, {driver}")
+        format!("{}, driver {driver}", common_name(&name))
     };
     devices.iter().map(described).collect::<Vec<_>>().join("; ")
 }

@@ -12,7 +12,8 @@ pub struct Instruction {
     /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line for it.
     pub line: Option<u32>,
     /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label before the
-    /// instruction; it is empty if there is no such label. On a CPU, the part is the name of the function.
+    /// instruction, or the name of the called function if this function has no label before the instruction; it is
+    /// empty before the kernel's own first label. On a CPU, the part is the name of the function.
     pub part: String,
     /// The kinds of work that the instruction does. Empty for instructions that do none of these kinds
     /// of work (such as padding and prefetches), and for instructions of processors other than x86-64 and NVIDIA GPUs.
@@ -36,9 +37,24 @@ pub(super) fn opcode(text: &str) -> &str {
 pub struct Code {
     /// The kernel's name.
     pub kernel: String,
-    /// The kernel's instructions, in the order in which the compiler or disassembler wrote them. On a CPU, the
-    /// functions that the kernel calls follow the kernel's own function.
+    /// The kernel's instructions, in the order in which the compiler or disassembler wrote them. The functions that the
+    /// kernel calls follow the kernel's own function.
     pub instructions: Vec<Instruction>,
+}
+
+/// Returns the function of a kernel, and then the functions that it calls directly or indirectly, each once. `calls`
+/// returns the functions that a function calls.
+pub(super) fn with_called<F: Copy + PartialEq>(kernel: F, calls: impl Fn(F) -> Vec<F>) -> Vec<F> {
+    let (mut reached, mut at) = (vec![kernel], 0);
+    while let Some(function) = reached.get(at).copied() {
+        for called in calls(function) {
+            if !reached.contains(&called) {
+                reached.push(called);
+            }
+        }
+        at += 1;
+    }
+    reached
 }
 
 /// A count of instructions: those that a compiler generated from one source line, those in one part of a kernel, or all

@@ -13,12 +13,14 @@ pub enum Memory {
     Local,
     /// `__constant`, and constants of the program.
     Constant,
-    /// Private memory outside registers: arrays and spilled registers. On a CPU, this is the stack.
+    /// Private memory outside registers: arrays and spilled registers. On a CPU, this is the stack, if the instruction
+    /// states the address relative to the stack pointer or the frame pointer.
     Private,
     /// The kernel's arguments.
     Argument,
     /// A memory whose kind is known only when the instruction runs. On a CPU all OpenCL address spaces are the same
-    /// memory. Therefore accesses on a CPU are generic, except to the stack and to constants of the program.
+    /// memory. Therefore accesses on a CPU are generic, except those that are `Private` and those to constants of the
+    /// program.
     Generic,
 }
 
@@ -33,7 +35,7 @@ pub enum Kind {
     Atomic(Memory),
     /// Computes, compares or converts.
     Arithmetic,
-    /// Copies between registers, or sets a register.
+    /// Copies between registers, possibly between their lanes, or sets a register.
     Move,
     /// Continues at another instruction.
     Branch,

@@ -1,7 +1,8 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! The program is compiled again, with a line table, from the preprocessed text that `raycl kernel` prints. In this
-//! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice appears twice.
+//! The program is compiled again, with a line table, from the preprocessed text that `raycl kernel` prints, but without
+//! kernels that the scene's frames do not run. In this text, `#if` conditions are already evaluated, macros are
+//! expanded, and a file that is included twice appears twice.
 //! Therefore each line of the text belongs to one place in the program only. The instructions are then read from the
 //! binary, which contains PTX text or a CPU's machine code; the program `objdump` disassembles the machine code. If
 //! `ptxas` and `nvdisasm` are installed, `ptxas` translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads it
@@ -83,8 +84,8 @@ pub struct Listing {
 pub enum RowsAre {
     /// Lines of the source, from the compiler's line table.
     Lines,
-    /// Parts of the kernel, since there is no line table. In PTX and SASS, a part extends from one label to the next;
-    /// on a CPU, a part is a function.
+    /// Parts of the kernel, since there is no line table. In PTX and SASS, a part extends from one label or start of a
+    /// function to the next; on a CPU, a part is a function.
     Parts,
 }
 

@@ -1,6 +1,6 @@
 //! Uses `objdump`, a part of the GNU binutils, to read kernels from a CPU's machine code.
 
-use super::code::{Code, Instruction};
+use super::code::{Code, Instruction, with_called};
 use super::tool::{Folder, Tool};
 use super::x86;
 use std::collections::BTreeMap;
@@ -43,18 +43,11 @@ impl<'a> Listing<'a> {
             // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL read the arguments
             // and then run a copy of this function's code. The copies have no source lines and are left out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
-            let mut reached = vec![names.iter().find_map(|name| self.function(name))?];
-            let mut at = 0;
-            while let Some((_, body)) = reached.get(at) {
-                let called: Vec<_> = body.lines().filter_map(|line| self.function(called(line)?)).collect();
-                for function in called {
-                    if !reached.contains(&function) {
-                        reached.push(function);
-                    }
-                }
-                at += 1;
-            }
-            let instructions = reached.into_iter().flat_map(|function| self.instructions(function));
+            let own = names.iter().find_map(|name| self.function(name))?;
+            let functions = with_called(own, |(_, body)| {
+                body.lines().filter_map(|line| self.function(called(line)?)).collect()
+            });
+            let instructions = functions.into_iter().flat_map(|function| self.instructions(function));
             Some(Code { kernel: (*kernel).to_owned(), instructions: instructions.collect() })
         };
         kernels.iter().filter_map(code).collect()
@@ -83,11 +76,13 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>".
+/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>". Returns
+/// `None` for a stub of the linker ("memset@plt"), which only jumps to a function of another file.
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
     let goes = text.starts_with("call") || text.starts_with('j');
-    text.split_once('<').filter(|_| goes)?.1.strip_suffix('>')
+    let name = text.split_once('<').filter(|_| goes)?.1.strip_suffix('>')?;
+    (!name.contains("@plt")).then_some(name)
 }
 
 /// Returns the registers besides `%rsp` in which a function stores the address of its stack frame.
@@ -196,6 +191,17 @@ Disassembly of section .text:
         let other = rows_of(&LISTING.replace("elf64-x86-64", "elf64-littleaarch64"));
         assert!(other.iter().all(|(_, _, kind, _)| kind.is_none()));
         assert_eq!(other.len(), 11);
+    }
+
+    #[test]
+    fn a_stub_of_the_linker_is_no_part_of_a_kernel() {
+        let stub = "0000000000001020 <memset@plt>:\n    1020:\tjmp    1010 <memset@plt-0x10>\n\n\
+                    0000000000001010 <memset@plt-0x10>:\n    1010:\tnop\n\n";
+        let with_stub = LISTING
+            .replace("0000000000001130 <", &format!("{stub}0000000000001130 <"))
+            .replace("1262:\tret", "1262:\tcall   1020 <memset@plt>\n    1267:\tret");
+        let parts: Vec<_> = rows_of(&with_stub).into_iter().map(|(_, _, _, part)| part).collect();
+        assert_eq!(parts, [vec!["_pocl_kernel_mine"; 9], vec!["helper"; 3]].concat());
     }
 
     #[test]

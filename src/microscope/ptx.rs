@@ -12,21 +12,42 @@
 //! A `.loc` applies to all instructions up to the next `.loc`. For an instruction from an inlined
 //! function, the first two numbers are the file and the line of the instruction in that function.
 
-use super::code::{Code, Instruction, opcode};
+use super::code::{Code, Instruction, opcode, with_called};
 use super::kind::{Kind, Memory};
-use crate::program::compiled::ptx::{body_of, instruction, without_comments};
+use crate::program::compiled::ptx::{after_results, body_of, instruction, without_comments};
 
-/// Reads the kernels with these names. `file` is the name of the source; line numbers of other
-/// files are ignored.
+/// Reads the kernels with these names: the instructions of a kernel, then those of all functions that it calls directly
+/// or indirectly. `file` is the name of the source; line numbers of other files are ignored.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     let text = without_comments(ptx);
     let number = text.lines().find_map(|line| numbered(line, file));
-    let code = |name: &&str| {
-        let mut reader = Reader { file: number, ..Reader::default() };
-        body_of(&text, name)?.lines().for_each(|line| reader.line(line));
-        Some(Code { kernel: (*name).to_owned(), instructions: reader.instructions })
+    let code = |kernel: &&str| {
+        let functions = with_called(function(&text, kernel)?, |(_, body)| {
+            body.split(';').filter_map(|statement| function(&text, called(statement)?)).collect()
+        });
+        let mut instructions = Vec::new();
+        for (name, body) in functions {
+            let part = if name == *kernel { String::new() } else { name.to_owned() };
+            let mut reader = Reader { kernel, file: number, part, ..Reader::default() };
+            body.lines().for_each(|line| reader.line(line));
+            instructions.extend(reader.instructions);
+        }
+        Some(Code { kernel: (*kernel).to_owned(), instructions })
     };
     kernels.iter().filter_map(code).collect()
+}
+
+/// Returns the name and the body of a kernel or a function; `None` if the text does not define it.
+fn function<'a>(text: &'a str, name: &'a str) -> Option<(&'a str, &'a str)> {
+    body_of(text, name).map(|body| (name, body))
+}
+
+/// Returns the name of the function that a statement calls: "helper" for "call.uni (retval0), helper, (param0)".
+fn called(statement: &str) -> Option<&str> {
+    let is_call = |word: &&str| *word == "call" || word.starts_with("call.");
+    let (_, operands) = statement.split_once(statement.split_whitespace().find(is_call)?)?;
+    let is_between = |c: char| c == ',' || c.is_whitespace();
+    after_results(operands)?.trim_start_matches(is_between).split(is_between).next()
 }
 
 /// Returns whether a text before a colon is a label. The colon may also belong to "::" in an opcode. Such an opcode
@@ -43,7 +64,9 @@ fn numbered(line: &str, file: &str) -> Option<u32> {
 }
 
 #[derive(Default)]
-struct Reader {
+struct Reader<'a> {
+    /// The name of the kernel, with which the names of its arguments begin.
+    kernel: &'a str,
     /// The number that the PTX text gives to the source file; `None` if the text has no line
     /// numbers for it.
     file: Option<u32>,
@@ -54,7 +77,7 @@ struct Reader {
     instructions: Vec<Instruction>,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn line(&mut self, line: &str) {
         let trimmed = line.trim();
         if let Some(location) = trimmed.strip_prefix(".loc") {
@@ -90,16 +113,22 @@ impl Reader {
         if opcode.is_empty() || opcode.starts_with('.') {
             return;
         }
-        let (kinds, part) = (kinds(opcode), self.part.clone());
+        let (kinds, part) = (kinds(&text, self.kernel), self.part.clone());
         self.instructions.push(Instruction { text, line: self.line, part, kinds });
     }
 }
 
-/// Returns the kinds of an instruction; no kind for prefetches and pragmas.
-fn kinds(opcode: &str) -> Vec<Kind> {
+/// Returns the kinds of an instruction of `kernel`, or of a function that it calls; no kind for prefetches and pragmas.
+fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
+    let opcode = opcode(text);
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');
         let (verb, memory) = (words.next().unwrap_or_default(), memory(words.next().unwrap_or_default()));
+        // The kernel's arguments are called `KERNEL_param_0` and so on. Other parameters pass values to functions and
+        // back, usually in registers.
+        if memory == Memory::Argument && !text.contains(&format!("[{kernel}_param_")) {
+            return vec![Kind::Move];
+        }
         return vec![match verb {
             "ld" | "ldu" => Kind::Load(memory),
             "st" => Kind::Store(memory),
@@ -194,6 +223,55 @@ $L__BB0_1: // a loop
         assert_eq!(rows_of(WITH_LINES), expected);
     }
 
+    /// The function `helper` calls itself, and a function without results.
+    #[test]
+    fn the_functions_that_a_kernel_calls_follow_it_once() {
+        let functions = "
+.func (.param .b32 func_retval0) helper(.param .b32 helper_param_0)
+;
+.func inner()
+{
+	.loc 1 9 1
+	ret;
+}
+.func unused() { trap; }
+.func (.param .b32 func_retval0) helper(
+	.param .b32 helper_param_0
+)
+{
+	.loc 1 8 1
+	ld.param.f32 %f1, [helper_param_0];
+	@%p1 call.uni inner;
+	call.uni (retval0),
+	helper,
+	(
+	param0
+	);
+	st.param.f32 [func_retval0], %f1;
+}
+.entry other()";
+        let with_call = WITH_LINES
+            .replace("call.uni", "st.param.b32 [param0], %r1;\n\tcall.uni")
+            .replace("(param0);", "(param0);\n\tld.param.b32 %r2, [retval0];");
+        let rows = rows_of(&with_call.replace(".entry other()", functions));
+        let row = |text: &str, line: u32, part: &str, kind| {
+            (text.to_owned(), Some(line), part.to_owned(), vec![kind])
+        };
+        let looped = "$L__BB0_1";
+        let expected = [
+            row("st.param.b32 [param0], %r1", 5, looped, Kind::Move),
+            row("call.uni (retval0), helper, (param0)", 5, looped, Kind::Call),
+            row("ld.param.b32 %r2, [retval0]", 5, looped, Kind::Move),
+            row("ret", 5, looped, Kind::Branch),
+            row("ld.param.f32 %f1, [helper_param_0]", 8, "helper", Kind::Move),
+            row("@%p1 call.uni inner", 8, "helper", Kind::Call),
+            row("call.uni (retval0), helper, ( param0 )", 8, "helper", Kind::Call),
+            row("st.param.f32 [func_retval0], %f1", 8, "helper", Kind::Move),
+            row("ret", 9, "inner", Kind::Branch),
+        ];
+        assert_eq!(rows[6..], expected);
+    }
+
     #[test]
     fn without_a_line_table_no_instruction_has_a_line() {
         let lines = WITH_LINES.lines().filter(|line| !line.contains(".loc") && !line.contains(".file"));
@@ -238,12 +316,14 @@ $L__BB0_1: // a loop
     fn each_kind_of_instruction_is_known_by_its_first_word() {
         use Kind::{Arithmetic, Atomic, Barrier, Branch, Call, Load, Move, Store};
         use Memory::{Argument, Constant, Generic, Global, Local, Private};
-        for (opcode, kind) in [
+        for (text, kind) in [
             ("ld.global.f32", Load(Global)),
             ("ld.shared.f32", Load(Local)),
             ("ld.const.f32", Load(Constant)),
             ("ld.local.f32", Load(Private)),
-            ("ld.param.u64", Load(Argument)),
+            ("ld.param.u64 %rd1, [k_param_0]", Load(Argument)),
+            ("ld.param.v2.u32 {%r1, %r2}, [k_param_1+8]", Load(Argument)),
+            ("ld.param.u64 %rd1, [helper_param_0]", Move),
             ("ld.f32", Load(Generic)),
             ("st.global.v4.f32", Store(Global)),
             ("st.local.f32", Store(Private)),
@@ -258,8 +338,8 @@ $L__BB0_1: // a loop
             ("shfl.sync.bfly.b32", Move),
             ("fma.rn.f32", Arithmetic),
         ] {
-            assert_eq!(kinds(opcode), [kind], "{opcode}");
+            assert_eq!(kinds(text, "k"), [kind], "{text}");
         }
-        assert!(kinds("prefetch.global.L2").is_empty());
+        assert!(kinds("prefetch.global.L2", "k").is_empty());
     }
 }

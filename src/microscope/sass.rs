@@ -6,7 +6,11 @@
 //!         //## File "/tmp/kernel.cl", line 12
 //!         /*0010*/              @!P0 LDG.E R2, desc[UR4][R2.64] ;
 //! .L_x_1:
+//!         ...
+//! $cast_frame$helper:
 //! ```
+//!
+//! A label with two dollar signs begins a function that the kernel calls.
 //!
 //! The SASS that raycl shows comes from the installed `ptxas`. The driver has its own assembler, which may generate
 //! different SASS for the program that raycl times.
@@ -58,7 +62,7 @@ fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Inst
     for text in body.map(str::trim) {
         if let Some(location) = text.strip_prefix("//## File ") {
             line = line_of(location, file);
-        } else if let Some(label) = text.strip_suffix(':').filter(|label| label.starts_with(".L")) {
+        } else if let Some(label) = text.strip_suffix(':').filter(is_label) {
             label.clone_into(&mut part);
         } else if let Some(text) = instruction(text) {
             instructions.push(Instruction {
@@ -70,6 +74,11 @@ fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Inst
         }
     }
     instructions
+}
+
+/// Returns whether a text before a colon is a label: ".L_x_1", or "$cast_frame$helper" for a function.
+fn is_label(text: &&str) -> bool {
+    text.starts_with(".L") || text.starts_with('$')
 }
 
 /// Returns the line 12 from `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`; `None` for files other
@@ -89,9 +98,23 @@ fn instruction(line: &str) -> Option<&str> {
     (is_address && !text.is_empty()).then_some(text)
 }
 
+/// Returns whether an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas` uses it in
+/// place of `MOV`. With `.X`, the instruction also adds a carry.
+fn multiplies_zeros(text: &str) -> bool {
+    let opcode = opcode(text);
+    let multiplies = opcode.starts_with("IMAD") || opcode.starts_with("HFMA2");
+    let mut factors = text.split(',').skip(1).take(2).map(str::trim);
+    multiplies && !opcode.contains(".X") && factors.all(|factor| factor.trim_start_matches('-') == "RZ")
+}
+
 fn kinds(text: &str) -> Vec<Kind> {
+    if multiplies_zeros(text) {
+        return vec![Kind::Move];
+    }
     vec![match opcode(text).split('.').next().unwrap_or_default() {
-        "LDG" | "LDGSTS" => Kind::Load(Memory::Global),
+        // This instruction copies from global to shared memory.
+        "LDGSTS" => return vec![Kind::Load(Memory::Global), Kind::Store(Memory::Local)],
+        "LDG" => Kind::Load(Memory::Global),
         "STG" => Kind::Store(Memory::Global),
         "LDS" | "LDSM" => Kind::Load(Memory::Local),
         "STS" => Kind::Store(Memory::Local),
@@ -162,6 +185,15 @@ mod tests {
     }
 
     #[test]
+    fn a_function_that_a_kernel_calls_is_a_part_of_it() {
+        let helper = "$mine$helper:\n        /*0070*/                   RET.REL.NODEC R20 `(mine) ;\n";
+        let section = "\t.section\t.debug_line";
+        let codes = listed(&LISTING.replace(section, &format!("{helper}{section}")), &["mine"], "kernel.cl");
+        let parts: Vec<_> = codes[0].instructions.iter().map(|one| one.part.as_str()).collect();
+        assert_eq!(parts, [vec![""; 2], vec![".L_x_0"; 5], vec!["$mine$helper"]].concat());
+    }
+
+    #[test]
     fn the_target_is_the_gpu_that_the_driver_compiled_for() {
         assert_eq!(target(".version 8.8\n.target sm_90, texmode_independent"), Some("sm_90"));
         assert_eq!(target(".target   compute_90"), None);
@@ -189,9 +221,17 @@ mod tests {
             ("CALL.REL.NOINC `(f)", Call),
             ("BAR.SYNC.DEFER_BLOCKING 0x0", Barrier),
             ("MOV R1, R2", Move),
+            ("@P0 IMAD.MOV.U32 R2, RZ, RZ, R1", Move),
+            ("IMAD.U32 R2, RZ, RZ, UR4", Move),
+            ("HFMA2.MMA R3, -RZ, RZ, 0, 0", Move),
+            ("IMAD.X R2, RZ, RZ, R3, P0", Arithmetic),
+            ("IMAD R2, R3, RZ, R4", Arithmetic),
             ("FFMA R1, R2, R3, R4", Arithmetic),
         ] {
             assert_eq!(kinds(text), [kind], "{text}");
         }
+        let copies = kinds("LDGSTS.E.128 [R5], [R2.64]");
+        assert_eq!(copies, [Load(Global), Store(Local)]);
+        assert!(kinds("NOP").is_empty());
     }
 }

@@ -4,63 +4,74 @@
 use super::kind::{Kind, Memory};
 
 /// Prefixes of instructions; objdump prints them before the instruction's name.
-const PREFIXES: [&str; 10] =
-    ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32"];
+const PREFIXES: [&str; 12] =
+    ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32", "{evex}", "{vex}"];
 /// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value for the
-/// kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches.
-const FILLERS: [&str; 6] = ["nop", "endbr", "vzero", "int3", "ud2", "prefetch"];
+/// kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches. All lists of beginnings leave out the
+/// `v` at the start of the names of AVX instructions.
+const FILLERS: [&str; 6] = ["nop", "endbr", "zero", "int3", "ud2", "prefetch"];
 /// Beginnings of the names of instructions that copy values, possibly between lanes.
-const MOVES: [&str; 26] = [
+const MOVES: [&str; 30] = [
     "mov",
-    "vmov",
     "cmov",
     "kmov",
-    "vbroadcast",
-    "vpbroadcast",
-    "vinsert",
+    "pmov",
+    "maskmov",
+    "pmaskmov",
+    "stos",
+    "shuf",
+    "pshuf",
+    "perm",
+    "unpck",
+    "punpck",
+    "blend",
+    "pblend",
+    "align",
+    "palign",
+    "broadcast",
+    "pbroadcast",
     "insert",
-    "vextract",
-    "extract",
-    "vpinsr",
     "pinsr",
-    "vpextr",
+    "extract",
     "pextr",
-    "vperm",
-    "vpmov",
-    "vgather",
-    "vpgather",
-    "vscatter",
-    "vpscatter",
-    "vcompress",
-    "vpcompress",
-    "vexpand",
-    "vpexpand",
-    "vmaskmov",
-    "vpmaskmov",
+    "gather",
+    "pgather",
+    "scatter",
+    "pscatter",
+    "compress",
+    "pcompress",
+    "expand",
+    "pexpand",
 ];
 /// Beginnings of the names of instructions that never write to memory. If their last operand is memory, they only read
 /// it.
-const READERS: [&str; 15] = [
-    "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
-    "mul", "imul", "fld",
-];
+const READERS: [&str; 11] =
+    ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
 /// Beginnings of the names of instructions that write their last operand without reading it. The instructions in
 /// `MOVES` do the same, but are not repeated in this list.
-const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
+const WRITERS: [&str; 3] = ["set", "cvt", "stmxcsr"];
 
 /// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of
 /// the function's stack frame.
 pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     let mut words = text.split_whitespace();
     let name = words.by_ref().find(|word| !PREFIXES.contains(word)).unwrap_or_default();
+    let name = name.strip_prefix('v').unwrap_or(name);
     let rest = words.collect::<Vec<_>>().join(" ");
     let is = |beginnings: &[&str]| beginnings.iter().any(|start| name.starts_with(start));
     if name.is_empty() || is(&FILLERS) || text.starts_with("xchg   %ax,%ax") {
         return Vec::new();
     }
     match name {
-        "push" | "pushq" => return vec![Kind::Store(Memory::Private)],
-        "pop" | "popq" | "leave" => return vec![Kind::Load(Memory::Private)],
+        // These instructions copy between the stack and their operand, which may be memory.
+        "push" | "pushq" => {
+            let read = memory(&rest, frames).map(Kind::Load);
+            return read.into_iter().chain([Kind::Store(Memory::Private)]).collect();
+        }
+        "pop" | "popq" | "leave" => {
+            let written = memory(&rest, frames).map(Kind::Store);
+            return [Kind::Load(Memory::Private)].into_iter().chain(written).collect();
+        }
         "call" | "callq" => return vec![Kind::Call],
         "ret" | "retq" | "hlt" => return vec![Kind::Branch],
         "mfence" | "lfence" | "sfence" => return vec![Kind::Barrier],
@@ -159,6 +170,30 @@ mod tests {
             ("kmovw  %eax,%k1", &[Move]),
             ("kmovw  (%rax),%k1", &[Load(Generic)]),
             ("push   %rbp", &[Store(Private)]),
+            ("push   0x298(%rbx)", &[Load(Generic), Store(Private)]),
+            ("pop    %rbp", &[Load(Private)]),
+            ("pop    (%rax)", &[Load(Private), Store(Generic)]),
+            ("leave", &[Load(Private)]),
+            ("rep stos %rax,%es:(%rdi)", &[Store(Generic)]),
+            ("vpermilps $0x0,%xmm1,%xmm2", &[Move]),
+            ("vshufps $0x0,%xmm1,%xmm1,%xmm2", &[Move]),
+            ("vshuff64x2 $0x0,%zmm1,%zmm1,%zmm2", &[Move]),
+            ("shufps $0x0,%xmm1,%xmm2", &[Move]),
+            ("vpshufd $0x0,(%rax),%xmm2", &[Load(Generic)]),
+            ("pshufb %xmm1,%xmm2", &[Move]),
+            ("vunpcklps %xmm1,%xmm2,%xmm3", &[Move]),
+            ("unpcklps %xmm1,%xmm2", &[Move]),
+            ("vpunpckldq %xmm1,%xmm2,%xmm3", &[Move]),
+            ("punpckldq %xmm1,%xmm2", &[Move]),
+            ("vblendvps %xmm1,%xmm2,%xmm3,%xmm4", &[Move]),
+            ("blendps $0x1,%xmm1,%xmm2", &[Move]),
+            ("vpblendd $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
+            ("pblendw $0x1,%xmm1,%xmm2", &[Move]),
+            ("valignd $0x1,%zmm1,%zmm2,%zmm3", &[Move]),
+            ("vpalignr $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
+            ("palignr $0x1,%xmm1,%xmm2", &[Move]),
+            ("{evex} vmovups (%rax),%xmm1", &[Load(Generic)]),
+            ("{vex} vpdpbusd %xmm1,%xmm2,%xmm3", &[Arithmetic]),
             ("jmp    1195 <_pocl_kernel_x_workgroup+0x65>", &[Branch]),
             ("call   1040 <sinf@plt>", &[Call]),
             ("data16 cs nopw 0x0(%rax,%rax,1)", &[]),

@@ -80,21 +80,33 @@ fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
 }
 
 /// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy
-/// reaches; empty if the peak was not measured.
+/// reaches; empty if the peak was not measured. The fraction is unknown if the tests of a strategy are counted, but not
+/// the operations of a test.
 fn peak_line(group: &Group<'_>) -> String {
-    let mut parts: Vec<(&str, f64)> = Vec::new();
+    let (mut parts, mut unknown): (Vec<(&str, f64)>, Vec<&str>) = (Vec::new(), Vec::new());
     for record in group.ranking().ranked {
-        let Some(fraction) = record.limit_fraction else { continue };
+        let Some(fraction) = record.limit_fraction else {
+            let are_counted = record.fma_per_s.is_some() && record.tests_per_s.is_some();
+            if are_counted && !unknown.contains(&record.name.as_str()) {
+                unknown.push(&record.name);
+            }
+            continue;
+        };
         match parts.iter_mut().find(|(name, _)| *name == record.name) {
             Some((_, most)) => *most = most.max(fraction),
             None => parts.push((&record.name, fraction)),
         }
     }
-    if parts.is_empty() {
+    if parts.is_empty() && unknown.is_empty() {
         return String::new();
     }
-    let parts: Vec<_> = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part))).collect();
-    format!("fraction of the device's peak rate of multiply-adds: {}\n", parts.join(", "))
+    let known = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part)));
+    let parts: Vec<_> = known.chain(unknown.iter().map(|name| format!("{name} unknown"))).collect();
+    let why = match unknown.is_empty() {
+        true => "",
+        false => "unknown: the header of the ray-triangle test states no `operations`\n",
+    };
+    format!("fraction of the device's peak rate of multiply-adds: {}\n{why}", parts.join(", "))
 }
 
 /// Formats a fraction as "2.4%".
@@ -281,6 +293,19 @@ mod tests {
             |side, ms, part| Record { limit_fraction: Some(part), ..measured("pocl", "naive", side, ms) };
         let text = summary_terminal(&judged([at(8, 80.0, 0.25), at(16, 100.0, 0.2)]), false);
         assert!(text.contains("peak rate of multiply-adds: naive 25%\n"), "{text}");
+    }
+
+    #[test]
+    fn a_strategy_whose_test_has_no_count_of_operations_has_an_unknown_share_of_the_peak() {
+        let own = |side, ms| Record { fma_per_s: Some(1e12), ..measured("pocl", "mine", side, ms) };
+        let walks_tree = Record { tests_per_s: None, name: "bvh".into(), ..own(2, 70.0) };
+        let naive = Record { limit_fraction: Some(0.25), ..measured("pocl", "naive", 8, 80.0) };
+        let text = summary_terminal(&judged([own(8, 80.0), own(16, 90.0), naive, walks_tree]), false);
+        let line = "multiply-adds: naive 25%, mine unknown\n";
+        let why = "unknown: the header of the ray-triangle test states no `operations`\n";
+        assert!(text.contains(&format!("{line}{why}")), "{text}");
+        let text = summary_terminal(&judged([own(8, 80.0)]), false);
+        assert!(text.contains(&format!("multiply-adds: mine unknown\n{why}")), "{text}");
     }
 
     #[test]

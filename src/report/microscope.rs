@@ -155,8 +155,9 @@ fn note(listing: &Listing) -> String {
             "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever it is called."
         }
         RowsAre::Parts => {
-            "The compiler wrote no line table, so instructions are not counted by line, but by part of the kernel. A \
-             part of PTX or SASS extends from one label to the next; on a CPU, a part is a function."
+            "The compiler wrote no line table, or its table has no line for this kernel, so instructions are not \
+             counted by line, but by part of the kernel. A part of PTX or SASS extends from one label or start of a \
+             function to the next; on a CPU, a part is a function."
         }
     };
     let same = match listing.same_as_timed {
@@ -245,6 +246,26 @@ fn table_row(row: &Row, kinds: &[Kind]) -> TableRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::microscope::Code;
+
+    /// The body of such a kernel is empty.
+    #[test]
+    fn a_kernel_without_lines_is_not_taken_for_a_missing_line_table() {
+        let listing = Listing {
+            kernel: "k".into(),
+            made_by: "a compiler",
+            is_drivers: true,
+            rows_are: RowsAre::Parts,
+            registers: None,
+            same_as_timed: None,
+            instructions: 0,
+            with_line: 0,
+            counts: Counts::default(),
+            rows: Vec::new(),
+            code: Code { kernel: "k".into(), instructions: Vec::new() },
+        };
+        assert!(note(&listing).contains("or its table has no line for this kernel"), "{}", note(&listing));
+    }
 
     #[test]
     fn the_command_names_the_point_and_can_be_pasted_into_a_shell() {

@@ -61,9 +61,12 @@ fn roofline(
     (peak, unreadable): (Option<&Peak>, &[String]),
     name: String,
 ) -> Option<Plot> {
-    let mut series: Vec<Series> = Vec::new();
+    let (mut series, mut left_out): (Vec<Series>, Vec<&Record>) = (Vec::new(), Vec::new());
     for (group, record) in records {
-        let Some(mark) = mark(group, record) else { continue };
+        let Some(mark) = mark(group, record) else {
+            left_out.push(record);
+            continue;
+        };
         match series.iter_mut().find(|one| one.name == record.name) {
             Some(one) => one.marks.push(mark),
             None => series.push(Series {
@@ -74,13 +77,16 @@ fn roofline(
             }),
         }
     }
-    let shown: usize = series.iter().map(|one| one.marks.len()).sum();
-    if shown == 0 {
+    let ends = ends(&series, peak);
+    let roofs: Vec<Series> = peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)).collect();
+    // If the tests are counted, but the operations of none of them are known, the plot has the measured roofs, and its
+    // caption says why it has no marks.
+    let are_counted = left_out.iter().any(|record| record.tests_per_s.is_some());
+    if series.is_empty() && (roofs.is_empty() || !are_counted) {
         return None;
     }
     series.sort_by_key(|one| one.look.number);
-    let ends = ends(&series, peak);
-    series.extend(peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)));
+    series.extend(roofs);
     let chart = Chart {
         title: format!("Roofline: {device}"),
         x_label: "operations of a ray-triangle test per byte that it reads".into(),
@@ -90,16 +96,14 @@ fn roofline(
         diagonal: false,
         series,
     };
-    Some(Plot::of(name, caption(peak.is_some(), unreadable, records.len() - shown), &chart))
+    Some(Plot::of(name, caption(peak.is_some(), unreadable, &left_out), &chart))
 }
 
 /// Returns the mark of a record; `None` unless its ray-triangle tests per second, and the
 /// operations and bytes per test, are known.
 fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     let (tests_per_s, traffic) = (record.tests_per_s?, Traffic::of(record)?);
-    // Records of earlier versions state the operations only if the device's peak rate was known.
-    let operations = record.operations_per_test.or_else(|| operations_per_test(&record.strategy))?;
-    let operations = f64::from(operations);
+    let operations = f64::from(operations(record)?);
     let tip = format!(
         "{}\n{}\n{operations} operations per test; {} B of the triangle from {} memory{}",
         group.scene,
@@ -117,6 +121,16 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
         interval: None,
         tip,
     })
+}
+
+/// Returns the operations of a record's ray-triangle test, as the record states them. Records of earlier versions state
+/// the operations only if the device's peak rate was known; for these records, which state no bytes either, the
+/// operations follow from the headers that this process has read. A later record without operations is of a test whose
+/// header states none.
+fn operations(record: &Record) -> Option<u32> {
+    let is_old = record.triangle_bytes_per_test.is_none();
+    let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
+    record.operations_per_test.or_else(by_header)
 }
 
 /// Returns the range of x that contains all marks and the corners of all roofs.
@@ -158,7 +172,7 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     known.enumerate().map(roof).collect()
 }
 
-fn caption(with_roofs: bool, unreadable: &[String], left_out: usize) -> String {
+fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> String {
     let roofs = match (with_roofs, unreadable) {
         (true, _) => "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof \
                       gets its data from caches or another memory."
@@ -169,21 +183,25 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: usize) -> String {
             .to_owned(),
         (false, some) => format!("The plot has no roofs: {}", some.join(" ")),
     };
-    let left_out = match left_out {
-        0 => String::new(),
-        some => format!(
-            " Not shown: {}. If rays walk a tree, or triangles are rasterised, the number of tests is not \
-             recorded.",
-            counted(some, "point")
-        ),
-    };
+    let not_shown = not_shown(left_out);
     format!(
         "Each mark is a point. Its height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
          operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
          registers adds no bytes. If passes are fused, the time is that of the whole frame, so the rate is a \
-         lower bound. {roofs}{left_out}"
+         lower bound. {roofs}{not_shown}"
     )
+}
+
+/// Says how many points have no mark, for each of the two reasons.
+fn not_shown(left_out: &[&Record]) -> String {
+    let uncounted = left_out.iter().filter(|record| record.tests_per_s.is_none()).count();
+    let reasons = [
+        (uncounted, "If rays walk a tree, or triangles are rasterised, the number of tests is not recorded."),
+        (left_out.len() - uncounted, "The header of the ray-triangle test states no `operations`."),
+    ];
+    let some = reasons.into_iter().filter(|(count, _)| *count > 0);
+    some.map(|(count, reason)| format!(" Not shown: {}. {reason}", counted(count, "point"))).collect()
 }
 
 #[cfg(test)]
@@ -194,10 +212,28 @@ mod tests {
     use crate::record::fixtures::{judged, measured};
     use crate::record::groups;
     use crate::strategy::preset;
+    use std::path::Path;
 
     fn record(name: &str, tests_per_s: Option<f64>) -> Record {
         let strategy = preset(name).unwrap().strategy.to_string();
         Record { strategy, tests_per_s, ..measured("a gpu", name, 8, 1.0) }
+    }
+
+    fn peak() -> Peak {
+        let figure = |rate: f64| Figure::of(&[rate]);
+        Peak {
+            device: "a gpu".into(),
+            fma_per_s: figure(4e12),
+            copy_bytes_per_s: figure(1e12),
+            local_bytes_per_s: figure(8e12),
+            ..Peak::default()
+        }
+    }
+
+    /// Returns a folder of results with peak rates and without records.
+    fn with_rates(path: &Path) -> Folder {
+        Peak::write(&[peak()], &path.join(crate::peak::FILE)).unwrap();
+        Folder { path: path.to_owned(), ..Folder::default() }
     }
 
     fn plots(records: Vec<Record>, folders: &[Folder]) -> Vec<Plot> {
@@ -220,17 +256,7 @@ mod tests {
             assert!(without.caption.contains(part), "{}", without.caption);
         }
         let temporary = tempfile::tempdir().unwrap();
-        let figure = |rate: f64| Figure::of(&[rate]);
-        let peak = Peak {
-            device: "a gpu".into(),
-            fma_per_s: figure(4e12),
-            copy_bytes_per_s: figure(1e12),
-            local_bytes_per_s: figure(8e12),
-            ..Peak::default()
-        };
-        Peak::write(&[peak], &temporary.path().join(crate::peak::FILE)).unwrap();
-        let folder = Folder { path: temporary.path().to_owned(), ..Folder::default() };
-        let with = &plots(records, &[folder])[0];
+        let with = &plots(records, &[with_rates(temporary.path())])[0];
         for part in ["1000 GB/s, up to 4000 Gfma/s", "8000 GB/s", ">roof: __local memory<"] {
             assert!(with.svg.contains(part), "{part}: {}", with.svg);
         }
@@ -287,6 +313,34 @@ mod tests {
         assert!(actual.tip.ends_with(expected), "{}", actual.tip);
     }
 
+    /// The built-in test of the same name has `operations`, but the user's own file has none.
+    #[test]
+    fn a_test_whose_header_states_no_operations_has_no_mark() {
+        let own = Record {
+            triangle_bytes_per_test: Some(36.0),
+            triangle_memory: Some("global".into()),
+            ray_bytes_per_test: Some(24.0),
+            ray_memory: Some("global".into()),
+            ..record("naive", Some(1e9))
+        };
+        let records = judged(vec![own.clone()]);
+        assert!(mark(&groups(&records)[0], &records[0]).is_none());
+        let others = [record("private", Some(2e9)), record("bvh", None)];
+        let caption = &plots([vec![own.clone()], others.to_vec()].concat(), &[])[0].caption;
+        for part in [
+            "Not shown: 1 point. If rays walk a tree,",
+            "Not shown: 1 point. The header of the ray-triangle test states no `operations`.",
+        ] {
+            assert!(caption.contains(part), "{caption}");
+        }
+        // If no point has a mark, the reason is beside the roofs that were measured.
+        assert!(plots(vec![own.clone()], &[]).is_empty());
+        let temporary = tempfile::tempdir().unwrap();
+        let plot = &plots(vec![own], &[with_rates(temporary.path())])[0];
+        assert!(plot.svg.contains(">roof: __local memory<"), "{}", plot.svg);
+        assert!(plot.caption.ends_with("states no `operations`."), "{}", plot.caption);
+    }
+
     #[test]
     fn without_counted_tests_there_is_no_plot() {
         assert!(plots(vec![record("bvh", None)], &[]).is_empty());
@@ -294,14 +348,7 @@ mod tests {
 
     #[test]
     fn a_roof_rises_with_the_operations_per_byte_up_to_the_rate_of_multiply_adds() {
-        let figure = |rate: f64| Figure::of(&[rate]);
-        let peak = Peak {
-            fma_per_s: figure(4e12),
-            copy_bytes_per_s: figure(1e12),
-            local_bytes_per_s: figure(8e12),
-            ..Peak::default()
-        };
-        let roofs = roofs(&peak, [0.25, 16.0], &Looks::default());
+        let roofs = roofs(&peak(), [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
         let corners = |index: usize| roofs[index].marks.iter().map(corner).collect::<Vec<_>>();
         // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes allow 250

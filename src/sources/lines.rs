@@ -29,11 +29,17 @@ const READING: [&str; 3] = ["include", "import", "embed"];
 
 /// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a line
 /// `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file of the
-/// machine. Refuses a comment without an end, since it would hide the files that are joined after this one.
+/// machine. Refuses a comment without an end, since it would hide the files that are joined after this one. Refuses a
+/// carriage return within a line: compilers start a new line there, so later lines would have other numbers in their
+/// messages and line tables.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
     let (mut lines, mut opened) = (Vec::new(), 1);
     for (number, text) in (1..).zip(text.lines()) {
+        if text.contains('\r') {
+            return Err(Error::input(format!("{name}, line {number}: this line contains a carriage return"))
+                .with_help("save the file with the line ends of Linux or Windows"));
+        }
         let spliced = text.ends_with('\\');
         // A comment that is open at the line's end began on this line, unless it was already open at the line's start
         // and the line has no `*/`.
@@ -192,6 +198,15 @@ mod tests {
         let texts: Vec<_> = lines("a.cl", "x \\").unwrap().into_iter().map(|line| line.text).collect();
         assert_eq!(texts, ["x \\", ""]);
         assert!(lines("a.cl", "").unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_carriage_return_within_a_line_is_refused() {
+        for (text, line) in [("/* a\rb */\n", 1), ("a\nb\r\r\n", 2), ("a\r", 1), ("a\n\rb", 2)] {
+            let error = lines("a.cl", text).unwrap_err();
+            let expected = format!("a.cl, line {line}: this line contains a carriage return");
+            assert_eq!((error.to_string(), error.exit_code()), (expected, 2), "{text:?}");
+        }
     }
 
     #[test]

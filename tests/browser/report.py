@@ -255,7 +255,7 @@ def printed(page, stem):
 
 
 def check_microscope(driver, page):
-    """A click on a line marks its instructions and scrolls to them; arrow keys go on; the table sorts."""
+    """A click on a line marks its instructions and scrolls to them; arrow keys go on from this line."""
     load(driver, page)
     line = driver.find_element(By.XPATH, "//ol[contains(@class, 'source')]/li[@data-line][contains(., 'at[0] = value.x')]")
     bring(driver, line)
@@ -264,10 +264,16 @@ def check_microscope(driver, page):
     assert marked and all(step.get_attribute("data-line") == line.get_attribute("data-line") for step in marked)
     shown = driver.execute_script("const p = arguments[0].closest('.pane'), t = arguments[0].offsetTop - p.scrollTop; return t >= 0 && t < p.clientHeight", marked[0])
     assert shown, "the line's first instruction is not scrolled to"
-    pane = driver.find_element(By.CSS_SELECTOR, ".steps")
-    driver.execute_script("arguments[0].focus()", pane)
-    ActionChains(driver).send_keys(Keys.ARROW_DOWN).perform()
-    now = driver.find_element(By.CSS_SELECTOR, ".steps .now").get_attribute("data-line")
+    following = line.find_element(By.XPATH, "following-sibling::li[@data-line][1]").get_attribute("data-line")
+
+    def after_arrow_down(pane):
+        driver.execute_script("arguments[0].focus()", driver.find_element(By.CSS_SELECTOR, pane))
+        ActionChains(driver).send_keys(Keys.ARROW_DOWN).perform()
+        return driver.find_element(By.CSS_SELECTOR, f"{pane} .now").get_attribute("data-line")
+
+    now = after_arrow_down(".source")
+    assert now == following, f"after a click, an arrow key marks line {now} and not line {following}"
+    now = after_arrow_down(".steps")
     assert driver.find_elements(By.CSS_SELECTOR, f".source .same[data-line='{now}']"), "an arrow key marks no line"
     check_clean(driver, page)
 

@@ -93,6 +93,10 @@ impl Pooled {
     /// rows. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and the degrees
     /// of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error of a row's mean, and
     /// 2 for the error of a difference between two rows.
+    ///
+    /// It is 2 also for a difference between a row and an anchor, which is no row of the table. The row's values are
+    /// part of both variances, so the degrees of freedom of their mean are fewer than the sum of theirs. For four rows
+    /// and two columns, the mean has 3.2, and this function's result leads to 3; with 1, it would have 3.4 and not 4.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)

@@ -95,25 +95,38 @@ fn array_bytes(declaration: &str) -> Option<u64> {
     Some(count * bits / 8)
 }
 
-/// Returns the text between the braces of `.entry name(...)`.
+/// Returns the text between the braces of the kernel `.entry name(...)` or of the function `.func (...) name(...)`;
+/// `None` if the text has no such kernel or function, or only its declaration, which has no braces.
 pub(crate) fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
-    let heads = text.match_indices(".entry").map(|(at, word)| text[at + word.len()..].trim_start());
-    let is_meant = |rest: &&str| {
-        let tail = rest.strip_prefix(name);
-        tail.is_some_and(|tail| tail.trim_start().starts_with(['(', '{', '.']))
-    };
-    let rest = heads.into_iter().find(is_meant)?;
-    let start = rest.find('{')?;
-    let mut depth = 0_u32;
-    for (at, c) in rest[start..].char_indices() {
+    let heads = [".entry", ".func"].into_iter().flat_map(|word| text.match_indices(word));
+    let body = heads.into_iter().find_map(|(at, word)| after_head(&text[at + word.len()..], name))?;
+    let mut depth = 1_u32;
+    for (at, c) in body.char_indices() {
         match c {
             '{' => depth += 1,
-            '}' if depth == 1 => return Some(&rest[start + 1..start + at]),
+            '}' if depth == 1 => return Some(&body[..at]),
             '}' => depth -= 1,
             _ => {}
         }
     }
     None
+}
+
+/// Returns the text after the first brace of "(.param .b32 result) name(.param .u64 p) {", the head of a function or a
+/// kernel; `None` for another name and for a declaration.
+fn after_head<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    let tail = after_results(head)?.trim_start().strip_prefix(name)?.trim_start();
+    let (before, body) = tail.split_once('{')?;
+    (tail.starts_with(['(', '{', '.']) && !before.contains(';')).then_some(body)
+}
+
+/// Returns the text after the brackets at its start, which contain the results of a function; the whole text if it does
+/// not begin with a bracket.
+pub(crate) fn after_results(text: &str) -> Option<&str> {
+    match text.trim_start().strip_prefix('(') {
+        Some(results) => results.split_once(')').map(|(_, after)| after),
+        None => Some(text),
+    }
 }
 
 pub(crate) fn without_comments(ptx: &str) -> String {
@@ -193,5 +206,8 @@ $L__BB0_1:
         let text = ".entry other() { no } .entry name(.param .u64 p) .reqntid 8 { a { b } c } { d }";
         assert_eq!(body_of(text, "name"), Some(" a { b } c "));
         assert_eq!(body_of(".entry name{}", "name"), Some(""));
+        let text = ".func name(.param .b32 p); .func (.param .b32 r) name2() { no } .func (.param .b32 r) name() { a }";
+        assert_eq!(body_of(text, "name"), Some(" a "));
+        assert_eq!(body_of(".func name(.param .b32 p); .entry other() { no }", "name"), None);
     }
 }

@@ -15,19 +15,27 @@ for (const view of all(".microscope")) {
     const pane = row.closest(".pane"), top = row.offsetTop - pane.scrollTop;
     if (top < 0 || top > pane.clientHeight - row.offsetHeight) pane.scrollTop = row.offsetTop - pane.clientHeight / 3;
   };
-  const keep = (line, from) => {
+  // Keeps the mark of a line. Arrow keys go on from `row`, and in the other pane from the line's first row.
+  const keep = (line, row) => {
     pinned = line;
     mark(line);
     for (const pane of all(".pane", view)) {
-      const first = pane !== from && rows.get(line)?.find((row) => row.closest(".pane") === pane);
-      if (first) reveal(first);
+      const inPane = (one) => one?.closest(".pane") === pane;
+      const now = inPane(row) ? row : rows.get(line)?.find(inPane);
+      if (!now) continue;
+      all(".now", pane).forEach((one) => one.classList.remove("now"));
+      now.classList.add("now");
+      if (now !== row) reveal(now);
     }
   };
   for (const pane of all(".pane", view)) {
-    const line = (event) => event.target.closest("[data-line]")?.dataset.line ?? null;
-    pane.addEventListener("pointerover", (event) => mark(line(event) ?? pinned));
+    const row = (event) => event.target.closest("[data-line]");
+    pane.addEventListener("pointerover", (event) => mark(row(event)?.dataset.line ?? pinned));
     pane.addEventListener("pointerleave", () => mark(pinned));
-    pane.addEventListener("click", (event) => { const at = line(event); keep(at === pinned ? null : at, pane); });
+    pane.addEventListener("click", (event) => {
+      const at = row(event), line = at?.dataset.line ?? null;
+      keep(line === pinned ? null : line, at);
+    });
     // Arrow keys go to the next row that belongs to another line.
     pane.addEventListener("keydown", (event) => {
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
@@ -37,9 +45,7 @@ for (const view of all(".microscope")) {
       while (own[next] && own[now] && own[next].dataset.line === own[now].dataset.line) next += step;
       if (!own[next]) return;
       event.preventDefault();
-      own[now]?.classList.remove("now");
-      own[next].classList.add("now");
-      keep(own[next].dataset.line, null);
+      keep(own[next].dataset.line, own[next]);
       reveal(own[next]);
     });
   }
