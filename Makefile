@@ -67,6 +67,7 @@ lint: setup ## check format, lints and documentation, as CI does
 licences: ## check licences, bans and sources of all crates against deny.toml, without cargo-deny (Python 3.11)
 	@.ci/setup --licences
 	@.ci/licences
+	@.ci/licences --texts >/dev/null
 
 figures: build ## write the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
 	$(RAYCL) figures
@@ -75,7 +76,7 @@ test-python: ## run the Python code of docs/python.md (installs pandas, Polars a
 	@tests/python/run target/python
 
 book: ## build target/book/index.html from docs/ (installs mdbook with cargo if it is missing)
-	@PATH="$$PATH:$${CARGO_HOME:-$$HOME/.cargo}/bin"; command -v mdbook >/dev/null || cargo install --locked mdbook; mdbook build
+	@.ci/book
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond --resume

@@ -1,11 +1,15 @@
 //! Sets environment variables that the compiler builds into the program. RAYCL_GIT_REVISION is the revision
-//! of the sources, with `-dirty` if tracked files have changed. Outside a git repository, it is the revision
-//! that cargo wrote into the package; if there is neither, it is not set. `raycl -V` prints RAYCL_VERSION.
-//! RAYCL_BUILD describes the compiler and its options, which decide how fast casters on the host are.
+//! of the sources, with `-dirty` if tracked files have changed. In a package, it is the revision that cargo
+//! wrote into the package; in a folder that is neither a package nor raycl's own git repository, it is not
+//! set. `raycl -V` prints RAYCL_VERSION. RAYCL_BUILD describes the compiler and its options, which decide how
+//! fast casters on the host are.
 
+use std::path::Path;
 use std::process::Command;
 
 fn main() {
+    // Cargo runs this program in the folder of Cargo.toml.
+    let folder = Path::new(".");
     // Cargo runs this program again if one of these files changes. A commit changes HEAD's log; staging and
     // most git commands change the index. An edit changes neither, so the sources are included: otherwise
     // `-dirty` would only be set at the next commit.
@@ -13,11 +17,11 @@ fn main() {
         println!("cargo:rerun-if-changed={path}");
     }
     for name in ["HEAD", "index", "logs/HEAD"] {
-        if let Some(path) = git(&["rev-parse", "--git-path", name]).filter(|path| exists(path)) {
+        if let Some(path) = git(folder, &["rev-parse", "--git-path", name]).filter(|path| exists(path)) {
             println!("cargo:rerun-if-changed={path}");
         }
     }
-    let revision = of_repository().or_else(of_package);
+    let revision = revision(folder);
     if let Some(revision) = &revision {
         println!("cargo:rustc-env=RAYCL_GIT_REVISION={revision}");
     }
@@ -25,20 +29,30 @@ fn main() {
     println!("cargo:rustc-env=RAYCL_BUILD={}", build());
 }
 
-/// Returns the revision of raycl's repository; `None` if raycl was unpacked inside another repository, which
-/// does not track raycl's files.
-fn of_repository() -> Option<String> {
-    git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
-    git(&["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"])
+/// Returns the revision of the sources in a folder. The package's own revision comes first, because another
+/// project's repository can contain the package, and then tracks its files.
+pub(crate) fn revision(folder: &Path) -> Option<String> {
+    of_package(folder).or_else(|| of_repository(folder))
 }
 
 /// Returns the revision that `cargo package` wrote into the package:
 /// `{"git": {"sha1": "...", "dirty": true}, ...}`.
-fn of_package() -> Option<String> {
-    let text = std::fs::read_to_string(".cargo_vcs_info.json").ok()?;
+fn of_package(folder: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(folder.join(".cargo_vcs_info.json")).ok()?;
     let hash: String = text.split_once("\"sha1\": \"")?.1.chars().take(12).collect();
     let dirty = if text.contains("\"dirty\": true") { "-dirty" } else { "" };
     hash.chars().all(|c| c.is_ascii_hexdigit()).then(|| hash + dirty)
+}
+
+/// Returns the revision of raycl's repository; `None` if raycl was unpacked inside another repository: then
+/// raycl's folder is not the repository's uppermost one, or the repository does not track raycl's files.
+fn of_repository(folder: &Path) -> Option<String> {
+    let top = git(folder, &["rev-parse", "--show-toplevel"])?;
+    if Path::new(&top).canonicalize().ok()? != folder.canonicalize().ok()? {
+        return None;
+    }
+    git(folder, &["ls-files", "--error-unmatch", "Cargo.toml"])?;
+    git(folder, &["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"])
 }
 
 /// Returns the version for users: "0.1.0 (0123456789ab)", "0.1.0 (0123456789ab, with uncommitted changes)",
@@ -72,21 +86,23 @@ fn build() -> String {
 /// Returns the profile's own name, which is part of OUT_DIR: target/PROFILE/build/raycl-HASH/out. (The
 /// variable PROFILE is "release" for every profile that inherits from `release`.)
 fn profile(out_dir: &str) -> Option<String> {
-    let folder = std::path::Path::new(out_dir).ancestors().nth(3)?;
+    let folder = Path::new(out_dir).ancestors().nth(3)?;
     Some(folder.file_name()?.to_str()?.to_owned())
 }
 
 /// Returns whether a path exists. If a path given to cargo did not exist, cargo would run this program every
 /// time.
 fn exists(path: &str) -> bool {
-    std::path::Path::new(path).exists()
+    Path::new(path).exists()
 }
 
-/// Returns the output of a git command; `None` if git is not installed, the command fails, or it prints
-/// nothing.
-fn git(arguments: &[&str]) -> Option<String> {
-    let output =
-        Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+/// Returns the output of a git command in a folder; `None` if git is not installed, the command fails, or it
+/// prints nothing.
+fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").arg("-C").arg(folder).args(arguments).output().ok()?;
+    if !output.status.success() {
+        return None;
+    }
     let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
     Some(text).filter(|text| !text.is_empty())
 }

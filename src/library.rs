@@ -3,6 +3,7 @@
 use crate::cli::choice::{chosen_strategy, one_device};
 use crate::cli::{Cli, prepare_for_drivers, run};
 use crate::device::Device;
+use crate::device_lock::check_folder;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_alpha, save};
 use crate::launch::{Refused, Session};
@@ -121,8 +122,8 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// # Errors
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that are not
-/// results, if the run is interrupted, or if the calling process is a worker. A point that fails is not an error: its
-/// record states the reason.
+/// results, if the environment variable `RAYCL_LOCK_DIR` is not an absolute path, if the run is interrupted, or if the
+/// calling process is a worker. A point that fails is not an error: its record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -130,6 +131,7 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         )
         .with_help("call raycl::serve_if_worker first in `main`: it does the work of a worker and ends it"));
     }
+    check_folder()?;
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;

@@ -11,6 +11,7 @@ use serde_json::Value;
 pub(crate) fn of<T: JsonSchema>(title: &str) -> Value {
     let mut settings = settings();
     settings.transforms.push(Box::new(RecursiveTransform(without_null)));
+    settings.transforms.push(Box::new(RecursiveTransform(with_largest)));
     titled::<T>(settings, title)
 }
 
@@ -57,6 +58,14 @@ fn without_null(schema: &mut Schema) {
         let only = only.clone();
         schema.remove("anyOf");
         only.into_iter().for_each(|(key, value)| drop(schema.insert(key, value)));
+    }
+}
+
+/// Adds the largest value to the schema of a 32-bit number without one. `schemars` adds only the number's format, which
+/// is no part of the standard.
+fn with_largest(schema: &mut Schema) {
+    if schema.get("format").is_some_and(|format| format == "uint32") && schema.get("maximum").is_none() {
+        schema.insert("maximum".to_owned(), u32::MAX.into());
     }
 }
 

@@ -12,6 +12,7 @@ use toml::Spanned;
 
 use crate::cache;
 use crate::cli::colour::Colour;
+use crate::device_lock;
 use crate::error::{Error, Result};
 use crate::reader::{self, Kind};
 use crate::toml_error::toml_error;
@@ -65,7 +66,8 @@ pub fn load() -> Result<()> {
     if let Some(Err(message)) = variable(RESULTS).map(|path| xdg::expanded(Path::new(&path))) {
         return Err(Error::input(format!("{RESULTS}: {message}")).with_help(FOLDER));
     }
-    cache::check_limit()
+    cache::check_limit()?;
+    device_lock::check_folder()
 }
 
 /// Refuses the value of an environment variable if it is not UTF-8, since it would otherwise be ignored.

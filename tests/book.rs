@@ -8,12 +8,13 @@ use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
 use std::path::{Path, PathBuf};
 
-/// Returns the names of the pages in docs/.
+/// Returns the paths of the book's pages in docs/: the files of docs/, and the page on the stored results.
 fn pages() -> BTreeSet<String> {
     let entries =
         read_dir(repository("docs")).expect("docs").map(|entry| entry.expect("an entry").file_name());
     let names = entries.filter_map(|name| name.into_string().ok());
-    names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md").collect()
+    let own = names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md");
+    own.chain(["results/README.md".to_owned()]).collect()
 }
 
 /// Returns a text without code, which is in fenced blocks or between backticks.
@@ -32,7 +33,7 @@ fn without_code(text: &str) -> String {
 }
 
 /// Returns the targets of a page's links and pictures, except web addresses.
-fn links(text: &str) -> Vec<String> {
+pub(crate) fn links(text: &str) -> Vec<String> {
     let targets = without_code(text)
         .split("](")
         .skip(1)
@@ -84,6 +85,13 @@ fn the_architecture_lists_every_file_and_folder_of_src() {
     }
 }
 
+/// Returns false for a Markdown file in docs/ that is not a page of the book: mdBook does not copy such a file.
+fn is_in_book(path: &Path) -> bool {
+    let [path, docs] = [path, &repository("docs")].map(|path| path.canonicalize().expect("a path"));
+    let inside = path.strip_prefix(docs).ok().and_then(Path::to_str);
+    inside.is_none_or(|name| !name.ends_with(".md") || name == "SUMMARY.md" || pages().contains(name))
+}
+
 #[test]
 fn every_link_of_the_documents_leads_somewhere() {
     let own = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/SUMMARY.md"]
@@ -97,6 +105,7 @@ fn every_link_of_the_documents_leads_somewhere() {
             let path: PathBuf =
                 if file.is_empty() { page.clone() } else { page.parent().expect("a folder").join(file) };
             assert!(path.exists(), "{name}: there is no {link}");
+            assert!(is_in_book(&path), "{name}: docs/SUMMARY.md does not list {link}, so the book lacks it");
             let known = heading.is_empty() || anchors(&path).contains(heading);
             assert!(known, "{name}: {file} has no heading for {link}: {:?}", anchors(&path));
             seen += 1;

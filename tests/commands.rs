@@ -168,12 +168,14 @@ fn colours_are_what_the_user_says() {
     assert!(message.contains("'always'"), "{message}");
 }
 
-/// Returns the completions that bash offers for the last of these words, after it has loaded the script.
+/// Returns the completions that bash offers for the last of these words, after it has loaded the script. As bash does,
+/// the code passes an empty word to the script if the last word is `=`: this word ends before the cursor.
 #[cfg(unix)]
 fn completions(script: &std::path::Path, words: &[&str]) -> Vec<String> {
     let code = r#"source "$1"; shift
-        COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
-        $(complete -p raycl | sed 's/.*-F \([^ ]*\).*/\1/') raycl "${@: -1}" "${@: -2:1}"
+        COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) word=${@: -1}
+        [ "$word" != = ] || word=
+        $(complete -p raycl | sed 's/.*-F \([^ ]*\).*/\1/') raycl "$word" "${@: -2:1}"
         printf '%s\n' "${COMPREPLY[@]}""#;
     let output = run(Command::new("bash").args(["--norc", "-c", code, "bash"]).arg(script).args(words));
     assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
@@ -196,6 +198,11 @@ fn bash_completes_commands_options_and_presets() {
         );
     }
     assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
+    // Bash divides --terminal=s into three words. The value of this option must not follow after a blank.
+    assert_eq!(offered(&["raycl", "view", "--terminal", "=", "s"]), ["sixel"]);
+    assert_eq!(offered(&["raycl", "view", "--terminal", "="]), ["blocks", "kitty", "sixel"]);
+    assert!(!offered(&["raycl", "view", "--terminal", ""]).contains(&"sixel".to_owned()), "it is refused");
+    assert_eq!(offered(&["raycl", "view", "--strategy", "=", "private"]), ["private"]);
 }
 
 #[test]

@@ -160,6 +160,8 @@ fn what_raycl_refuses_the_schemas_refuse() {
                 ("[[light]]", "shadow_bias = -1\n[[light]]"),
                 ("[[light]]", "[camera]\nfov_x_degrees = 180\n[[light]]"),
                 ("[[light]]", "background = \"grey\"\n[[light]]"),
+                ("[[light]]", "name = \"\"\n[[light]]"),
+                ("shape = \"ground\"", "shape = \"terrain\"\nseed = 4294967296"),
             ],
         ),
         (
@@ -175,6 +177,8 @@ fn what_raycl_refuses_the_schemas_refuse() {
                 ("width = [1, 4]", "width = [1, 5]"),
                 ("seed", "sede"),
                 ("seed = 1", "seed = 1.5"),
+                ("seed = 1", "seed = 4294967296"),
+                ("preset = \"deferred\"", "preset = \"deferred\"\nname = \"\""),
             ],
         ),
     ] {

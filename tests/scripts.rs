@@ -1,6 +1,6 @@
 //! The scripts that install programs. In these tests, functions of bash take the place of programs that would change
 //! the machine or need the network: a function that is exported replaces the program of its name in each script that
-//! bash starts.
+//! bash starts. The scripts for the notes of releases and for the book are tested in the same way.
 
 use crate::binary::{WorkFolder, has, repository, run};
 use std::process::{Command, Output};
@@ -117,6 +117,40 @@ fn fuzzing_names_a_missing_compiler() {
         export -f dirname cargo-fuzz
         PATH=/none "$BASH" "$REPOSITORY/.ci/fuzz""#;
     has(&fails(&WorkFolder::new(), lines), &["a C++ compiler (c++) is missing"]);
+}
+
+#[test]
+fn a_release_has_only_its_own_notes() {
+    let folder = WorkFolder::with(&[
+        ("Cargo.toml", "[package]\nrust-version = \"1.89\"\nversion = \"0.2.0\"\n"),
+        ("CHANGELOG.md", "# Changelog\n\n## 0.2.0 - 2026-12-24\n\n- new\n\n## 0.1.0\n\n- old\n"),
+    ]);
+    let notes = |tag: &str| format!("mkdir -p .ci; cp \"$REPOSITORY/.ci/notes\" .ci; .ci/notes {tag}");
+    assert_eq!(succeeds(&folder, &notes("v0.2.0")), "## 0.2.0 - 2026-12-24\n\n- new\n");
+    has(&fails(&folder, &notes("v0.1.0")), &["the tag is v0.1.0", "expected the tag v0.2.0"]);
+    folder.write("CHANGELOG.md", "# Changelog\n\n## Unreleased\n\n- 0.2.0\n");
+    has(&fails(&folder, &notes("v0.2.0")), &["CHANGELOG.md has no section", "## 0.2.0"]);
+}
+
+/// A page of the book is one folder further from the repository's root than its source in docs/.
+#[test]
+fn links_of_the_book_lead_out_of_it() {
+    let folder = WorkFolder::new();
+    let lines = r#"
+        mkdir .ci
+        cp "$REPOSITORY/.ci/book" .ci
+        mdbook() {
+            mkdir -p target/book
+            echo '<a href="view.html#keys"></a><a href="../src/a.rs"></a><a href="../cl"></a>' >target/book/a.html
+            echo '<a href="../tests/README.html#run"></a><a href="https://a.org/../b.html"></a>' >>target/book/a.html
+        }
+        export -f mdbook
+        .ci/book
+        cat target/book/a.html"#;
+    let expected = r#"<a href="view.html#keys"></a><a href="../../src/a.rs"></a><a href="../../cl"></a>
+<a href="../../tests/README.md#run"></a><a href="https://a.org/../b.html"></a>
+"#;
+    assert_eq!(succeeds(&folder, lines), expected);
 }
 
 /// cargo's settings may name another folder for builds than `target`, and a folder's name may have blanks.

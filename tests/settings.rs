@@ -135,3 +135,19 @@ fn a_variable_that_cannot_be_used_is_a_mistake_and_named() {
         );
     }
 }
+
+/// A relative folder of locks would be another folder for each current folder, so that two measurements would not wait
+/// for each other.
+#[test]
+fn a_relative_folder_of_locks_is_a_mistake_and_is_not_made() {
+    let folder = folder_with("");
+    let measure = ["render", "scene.toml", "-o", "a.png", "--repeat", "2"];
+    for relative in ["locks", "~/l"] {
+        let message = mistake(raycl(&folder, &measure).env("RAYCL_LOCK_DIR", relative));
+        let expected = format!("RAYCL_LOCK_DIR: '{relative}' is not an absolute path");
+        has(&message, &[&expected, "the same folder"]);
+    }
+    for made in ["locks", "~", "a.png"] {
+        assert!(!folder.path(made).exists(), "{made}");
+    }
+}

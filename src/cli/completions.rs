@@ -1,7 +1,7 @@
 //! `raycl completions`: prints a script with which a shell completes raycl's arguments.
 
 use crate::error::{Error, Result};
-use clap::{Command, CommandFactory as _};
+use clap::{Arg, ArgGroup, Command, CommandFactory as _, Id};
 use clap_complete::Shell;
 
 /// Arguments of `raycl completions`.
@@ -15,20 +15,74 @@ pub struct Args {
     shell: Shell,
 }
 
+/// The line of a script for bash that stores the word before the cursor's word.
+const PREVIOUS_WORD: &str = "    prev=\"$3\"\n";
+
 /// Prints the completion script.
 pub fn run(args: Args) -> Result<()> {
-    let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut shown(), "raycl", &mut script);
-    let script = String::from_utf8(script)
-        .map_err(|error| Error::fault(format!("the completion script is not UTF-8: {error}")))?;
-    super::print(script.trim_end())
+    super::print(script(args.shell)?.trim_end())
 }
 
-/// Returns raycl's command line without the hidden subcommands, since clap_complete (the library that generates the
-/// script) would include them in the completions.
-fn shown() -> Command {
-    let whole = super::Cli::command();
-    let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
-    let own = whole.get_arguments().cloned();
-    Command::new("raycl").version(env!("RAYCL_VERSION")).args(own).subcommands(shown)
+/// Returns the completion script for a shell.
+fn script(shell: Shell) -> Result<String> {
+    let mut whole = shown(&super::Cli::command()).version(env!("RAYCL_VERSION"));
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut whole, "raycl", &mut script);
+    let script = String::from_utf8(script)
+        .map_err(|error| Error::fault(format!("the completion script is not UTF-8: {error}")))?;
+    Ok(match shell {
+        Shell::Bash => with_equals_signs(&script, &whole),
+        _ => script,
+    })
+}
+
+/// Returns a command without its hidden arguments and subcommands, since `clap_complete` (the library that generates
+/// the script) would include them in the completions.
+fn shown(command: &Command) -> Command {
+    let hidden: Vec<&Id> = command.get_arguments().filter(|one| one.is_hide_set()).map(Arg::get_id).collect();
+    let is_shown = |id: &&Id| !hidden.contains(id);
+    let groups = command.get_groups().map(|group| {
+        let members = group.get_args().filter(is_shown);
+        ArgGroup::new(group.get_id()).multiple(true).args(members)
+    });
+    Command::new(command.get_name().to_owned())
+        .about(command.get_about().cloned().unwrap_or_default())
+        .args(command.get_arguments().filter(|one| !one.is_hide_set()))
+        .groups(groups)
+        .subcommands(command.get_subcommands().filter(|one| !one.is_hide_set()).map(shown))
+}
+
+/// Lets a script for bash complete the values of options that are written `--option=value`. Bash divides such a word
+/// into three words, `--option`, `=` and `value`, whereas the script expects the option directly before the value. If
+/// an option needs the `=`, the script no longer completes a value after a blank.
+fn with_equals_signs(script: &str, whole: &Command) -> String {
+    let options = whole.get_subcommands().flat_map(Command::get_arguments);
+    let options = options.filter(|one| one.is_require_equals_set()).filter_map(Arg::get_long);
+    let options: String = options.map(|long| format!("--{long} ")).collect();
+    let replacement = format!(
+        r#"{PREVIOUS_WORD}    if [[ "$prev" == "=" ]]; then
+        prev="${{COMP_WORDS[COMP_CWORD-2]}}"
+    elif [[ "${{COMP_WORDS[COMP_CWORD]}}" != "=" && " {options}" == *" $prev "* ]]; then
+        prev=""
+    fi
+"#
+    );
+    script.replacen(PREVIOUS_WORD, &replacement, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum as _;
+
+    #[test]
+    fn no_script_has_hidden_options_or_commands() {
+        for shell in Shell::value_variants() {
+            let script = script(*shell).expect("a script");
+            for hidden in ["asleep", "For tests", "--fault", "figures"] {
+                assert!(!script.contains(hidden), "{shell}: {hidden}");
+            }
+            assert!(script.contains("fail-on-regression") && script.contains("compare-images"), "{shell}");
+        }
+    }
 }

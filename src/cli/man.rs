@@ -4,6 +4,7 @@ use crate::error::{Error, Result, meant};
 use crate::output::{Choice, OutFolder};
 use clap::{Command, CommandFactory as _};
 use clap_mangen::Man;
+use clap_mangen::roff::{Roff, roman};
 use std::path::PathBuf;
 
 /// Arguments of `raycl man`.
@@ -13,9 +14,9 @@ use std::path::PathBuf;
   raycl man render | man -l -
   raycl man --out ~/.local/share/man/man1
 
-Packagers can write all pages with --out, and print completions with `raycl completions`.")]
+Packagers can write all pages with --out, and print completions with `raycl completions`. With --out, raycl also writes raycl.b3sum, a list by which it recognises its pages later; a package does not need this list.")]
 pub struct Args {
-    /// The command whose page to print [default: raycl itself]
+    /// The command whose page to print; cache-clear stands for `raycl cache clear` [default: raycl itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
     /// Print no page; write the pages of raycl and of all its commands to this folder: raycl.1, raycl-render.1, ...
@@ -27,7 +28,13 @@ pub struct Args {
     force: bool,
 }
 
-/// A page's name, and its text in roff (the markup language of man pages).
+/// The beginning of a page's first section, in roff (the markup language of man pages).
+const FIRST_SECTION: &str = "\n.SH NAME\n";
+/// Text in roff that stops man from hyphenating words and, on terminals, from spreading blanks. Otherwise, a file name
+/// or an option might not be what the user has to type.
+const AS_WRITTEN: &str = "\n.if n .ad l\n.nh";
+
+/// A page's name, and its text in roff.
 type Page = (String, Vec<u8>);
 
 /// Prints one page, or writes all pages to a folder.
@@ -57,22 +64,60 @@ fn unknown(pages: &[Page], command: &str) -> Error {
     })
 }
 
-/// Returns raycl's page and those of its commands, except hidden ones.
+/// Returns raycl's page and those of its commands, except hidden ones. The command `help` has no page, so that no page
+/// names one.
 fn pages() -> Result<Vec<Page>> {
-    let mut whole = super::Cli::command();
+    let mut whole = super::Cli::command().disable_help_subcommand(true);
     whole.build();
-    let commands = whole.get_subcommands().filter(|one| !one.is_hide_set() && one.get_name() != "help");
-    let commands = commands.map(|one| one.clone().display_name(format!("raycl-{}", one.get_name())));
-    std::iter::once(whole.clone()).chain(commands).map(page).collect()
+    pages_of(&whole)
 }
 
+/// Returns the pages of a command and of the commands under it, except hidden ones.
+fn pages_of(command: &Command) -> Result<Vec<Page>> {
+    let mut pages = vec![page(command.clone())?];
+    for below in command.get_subcommands().filter(|one| !one.is_hide_set()) {
+        pages.extend(pages_of(below)?);
+    }
+    Ok(pages)
+}
+
+/// Returns a command's page. The text after the help is added by `after_help`: `clap_mangen` would fill the lines of
+/// its examples like prose, in a section EXTRA.
 fn page(command: Command) -> Result<Page> {
     let name = command.get_display_name().unwrap_or("raycl").to_owned();
+    let after = command.get_after_help().map(|text| after_help(&text.to_string()).render());
     let mut text = Vec::new();
-    let page = Man::new(command).title(name.to_uppercase()).manual("raycl").source(env!("RAYCL_VERSION"));
+    let page = Man::new(command.after_help(None::<&'static str>));
+    let page = page.title(name.to_uppercase()).manual("raycl").source(env!("RAYCL_VERSION"));
     page.render(&mut text)
         .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;
-    Ok((name, text))
+    let first = format!("{AS_WRITTEN}{FIRST_SECTION}");
+    let text = String::from_utf8_lossy(&text).replacen(FIRST_SECTION, &first, 1);
+    Ok((name, [text, after.unwrap_or_default()].concat().into_bytes()))
+}
+
+/// Returns the text after a command's help in roff. Indented lines under a title (`Examples:`) become a section with
+/// this title, and stay as they are. The other paragraphs become sections NOTES.
+fn after_help(text: &str) -> Roff {
+    let (mut roff, mut is_in_notes) = (Roff::new(), false);
+    for paragraph in text.split("\n\n") {
+        let Some((title, lines)) = paragraph.split_once(":\n  ") else {
+            match is_in_notes {
+                true => roff.control("PP", []),
+                false => roff.control("SH", ["NOTES"]),
+            };
+            roff.text([roman(paragraph)]);
+            is_in_notes = true;
+            continue;
+        };
+        roff.control("SH", [title.to_uppercase().as_str()]).control("nf", []);
+        for line in lines.split("\n  ") {
+            roff.text([roman(line)]);
+        }
+        roff.control("fi", []);
+        is_in_notes = false;
+    }
+    roff
 }
 
 #[cfg(test)]
@@ -95,5 +140,39 @@ mod tests {
             }
             assert!(text.contains(&format!("raycl {}", command.get_name())), "{name}: {text}");
         }
+    }
+
+    #[test]
+    fn every_page_that_a_page_names_is_written() {
+        let pages = pages().expect("pages");
+        let is_written = |wanted: &str| pages.iter().any(|(name, _)| name == wanted);
+        for (name, text) in &pages {
+            let text = String::from_utf8_lossy(text).replace("\\-", "-");
+            for named in text.split_whitespace().filter_map(|word| word.strip_suffix("(1)")) {
+                assert!(is_written(named), "{name} names {named}");
+            }
+        }
+        assert!(is_written("raycl") && is_written("raycl-cache-show") && !is_written("raycl-help"));
+    }
+
+    #[test]
+    fn the_lines_of_examples_stay_as_they_are() {
+        let pages = pages().expect("pages");
+        let (_, text) = pages.iter().find(|(name, _)| name == "raycl-run").expect("a page");
+        let text = String::from_utf8_lossy(text).replace("\\-", "-");
+        let (before, examples) = text.split_once(".SH EXAMPLES\n.nf\nraycl run ").expect("examples");
+        let (examples, notes) = examples.split_once("\n.fi\n.SH NOTES\n").expect("notes");
+        assert!(examples.lines().any(|line| line.ends_with("--fail-on-regression 5")), "{examples}");
+        assert!(notes.starts_with("Exit code: 0"), "{notes}");
+        assert!(before.contains("\n.if n .ad l\n.nh\n.SH NAME\n") && !text.contains(".SH EXTRA"), "{text}");
+    }
+
+    #[test]
+    fn the_text_after_the_help_is_divided_into_sections() {
+        let text = "Keys:\n  a    one\n  b    two\n\nFirst\nnote.\n\nSecond.\n\nExamples:\n  .x";
+        let keys = ".SH KEYS\n.nf\na    one\nb    two\n.fi\n";
+        let notes = ".SH NOTES\nFirst\nnote.\n.PP\nSecond.\n";
+        let expected = format!("{keys}{notes}.SH EXAMPLES\n.nf\n\\&.x\n.fi\n");
+        assert_eq!(after_help(text).to_roff(), expected);
     }
 }

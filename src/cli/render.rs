@@ -169,7 +169,7 @@ fn render(args: &Args) -> Result<()> {
     opened.tell(&mut timeline);
     let Opened { loaded, mut device, queue, early, tree, show, show_later, .. } = opened;
     let sampling = sampling(args, loaded.dressed);
-    let Loaded { scene, notes, object_starts, .. } = loaded;
+    let Loaded { scene, mut notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     // The device's lane operations, by which work-items exchange values, need not be tested now if `hurry` may choose
     // the strategy. In this case the picture is cast with the preset hurry::QUICK, which uses no lane operations, or
@@ -201,7 +201,7 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
-    let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping_notes).collect();
+    notes.extend(last_notes(&scene, sampling.most, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
     let (parts, total_ms) = timeline.into_parts();
@@ -269,8 +269,8 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>)
 }
 
 /// Returns the notes for the user that do not come from the scene's file.
-fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
-    hard(scene, samples).into_iter().chain(dirty_program())
+fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> impl Iterator<Item = String> {
+    hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
 /// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample.

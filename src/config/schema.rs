@@ -55,7 +55,7 @@ fn strategy() -> Schema {
         "name",
         "The strategy's name in results [default: the preset's name, and the axes that differ from the \
          preset or have several values].",
-        json_schema!({ "type": "string" }),
+        json_schema!({ "type": "string", "minLength": 1 }),
     );
     let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE) });
     add("local_sizes", "Work-items per work-group, instead of the experiment's local sizes.", sizes);

@@ -7,6 +7,7 @@ use toml::Spanned;
 use super::document::Document;
 use super::sizes::local_sizes;
 use super::types::NamedStrategy;
+use super::validate::sentence;
 use super::wire::{self, Choices, StrategyEntry};
 use crate::device::DeviceKind;
 use crate::error::Result;
@@ -94,6 +95,9 @@ fn product(
     if let Some(key) = entry.unknown.first() {
         return Err(document.unknown_key(key.span(), key.get_ref(), &StrategyEntry::known_keys()));
     }
+    if let Some(name) = &entry.name {
+        sentence(document, name, "name")?;
+    }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
         return Err(error.with_help("name the preset from which this strategy takes the value of every axis that it does not set; `raycl strategies` lists all presets"));
@@ -137,6 +141,13 @@ fn vary(
             format!("'{axis}' is empty"),
             "expected at least one value",
         ));
+    }
+    for (at, (value, span)) in values.iter().enumerate() {
+        if values[..at].iter().any(|(earlier, _)| earlier == value) {
+            let message = format!("'{axis}' lists the value '{value}' twice");
+            let error = document.error(span.clone(), message, "the second is here");
+            return Err(error.with_help("remove one of the two"));
+        }
     }
     let mut varied = Vec::new();
     for draft in drafts {

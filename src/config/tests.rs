@@ -144,6 +144,14 @@ fn a_name_stands_for_what_does_not_vary() {
 }
 
 #[test]
+fn a_name_is_not_empty() {
+    for name in ["", " "] {
+        let entry = format!("[[strategy]]\nname = \"{name}\"\npreset = \"deferred\"\n");
+        refuses(&format!("{GOOD}{entry}"), &["the name is empty", "test.toml:8:8"]);
+    }
+}
+
+#[test]
 fn a_preset_is_meant_for_its_kind_of_device_unless_its_entry_says_any_kind() {
     let meant_for = |more: &str| {
         let text = format!("{GOOD}[[strategy]]\npreset = \"wide\"\n{more}");
@@ -300,6 +308,8 @@ fn unknown_names_are_refused_with_the_nearest() {
 fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
     let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\n");
     refuses(&text, &["two strategies have the name 'naive'", "test.toml:7:1"]);
+    let text = text.replace("[[strategy]]\n", "[[strategy]]\nwidth = [4, 1, 4]\n");
+    refuses(&text, &["'width' lists the value '4' twice", "test.toml:8:16", "remove one of the two"]);
     refuses(&GOOD.replace("strategies", "#"), &["nothing to measure"]);
     refuses(&GOOD.replace("local_sizes", "#"), &["strategy 'naive' has no local sizes", "test.toml:6:15"]);
 }

@@ -59,7 +59,8 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
     })
 }
 
-fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<String> {
+/// Returns a text without the white space around it. Refuses an empty text.
+pub(super) fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<String> {
     let trimmed = text.get_ref().trim();
     if trimmed.is_empty() {
         let message = format!("the {key} is empty");

@@ -95,10 +95,10 @@ pub enum SceneValues {
 #[serde(deny_unknown_fields)]
 pub struct Emulate {
     /// Size in bytes of a work-group's `__local` memory.
-    #[schemars(with = "Option<u32>", range(max = u32::MAX))]
+    #[schemars(with = "Option<u32>")]
     pub local_bytes: Option<Spanned<i64>>,
     /// Size in bytes of the `__constant` memory of a kernel.
-    #[schemars(with = "Option<u32>", range(max = u32::MAX))]
+    #[schemars(with = "Option<u32>")]
     pub constant_bytes: Option<Spanned<i64>>,
 }
 
@@ -124,7 +124,7 @@ pub struct Timing {
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
     /// Seed for the order of launches (worker processes) and rounds [default: 1].
-    #[schemars(with = "Option<u32>", range(max = u32::MAX))]
+    #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
     /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
     /// the launch, divided by their mean, is below this value [default: 0.005].

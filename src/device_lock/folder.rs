@@ -1,14 +1,34 @@
 //! The folder of the device locks. All users of a machine share this folder, so that their measurements wait for
 //! each other.
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::record::own_file;
 use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// The environment variable that names another folder for the locks.
+/// The environment variable that names another folder for the locks, by an absolute path.
 const VARIABLE: &str = "RAYCL_LOCK_DIR";
+/// The remedy for a relative path in this variable.
+const ABSOLUTE: &str = "set it to an absolute path, such as /tmp/my-locks; all processes that measure on this machine \
+                        must use the same folder";
+
+/// Returns an input error if the environment variable that names the folder of the locks is not an absolute path.
+/// Otherwise, processes that were started in different folders would not see each other's locks.
+pub fn check() -> Result<()> {
+    refuse_relative(named_by_user().as_deref())
+}
+
+/// Returns the path in the environment variable; `None` if the variable is not set or empty.
+fn named_by_user() -> Option<PathBuf> {
+    std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
+}
+
+fn refuse_relative(path: Option<&Path>) -> Result<()> {
+    let Some(path) = path.filter(|path| !path.is_absolute()) else { return Ok(()) };
+    let message = format!("{VARIABLE}: '{}' is not an absolute path", path.display());
+    Err(Error::input(message).with_help(ABSOLUTE))
+}
 
 /// A folder of locks.
 #[derive(Clone, Debug)]
@@ -21,8 +41,8 @@ pub struct Folder {
 impl Folder {
     /// Returns the folder that `RAYCL_LOCK_DIR` names, or else the shared folder.
     pub fn of_machine() -> Self {
-        match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
-            Some(path) => Self::named(Path::new(&path)),
+        match named_by_user() {
+            Some(path) => Self::named(&path),
             None => Self { path: shared_path(), shared: true },
         }
     }
@@ -154,6 +174,17 @@ mod tests {
         assert!(folder.still_has("cpu", &file));
         assert_eq!((mode(&folder.path), mode(&folder.path("cpu"))), (0o1777, 0o666));
         assert!(folder.open("cpu").is_ok(), "and open it again");
+    }
+
+    #[test]
+    fn a_relative_path_names_a_folder_for_each_current_folder_and_is_refused() {
+        for path in ["locks", "~/l", "./locks"] {
+            let error = refuse_relative(Some(Path::new(path))).unwrap_err();
+            let expected = format!("RAYCL_LOCK_DIR: '{path}' is not an absolute path");
+            assert_eq!((error.to_string(), error.exit_code()), (expected, 2));
+            assert!(error.remedy().contains("the same folder"), "{}", error.remedy());
+        }
+        assert!(refuse_relative(Some(Path::new("/tmp/locks"))).is_ok() && refuse_relative(None).is_ok());
     }
 
     #[test]

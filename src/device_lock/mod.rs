@@ -7,6 +7,7 @@ mod folder;
 mod holder;
 mod name;
 
+pub use folder::check as check_folder;
 pub use name::LockName;
 
 use crate::error::{Error, Result};

@@ -125,7 +125,7 @@ impl<'a> Checker<'a> {
         // A caster on the host does not count shadow rays, so their number is computed from the reference's hits.
         record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
-        record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
+        record.max_difference = verdict.max_difference.filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
         record.uncertain_pixels = Some(verdict.uncertain_pixels as u64);
         record.unexplained_pixels = Some(verdict.unexplained_pixels as u64);

@@ -3,12 +3,14 @@
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use image::{ImageError, ImageFormat, ImageReader};
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 
 /// Number of bytes of a PNG before its first chunk.
 const PNG_SIGNATURE_BYTES: usize = 8;
 /// Number of bytes of a PNG's chunk for its type and its checksum, beside those for its length and its data.
 const PNG_CHUNK_BYTES: usize = 8;
+/// Why a picture cannot be decoded whose last bytes are missing.
+const CUT_OFF: &str = "the file ends before the picture does";
 
 /// Returns a reader of a picture. The format follows from the picture's first bytes. If they fit no known format, it is
 /// `by_name`, the format that the file's name suggests.
@@ -25,7 +27,7 @@ pub fn picture_reader(
     match shown {
         Some(ImageFormat::Png) => check_palette(bytes)?,
         Some(ImageFormat::Jpeg) if !is_complete(bytes) => {
-            return Err("the file ends before the picture does".to_owned());
+            return Err(CUT_OFF.to_owned());
         }
         _ => {}
     }
@@ -34,8 +36,12 @@ pub fn picture_reader(
 }
 
 /// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png` names a chunk
-/// in the form of Rust's debug output, of which only the chunk's type remains.
+/// in the form of Rust's debug output, of which only the chunk's type remains. Several decoders report a file that is
+/// cut off as an error of reading, which says nothing about the file.
 pub fn decoder_message(error: ImageError) -> String {
+    if matches!(&error, ImageError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof) {
+        return CUT_OFF.to_owned();
+    }
     let text = error.to_string();
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let line = with_plain_chunk(&line).unwrap_or(line);

@@ -32,6 +32,7 @@ mod t4;
 mod terminal;
 mod together;
 mod types;
+mod verification;
 mod whole;
 
 pub use anchors::AnchorSample;

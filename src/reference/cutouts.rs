@@ -5,15 +5,20 @@ use super::intersect::Hit;
 use super::leaning::Lean;
 use super::ray::Ray;
 use super::real::Real;
-use super::texture::Texels;
+use super::texture::{Texels, place, texel};
 use super::traverse::Finder;
 use crate::scene::{Mapped, Texture, Textures};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
 /// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of
-/// weights, products and sums in single precision. That error is eight roundings.
+/// weights, products and sums in single precision. That error is eight roundings. The mean of four texels' alpha is
+/// rounded as often; its error is at most this part of the largest alpha.
 const ROUNDING: f64 = 1e-6;
+/// The largest alpha, in steps of an 8-bit channel.
+const OPAQUE: u32 = 255;
+/// The largest number of texels near a point that are read. If there are more, any alpha may occur among them.
+const MOST_TEXELS: usize = 1024;
 
 /// A finder that passes on the hits of another finder, except those in holes.
 pub struct Solid<'a, R: Real> {
@@ -67,23 +72,43 @@ impl<'a, R: Real> Solid<'a, R> {
         let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
         let texels = Texels::at(mask, 0, row, hit.weights);
         let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
-        let lean = match self.lean {
-            Some(Lean::Larger) => 1.0,
-            Some(Lean::Smaller) => -1.0,
-            None => 0.0,
+        let alpha = match self.lean {
+            Some(Lean::Larger) => possible_alphas(mask, row, hit.weights, alpha)[1],
+            Some(Lean::Smaller) => possible_alphas(mask, row, hit.weights, alpha)[0],
+            None => alpha,
         };
-        alpha >= R::of(mask.least_step() - lean * ROUNDING * steepness(mask, row))
+        alpha >= R::of(mask.least_step())
     }
 }
 
-/// Returns by how much a mask's alpha may change if each texture coordinate changes by as much as its own largest
-/// value. The unit is a step of an 8-bit channel; alpha changes by at most 255 steps from texel to texel.
-fn steepness(mask: &Texture, row: &Mapped) -> f64 {
-    let along = |axis: usize| {
+/// Returns the least and the greatest alpha that rounding may give the point of a triangle with these weights, whose
+/// exact alpha is `alpha`. Alphas are in steps of an 8-bit channel. From texel to texel, alpha changes by at most the
+/// difference of the least and the greatest alpha near the point, and it never leaves the range between these two.
+fn possible_alphas<R: Real>(mask: &Texture, row: &Mapped, weights: [R; 3], alpha: R) -> [R; 2] {
+    let reach = [0, 1].map(|axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);
-        f64::from(mask.size[axis]) * largest
-    };
-    255.0 * (along(0) + along(1))
+        ROUNDING * f64::from(mask.size[axis]) * largest
+    });
+    let [least, greatest] = alphas_near(mask, row, weights, reach).map(|alpha| R::from(alpha as f32));
+    let change = (greatest - least) * R::of(reach[0] + reach[1]);
+    let rounding = R::of(ROUNDING * f64::from(OPAQUE));
+    [(alpha - change).max(least) - rounding, (alpha + change).min(greatest) + rounding]
+}
+
+/// Returns the least and the greatest alpha of the texels that a point's alpha may depend on if rounding moves the
+/// point. `reach` is how far rounding may move it along each axis, in texels.
+fn alphas_near<R: Real>(mask: &Texture, row: &Mapped, weights: [R; 3], reach: [f64; 2]) -> [u32; 2] {
+    let [columns, rows] = [0, 1].map(|axis: usize| {
+        let size = mask.size[axis] as i32;
+        let (centre, reach) = (place(mask, 0, row, weights, axis), R::of(reach[axis].min(size.into())));
+        let (first, end) = ((centre - reach).floor().to_i32(), (centre + reach).floor().to_i32() + 2);
+        if end - first > size { 0..size } else { first..end }
+    });
+    if columns.len() * rows.len() > MOST_TEXELS {
+        return [0, OPAQUE];
+    }
+    let alphas = rows.flat_map(|y| columns.clone().map(move |x| texel(mask, 0, [x, y]) >> 24));
+    alphas.fold([OPAQUE, 0], |[least, greatest], alpha| [alpha.min(least), alpha.max(greatest)])
 }
 
 impl<R: Real> Finder<R> for Solid<'_, R> {
@@ -112,5 +137,35 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
             ray.near
         });
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Wrap;
+
+    #[test]
+    fn the_alphas_near_a_point_are_those_of_the_texels_that_it_may_depend_on() {
+        let near = |size: [u32; 2], wrap: Wrap, place: f32, reach: f64| {
+            let texels: Vec<u32> = (1..=size[0] * size[1]).map(|number| (number % 100) << 24).collect();
+            let mask = Texture { size, wrap: [wrap; 2], least_alpha: 1, texels: texels.into() };
+            let row = Mapped { corners: [[(place + 0.5) / size[0] as f32, 0.5]; 3], ..Mapped::NONE };
+            alphas_near::<f64>(&mask, &row, [1.0, 0.0, 0.0], [reach; 2])
+        };
+        for (wrap, place, reach, expected) in [
+            (Wrap::Repeat, 1.25, 0.125, [2, 3]),
+            (Wrap::Repeat, 1.25, 0.5, [1, 3]),
+            (Wrap::Repeat, 1.75, 0.5, [2, 4]),
+            (Wrap::Repeat, 0.25, 0.5, [1, 8]),
+            (Wrap::Clamp, 0.25, 0.5, [1, 2]),
+            (Wrap::Mirror, 6.75, 0.5, [7, 8]),
+            (Wrap::Repeat, 6.75, 0.5, [1, 8]),
+            (Wrap::Clamp, 1.25, 1e9, [1, 8]),
+        ] {
+            assert_eq!(near([8, 1], wrap, place, reach), expected, "{wrap:?} {place} {reach}");
+        }
+        // Of 2500 texels, the point may depend on too many to read them all.
+        assert_eq!(near([50, 50], Wrap::Repeat, 24.5, 100.0), [0, OPAQUE]);
     }
 }

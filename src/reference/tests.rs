@@ -4,7 +4,9 @@ use super::cutouts::Solid;
 use super::ray::Ray;
 use super::traverse::Finder;
 use super::*;
-use crate::scene::{Camera, Light, Mapped, Material, MaterialKind, Mesh, Texture, Textures, Triangle, Wrap};
+use crate::scene::{
+    Camera, LEAST_ALPHA_UNIT, Light, Mapped, Material, MaterialKind, Mesh, Texture, Textures, Triangle, Wrap,
+};
 use crate::verify::verify;
 use glam::{DVec3, Vec3, vec3};
 
@@ -106,6 +108,61 @@ fn a_shadow_ray_passes_through_a_hole() {
     assert_eq!(is_blocked(&scene), [true; 2]);
     fixtures::make_holes(scene.mesh_mut(), 1);
     assert_eq!(is_blocked(&scene), [false; 2]);
+}
+
+/// Returns a lit triangle in front of the camera with a mask of 1024 x 1024 texels, which is repeated 256 times along
+/// each axis; the picture shows four by four repetitions. In a picture of 32 x 32 pixels, the rays hit the mask at
+/// `from_left` + 128 n texels from its left edge, and at 64 + 128 n texels from its upper edge.
+fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> Scene {
+    let texels: Vec<u32> = (0..1 << 20).map(|at| alpha(at % 1024, at / 1024) << 24).collect();
+    let mask = Texture { size: [1024; 2], wrap: [Wrap::Repeat; 2], least_alpha, texels: texels.into() };
+    let left = (from_left - 64.0) / 1024.0;
+    let corners = [[left, 0.0], [left + 256.0, 0.0], [left, 256.0]];
+    // Corners are distant, so rounding would move hits further than the usual bias.
+    let mut scene = Scene { shadow_bias: 1e-2, ..fixtures::single_triangle() };
+    let mesh = scene.mesh_mut();
+    mesh.positions = [[-64.0, 64.0], [192.0, 64.0], [-64.0, -192.0]].map(|[x, y]| vec3(x, y, -2.0)).into();
+    mesh.normals.fill(Vec3::Z);
+    mesh.materials[0] = Material::lambertian(Vec3::splat(0.5));
+    let mapped = vec![Mapped { corners, mask: Some(0), ..Mapped::NONE }];
+    mesh.textures = Textures { list: vec![mask], mapped };
+    scene
+}
+
+/// At the largest coordinate of this mask, rounding may move a point by a quarter of a texel along each axis. This may
+/// change the alpha at the edge of a hole by half of its range, but it changes nothing elsewhere.
+#[test]
+fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() {
+    let size = [32; 2];
+    // Squares of 128 texels are in turn opaque and transparent.
+    let squares = |x: u32, y: u32| if (x / 128 + y / 128) % 2 == 0 { 255 } else { 0 };
+    for (from_left, certain) in
+        [(64.0, true), (126.5, true), (127.875, false), (128.125, false), (129.5, true)]
+    {
+        let expected = reference(&tiled(squares, 0x8000, from_left), size, Culling::None);
+        assert!(expected.certain.iter().all(|pixel| *pixel == certain), "{from_left}");
+    }
+    let scene = tiled(squares, 0x8000, 64.0);
+    let expected = reference(&scene, size, Culling::None);
+    assert_eq!((expected.hits, expected.hits_range), (512, [512; 2]));
+    let is_right = |colour: [f32; 3]| {
+        let pixels = vec![colour; expected.radiance.pixels.len()];
+        verify(&Radiance { pixels, ..expected.radiance.clone() }, None, &expected, scene.display).ok
+    };
+    assert!(verify(&expected.radiance, None, &expected, scene.display).ok);
+    assert!(!is_right([0.0; 3]) && !is_right(scene.background.to_array()));
+}
+
+/// One texel is a hole. The alpha of all others equals the least alpha.
+#[test]
+fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
+    for alpha in [255, 51] {
+        let dotted = |x: u32, y: u32| if [x, y] == [0; 2] { 0 } else { alpha };
+        let scene = tiled(dotted, alpha as u16 * LEAST_ALPHA_UNIT, 64.0);
+        let expected = reference(&scene, [32; 2], Culling::None);
+        assert_eq!((expected.hits, expected.uncertain_pixels()), (1024, 0), "{alpha}");
+        assert!(expected.certain.iter().all(|certain| *certain), "{alpha}");
+    }
 }
 
 #[test]

@@ -61,14 +61,7 @@ pub struct Texels<R> {
 impl<R: Real> Texels<R> {
     /// Returns the texels of a mip level at the point of a triangle with these weights.
     pub fn at(texture: &Texture, level: u32, row: &Mapped, weights: [R; 3]) -> Self {
-        let size = texture.level_size(level);
-        let place = |axis: usize| {
-            let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
-            let place = weights[0] * a + weights[1] * b + weights[2] * c;
-            // Centres of texels lie at half-integers, like those of pixels.
-            within(place, texture.wrap[axis]) * R::of(size[axis].into()) - R::from(0.5)
-        };
-        let (x, y) = (place(0), place(1));
+        let (x, y) = (place(texture, level, row, weights, 0), place(texture, level, row, weights, 1));
         let (left, top) = (x.floor(), y.floor());
         let at = |column: i32, row: i32| texel(texture, level, [left.to_i32() + column, top.to_i32() + row]);
         Self { texels: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], shares: [x - left, y - top] }
@@ -81,6 +74,15 @@ impl<R: Real> Texels<R> {
         let [right, lower] = self.shares;
         mix(mix(a, b, right), mix(c, d, right), lower)
     }
+}
+
+/// Returns where the point of a triangle with these weights lies along an axis of a mip level, in texels from the
+/// centre of the first texel.
+pub fn place<R: Real>(texture: &Texture, level: u32, row: &Mapped, weights: [R; 3], axis: usize) -> R {
+    let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
+    let place = weights[0] * a + weights[1] * b + weights[2] * c;
+    // Centres of texels lie at half-integers, like those of pixels.
+    within(place, texture.wrap[axis]) * R::of(texture.level_size(level)[axis].into()) - R::from(0.5)
 }
 
 /// Returns a texture coordinate wrapped to the range 0 to 1.
@@ -100,7 +102,9 @@ fn least<R: Real>(a: R, b: R) -> R {
     if a < b { a } else { b }
 }
 
-fn texel(texture: &Texture, level: u32, place: [i32; 2]) -> u32 {
+/// Returns the texel in this column and row of a mip level. A texel beyond an edge is the one with which the texture
+/// continues there.
+pub fn texel(texture: &Texture, level: u32, place: [i32; 2]) -> u32 {
     let [width, height] = texture.level_size(level);
     let [x, y] = [(width, 0), (height, 1)].map(|(size, axis)| {
         let (size, number) = (size as i32, place[axis]);

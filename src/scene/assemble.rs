@@ -48,6 +48,7 @@ pub(super) fn assemble(
     cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Assembled> {
+    let name = name(document, &wire)?;
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
@@ -94,7 +95,7 @@ pub(super) fn assemble(
     check_lights(document, &wire, &lights, &brightness)?;
     let display = display(&wire);
     let scene = Scene {
-        name: wire.name.clone().unwrap_or_else(|| document.stem.clone()),
+        name,
         shadow_bias,
         mesh,
         lights,
@@ -105,6 +106,17 @@ pub(super) fn assemble(
         display,
     };
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
+}
+
+/// Returns the scene's name. It is not empty, since results have files and points that are named after their scene.
+fn name(document: &Document, wire: &SceneWire) -> Result<String> {
+    match &wire.name {
+        None => Ok(document.stem.clone()),
+        Some(name) if name.get_ref().trim().is_empty() => {
+            Err(document.error(name.span(), "the name is empty", "some text belongs here"))
+        }
+        Some(name) => Ok(name.get_ref().clone()),
+    }
 }
 
 /// Turns normals to the viewer. A scene on a turntable is seen from all sides, so either all of its normals are

@@ -26,23 +26,50 @@ static BETWEEN: LazyLock<[f32; 255]> =
 type Light = [f32; 4];
 
 impl Textures {
-    /// Adds mip levels to all pictures that are used as colours. If a picture is also used as a
-    /// mask, its texels are weighted by their alpha.
+    /// Adds mip levels to all pictures that are used as colours. On a surface whose mask is the same picture, texels
+    /// are weighted by their alpha.
     pub(super) fn add_levels(&mut self) {
-        let picture = |number: u32| Arc::as_ptr(&self.list[number as usize].texels);
-        // The value of a picture in this map is true if the picture's texels are weighted by alpha.
-        let mut pictures: HashMap<_, bool> =
-            self.mapped.iter().filter_map(|row| row.texture).map(|number| (picture(number), false)).collect();
-        for mask in self.mapped.iter().filter_map(|row| row.mask) {
-            pictures.entry(picture(mask)).and_modify(|by_alpha| *by_alpha = true);
-        }
-        let mut made: HashMap<*const [u32], Arc<[u32]>> = HashMap::new();
-        for texture in &mut self.list {
-            let key = Arc::as_ptr(&texture.texels);
-            let Some(by_alpha) = pictures.get(&key) else { continue };
-            let levels = || with_levels(texture.size, &texture.texels, *by_alpha);
+        let weights = self.separate_weights();
+        let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
+        for (texture, by_alpha) in self.list.iter_mut().zip(&weights) {
+            let Some(by_alpha) = *by_alpha else { continue };
+            let key = (Arc::as_ptr(&texture.texels), by_alpha);
+            let levels = || with_levels(texture.size, &texture.texels, by_alpha);
             texture.texels = Arc::clone(made.entry(key).or_insert_with(levels));
         }
+        // A mask that is also a colour elsewhere gets the texels of that colour, so that a device stores them once.
+        let masks = self.list.iter_mut().zip(&weights).filter(|(_, by_alpha)| by_alpha.is_none());
+        for (texture, _) in masks {
+            let key = Arc::as_ptr(&texture.texels);
+            if let Some(texels) = made.get(&(key, true)).or_else(|| made.get(&(key, false))) {
+                texture.texels = Arc::clone(texels);
+            }
+        }
+    }
+
+    /// Returns, for each texture, whether the texels of its levels are weighted by their alpha; `None` for a texture
+    /// that is no colour. If some surfaces need this weighting of a texture and others do not, the surfaces that differ
+    /// from the first one get a copy of the texture.
+    fn separate_weights(&mut self) -> Vec<Option<bool>> {
+        let Self { list, mapped } = self;
+        let mut weights = vec![None; list.len()];
+        let mut copies = HashMap::new();
+        for row in mapped {
+            let Some(number) = row.texture else { continue };
+            let texels = |number: u32| &list[number as usize].texels;
+            let by_alpha = row.mask.is_some_and(|mask| Arc::ptr_eq(texels(mask), texels(number)));
+            if *weights[number as usize].get_or_insert(by_alpha) == by_alpha {
+                continue;
+            }
+            let copy = *copies.entry(number).or_insert_with(|| {
+                let copy = list[number as usize].clone();
+                list.push(copy);
+                weights.push(Some(by_alpha));
+                list.len() as u32 - 1
+            });
+            row.texture = Some(copy);
+        }
+        weights
     }
 
     /// Returns whether at least one picture has mip levels.
@@ -87,8 +114,8 @@ fn half(side: u32) -> u32 {
     (side / 2).max(1)
 }
 
-/// Returns a level of half the width and half the height, rounded down. Each of its texels is the
-/// mean of the area that it covers.
+/// Returns a level of half the width and half the height, rounded down. Each of its texels is the mean of the part of
+/// the previous level that it covers.
 fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     let [width, height] = size.map(half);
     let columns: Vec<_> = (0..width).map(|column| covered(size[0], column)).collect();
@@ -243,6 +270,44 @@ mod tests {
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
         // Only the last picture is also a mask, so only its texels are weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
+    }
+
+    #[test]
+    fn a_mask_changes_the_colour_of_no_surface_but_its_own() {
+        let picture: Arc<[u32]> = [0xff00_ff00, 0x00ff_00ff].into();
+        let of = |least_alpha| texture([2, 1], &picture, least_alpha);
+        let row = |texture, mask| Mapped { texture: Some(texture), mask, ..Mapped::NONE };
+        let levels = |list: Vec<Texture>, mapped: &[Mapped]| {
+            let mut textures = Textures { list, mapped: mapped.to_vec() };
+            textures.add_levels();
+            let texels = |row: &Mapped| Some(Arc::clone(&textures.list[row.texture? as usize].texels));
+            let shown: Vec<_> = textures.mapped.iter().filter_map(texels).collect();
+            (shown, textures)
+        };
+        let [plain, by_alpha] = [false, true].map(|by_alpha| with_levels([2, 1], &picture, by_alpha));
+        assert_ne!(plain, by_alpha);
+        let expected = [plain.clone(), by_alpha.clone()];
+        // In glTF, the colour of a surface with a mask is a texture of its own.
+        let (shown, textures) = levels(vec![of(0), of(0x8000)], &[row(0, None), row(1, Some(1))]);
+        assert_eq!((shown, textures.list.len()), (expected.to_vec(), 2));
+        // In OBJ, both surfaces have the same colour texture, which becomes two textures. The mask has the texels of
+        // the colour of its own surface.
+        for swapped in [false, true] {
+            let mut mapped = [row(0, None), row(0, Some(1)), row(0, None)];
+            let mut expected = [&plain, &by_alpha, &plain].map(Arc::clone);
+            if swapped {
+                mapped.swap(0, 1);
+                expected.swap(0, 1);
+            }
+            let (shown, textures) = levels(vec![of(0), of(0x8000)], &mapped);
+            assert_eq!((shown, textures.list.len()), (expected.to_vec(), 3), "{swapped}");
+            assert!(textures.mapped.iter().all(|row| row.mask.is_none_or(|mask| mask == 1)));
+            assert_eq!(textures.list[1].texels, by_alpha);
+        }
+        // A mask of another picture does not weight the texels of the colour.
+        let other: Arc<[u32]> = [0xff00_ff00, 0x00ff_00ff].into();
+        let (shown, _) = levels(vec![of(0), texture([2, 1], &other, 0x8000)], &[row(0, Some(1))]);
+        assert_eq!(shown, [plain]);
     }
 
     #[test]

@@ -18,7 +18,8 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneWire {
     /// The scene's name in records and reports [default: the file's name without its extension].
-    pub name: Option<String>,
+    #[schemars(with = "Option<String>", length(min = 1))]
+    pub name: Option<Spanned<String>>,
     /// A pinhole camera [default: the paper's, at the origin, looking along -z].
     #[serde(default)]
     pub camera: CameraWire,

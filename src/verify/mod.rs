@@ -14,7 +14,7 @@
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
-use crate::words::counted;
+use crate::words::{counted, counted_of_were};
 
 /// Largest difference that is allowed for a certain pixel as displayed, in 8-bit steps.
 const STEPS_OF_256: u8 = 1;
@@ -22,9 +22,9 @@ const STEPS_OF_256: u8 = 1;
 /// The result of comparing an image with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The largest relative difference over certain pixels; infinite if a value is not finite, or if the image has
-    /// another size than the reference.
-    pub max_difference: f64,
+    /// The largest relative difference over certain pixels; `None` if no pixel is certain. Infinite if a value is not
+    /// finite, or if the image has another size than the reference.
+    pub max_difference: Option<f64>,
     /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel is wrong.
     /// `None` if no certain pixel differs, or if the image has another size than the reference.
     pub worst_pixel: Option<[u32; 2]>,
@@ -62,8 +62,9 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
             .or_else(|| wrong_alpha(image, reference))
             .or_else(|| hits.and_then(|hits| wrong_hits(hits, reference))),
     };
+    let agrees = || reference.certain.contains(&true).then_some(0.0);
     Verdict {
-        max_difference: findings.iter().map(|finding| finding.difference).fold(0.0, f64::max),
+        max_difference: findings.iter().map(|finding| finding.difference).reduce(f64::max).or_else(agrees),
         worst_pixel: worst.map(|finding| finding.pixel),
         uncertain_pixels,
         unexplained_pixels,
@@ -105,6 +106,19 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
 /// compared pixels, but at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
+}
+
+/// Returns the reason why a right image is hardly verified: fewer than one in ten of the `judged` pixels are certain or
+/// nearly certain. `None` if more of them are.
+pub fn hardly_verified(uncertain_pixels: usize, judged: usize) -> Option<String> {
+    let sure = judged.saturating_sub(uncertain_pixels);
+    (10 * sure < judged).then(|| {
+        let were = counted_of_were(sure, judged, "pixel");
+        format!(
+            "{were} certain or nearly certain; rounding may decide the values of all others, which were only compared \
+             with ranges of possible values"
+        )
+    })
 }
 
 /// Returns why the number of pixels that hit something is wrong; `None` if it is right, or if the reference has cast
@@ -196,7 +210,7 @@ fn sizes_differ(image: &Radiance, expected: &Radiance) -> String {
 
 fn refuse(uncertain_pixels: usize, wrong_pixels: usize, reason: String) -> Verdict {
     Verdict {
-        max_difference: f64::INFINITY,
+        max_difference: Some(f64::INFINITY),
         worst_pixel: None,
         uncertain_pixels,
         unexplained_pixels: uncertain_pixels,

@@ -18,7 +18,7 @@ fn an_equal_image_is_right() {
     let reference = judged();
     let verdict = judge(&reference.radiance, &reference);
     assert!(verdict.ok && verdict.reason.is_none() && verdict.worst_pixel.is_none(), "{verdict:?}");
-    assert_eq!((verdict.max_difference, verdict.wrong_pixels), (0.0, 0));
+    assert_eq!((verdict.max_difference, verdict.wrong_pixels), (Some(0.0), 0));
 }
 
 #[test]
@@ -27,7 +27,7 @@ fn a_shifted_image_is_wrong() {
     let mut shifted = reference.radiance.clone();
     shifted.pixels.rotate_right(1);
     let verdict = judge(&shifted, &reference);
-    assert!(!verdict.ok && verdict.wrong_pixels > 100 && verdict.max_difference > 0.5, "{verdict:?}");
+    assert!(!verdict.ok && verdict.wrong_pixels > 100 && verdict.max_difference > Some(0.5), "{verdict:?}");
 }
 
 #[test]
@@ -37,7 +37,8 @@ fn rounding_is_allowed_and_reported() {
     image.pixels[0] = image.pixels[0].map(|channel| channel * 1.0005);
     let verdict = judge(&image, &reference);
     assert!(verdict.ok && verdict.worst_pixel == Some([0, 0]), "{verdict:?}");
-    assert!((verdict.max_difference - 5e-4).abs() < 1e-6, "{verdict:?}");
+    let is_that_of_the_image = |difference: f64| (difference - 5e-4).abs() < 1e-6;
+    assert!(verdict.max_difference.is_some_and(is_that_of_the_image), "{verdict:?}");
 }
 
 #[test]
@@ -73,6 +74,23 @@ fn what_is_not_finite_is_wrong_even_where_uncertain() {
         assert!(!verdict.ok && verdict.wrong_pixels == 1, "{verdict:?}");
         assert!(verdict.reason.unwrap_or_default().contains("not finite"));
     }
+}
+
+/// Without certain pixels, no difference is known, not even one of 0. A pixel may then have any value of its range.
+#[test]
+fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
+    let mut reference = judged();
+    let grey = Radiance { pixels: vec![[0.25; 3]; 4000], ..Radiance::new(80, 50) };
+    doubt_first(&mut reference, 4000);
+    let verdict = judge(&grey, &reference);
+    assert!(verdict.ok && verdict.max_difference.is_none() && verdict.worst_pixel.is_none(), "{verdict:?}");
+    let reason = hardly_verified(verdict.uncertain_pixels, reference.judged).unwrap_or_default();
+    assert!(reason.starts_with("0 of 4000 pixels were certain or nearly certain; rounding may"), "{reason}");
+    // Nearly certain pixels have narrow ranges.
+    reference.doubts[..400].iter_mut().for_each(|doubt| doubt.nearly_certain = true);
+    assert_eq!(hardly_verified(reference.uncertain_pixels(), reference.judged), None);
+    reference.doubts[0].nearly_certain = false;
+    assert!(hardly_verified(reference.uncertain_pixels(), reference.judged).is_some());
 }
 
 #[test]
@@ -196,7 +214,7 @@ fn an_image_of_another_size_is_wrong() {
     let reference = judged();
     let verdict = judge(&Radiance::new(50, 80), &reference);
     let expected = Verdict {
-        max_difference: f64::INFINITY,
+        max_difference: Some(f64::INFINITY),
         worst_pixel: None,
         uncertain_pixels: reference.uncertain_pixels(),
         unexplained_pixels: reference.uncertain_pixels(),
@@ -237,7 +255,8 @@ fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
         image.pixels[0] = [actual; 3];
         assert!(verify(&image, None, &reference, Display::default()).ok);
         let verdict = verify(&image, None, &reference, display);
-        assert!(verdict.wrong_pixels == 1 && verdict.max_difference < RELATIVE_LIMIT * 1.01, "{verdict:?}");
+        let is_small = |difference: f64| difference < RELATIVE_LIMIT * 1.01;
+        assert!(verdict.wrong_pixels == 1 && verdict.max_difference.is_some_and(is_small), "{verdict:?}");
     }
 }
 

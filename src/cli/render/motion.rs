@@ -197,7 +197,7 @@ pub fn run(args: &Args) -> Result<()> {
         total_ms: ms_since(start),
         frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
         output,
-        notes: notes.chain(last_notes(&first, sampling.most)).collect(),
+        notes: notes.chain(last_notes(&first, sampling.most, None)).collect(),
     };
     tell(args, &report)
 }

@@ -7,6 +7,7 @@ use crate::launch::Prepared;
 use crate::memory::readable;
 use crate::scene::Scene;
 use crate::strategy::{Strategy, preset_of};
+use crate::verify::hardly_verified;
 use crate::words::{counted, rate};
 use serde::Serialize;
 
@@ -116,16 +117,23 @@ impl Verification {
             Self::Wrong { wrong } => format!("verified  {wrong}"),
         }
     }
+
+    /// Returns a note if the picture is right, but was hardly verified.
+    pub fn note(&self) -> Option<String> {
+        let Self::Right(verified) = self else { return None };
+        let reason = hardly_verified(verified.uncertain_pixels, verified.pixels)?;
+        Some(format!("the picture was hardly verified: {reason}"))
+    }
 }
 
 /// The result of `--verify` if the picture agrees with the reference.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
-    /// pictures, this is the larger of two differences. The first is that of the pictures from which the filter made
+    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is certain. If soft
+    /// light was cast in half pictures, this is the larger of two differences. The first is that of the pictures from which the filter made
     /// the final picture, compared with the reference over their certain pixels. The second is that of the final
     /// picture, compared with the result of the same filter on the host over all pixels.
-    pub max_difference: f64,
+    pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.
     pub uncertain_pixels: usize,
@@ -142,9 +150,12 @@ impl Verified {
             true => format!("{} of {} pixels, chosen at random, ", self.pixels, self.of_pixels),
             false => String::new(),
         };
+        let difference = match self.max_difference {
+            Some(difference) => format!("largest relative difference {difference:.1e}"),
+            None => "no pixel is certain".to_owned(),
+        };
         format!(
-            "verified  {sample}against the reference picture: largest relative difference {:.1e}, {} uncertain",
-            self.max_difference,
+            "verified  {sample}against the reference picture: {difference}, {} uncertain",
             counted(self.uncertain_pixels, "pixel")
         )
     }
@@ -324,10 +335,26 @@ mod tests {
 
     #[test]
     fn a_sample_of_the_pixels_is_distinguished_from_all_of_them() {
-        let text =
-            |pixels| Verified { max_difference: 1.5e-6, uncertain_pixels: 1, pixels, of_pixels: 40 }.text();
+        let text = |pixels| {
+            Verified { max_difference: Some(1.5e-6), uncertain_pixels: 1, pixels, of_pixels: 40 }.text()
+        };
         let result = "against the reference picture: largest relative difference 1.5e-6, 1 pixel uncertain";
         assert_eq!(text(40), format!("verified  {result}"));
         assert_eq!(text(10), format!("verified  10 of 40 pixels, chosen at random, {result}"));
+    }
+
+    #[test]
+    fn a_picture_without_certain_pixels_has_a_note_but_no_difference() {
+        let verification = |max_difference, uncertain_pixels| {
+            Verification::Right(Verified { max_difference, uncertain_pixels, pixels: 40, of_pixels: 40 })
+        };
+        let none = verification(None, 40);
+        let text = "verified  against the reference picture: no pixel is certain, 40 pixels uncertain";
+        assert_eq!(none.text(), text);
+        let note = none.note().unwrap_or_default();
+        assert!(note.starts_with("the picture was hardly verified: 0 of 40 pixels were certain"), "{note}");
+        assert_eq!(verification(Some(0.0), 36).note(), None);
+        let wrong = Verification::Wrong { wrong: "it is black".to_owned() };
+        assert_eq!(wrong.note(), None);
     }
 }

@@ -144,9 +144,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         left_out,
         frames: args.repeat,
         total_ms: ms_since(start),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most, verified.as_ref())).collect(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).collect(),
     };
     tell(args, &report, target.is_standard_output())?;
     wrong.map_or(Ok(()), Err)
@@ -279,7 +279,7 @@ mod tests {
             frames: 7,
             total_ms: 5.0,
             verified: Some(Verification::Right(Verified {
-                max_difference: 0.0,
+                max_difference: Some(0.0),
                 uncertain_pixels: 0,
                 pixels: 9,
                 of_pixels: 9,

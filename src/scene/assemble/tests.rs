@@ -209,6 +209,15 @@ fn a_face_names_corners_that_exist() {
     assert!(few.contains("a face of 2 corners; expected three or more"), "{few}");
 }
 
+#[test]
+fn a_scenes_name_is_not_empty() {
+    for text in ["name = \"\"\n", "name = \" \"\n"] {
+        assert_eq!(message_and_line(&format!("\n{text}")), ("the name is empty".to_owned(), 2), "{text}");
+    }
+    assert_eq!(loaded("name = \"mine\"\n").unwrap().scene.name, "mine");
+    assert_eq!(loaded("").unwrap().scene.name, "a");
+}
+
 /// Each element of the list below has a valid setting, an invalid setting and a part of the expected error. Invalid
 /// numbers lie outside the range that docs/scenes.md gives.
 #[test]

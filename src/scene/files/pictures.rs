@@ -6,6 +6,7 @@ use crate::reader::{self, Kind};
 use crate::scene::obj::Reach;
 use crate::scene::{Texture, Wrap};
 use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,9 +17,11 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// The supported formats. They are recognised by the file's first bytes. TGA has no such bytes; it is recognised by the
-/// file's extension if the first bytes are of no known format.
+/// The supported formats. They are recognised by the file's first bytes. TGA has no such bytes; if the first bytes are
+/// of no known format, TGA is recognised by its footer or by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
+/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Older files have none.
+const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 
 /// A result whose error is the end of a message; the message begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
@@ -47,11 +50,12 @@ impl Usage {
     }
 }
 
-/// The textures of a mesh. A picture file is decoded once, even if several textures use it.
+/// The textures of a mesh. A picture is decoded once, even if several textures use it.
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
-    files: HashMap<PathBuf, Parsed<Decoded>>,
+    /// The decoded pictures, and the reasons why pictures cannot be decoded.
+    decoded: HashMap<PathBuf, Parsed<Decoded>>,
     known: HashMap<(PathBuf, Usage), u32>,
     texels: usize,
 }
@@ -61,30 +65,41 @@ impl Pictures {
     /// the list.
     pub fn file(&mut self, reach: Reach<'_>, name: &str, usage: Usage) -> Parsed<u32> {
         let path = reach.locate(name)?;
-        if let Some(number) = self.known.get(&(path.clone(), usage)) {
-            return Ok(*number);
-        }
-        let read = || -> Parsed<Decoded> {
+        let picture = || {
             let bytes =
                 reader::bytes(&path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
             decoded(&bytes, ImageFormat::from_path(&path).ok())
         };
-        let picture = self.files.entry(path.clone()).or_insert_with(read).clone()?;
-        let number = self.add(picture, usage)?;
-        self.known.insert((path, usage), number);
-        Ok(number)
+        self.texture(path.clone(), usage, picture)
     }
 
     /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file; `key` identifies the picture
-    /// within the mesh file.
-    pub fn bytes(&mut self, key: &str, bytes: &[u8], usage: Usage) -> Parsed<u32> {
+    /// within the mesh file. Calls `bytes` only if the picture is not decoded yet.
+    pub fn bytes<'a>(
+        &mut self,
+        key: &str,
+        bytes: impl FnOnce() -> Parsed<Cow<'a, [u8]>>,
+        usage: Usage,
+    ) -> Parsed<u32> {
         // This key is a relative path. The paths from `Reach::locate` are absolute, so they cannot equal this key.
-        let key = (Path::new("in the file").join(key), usage);
-        if let Some(number) = self.known.get(&key) {
+        let key = Path::new("in the file").join(key);
+        self.texture(key, usage, || decoded(&bytes()?, None))
+    }
+
+    /// Returns the index in `list` of the texture with this picture and usage. `key` identifies the picture, which
+    /// `picture` decodes if it is not decoded yet.
+    fn texture(
+        &mut self,
+        key: PathBuf,
+        usage: Usage,
+        picture: impl FnOnce() -> Parsed<Decoded>,
+    ) -> Parsed<u32> {
+        if let Some(number) = self.known.get(&(key.clone(), usage)) {
             return Ok(*number);
         }
-        let number = self.add(decoded(bytes, None)?, usage)?;
-        self.known.insert(key, number);
+        let picture = self.decoded.entry(key.clone()).or_insert_with(picture).clone()?;
+        let number = self.add(picture, usage)?;
+        self.known.insert((key, usage), number);
         Ok(number)
     }
 
@@ -117,10 +132,14 @@ pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
 
 /// Decodes a picture.
 fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
-    let ending = ending.filter(|format| *format == ImageFormat::Tga);
-    let format = image::guess_format(bytes).ok().or(ending);
-    let format = format.filter(|format| FORMATS.contains(format));
-    let format = format.ok_or("is not a PNG, JPEG, BMP or TGA")?;
+    let is_tga = ending == Some(ImageFormat::Tga) || bytes.ends_with(TGA_FOOTER);
+    let format = image::guess_format(bytes).ok().or(is_tga.then_some(ImageFormat::Tga));
+    let format = format.ok_or(
+        "is not a PNG, JPEG, BMP or TGA (a TGA without a footer is recognised only if its name ends in .tga)",
+    )?;
+    if !FORMATS.contains(&format) {
+        return Err("is not a PNG, JPEG, BMP or TGA".to_owned());
+    }
     let damaged = |why: String| format!("cannot be decoded ({why})");
     let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
     let mut limits = Limits::no_limits();
@@ -190,6 +209,28 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_in_the_mesh_file_is_decoded_once_however_often_it_is_used_and_even_if_it_is_damaged() {
+        let mut pictures = Pictures::default();
+        let [whole, damaged] = [png(3, 2), png(3, 2)[..20].to_vec()];
+        let mut calls = 0;
+        let mut add = |key: &str, bytes: &[u8], usage| {
+            let bytes = || {
+                calls += 1;
+                Ok(Cow::Borrowed(bytes))
+            };
+            pictures.bytes(key, bytes, usage)
+        };
+        let colour = Usage::colour([Wrap::Repeat; 2]);
+        let mask = Usage::mask(colour.wrap, 0.5);
+        assert_eq!([add("0", &whole, colour), add("0", &whole, mask)], [Ok(0), Ok(1)]);
+        assert_eq!(add("0", &whole, colour), Ok(0));
+        let errors = [add("1", &damaged, colour), add("1", &damaged, mask)].map(Result::unwrap_err);
+        assert!(errors[0].contains("cannot be decoded") && errors[0] == errors[1], "{errors:?}");
+        assert_eq!(calls, 2, "each picture is decoded once");
+        assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
+    }
+
+    #[test]
     fn an_opaque_mask_is_where_it_is_bright() {
         let texture = |texels: [u32; 2]| Texture {
             size: [2, 1],
@@ -247,11 +288,34 @@ mod tests {
             let expected = format!("has {width} x {height} texels; expected 1 to 16384 in each direction");
             assert_eq!(error, expected);
         }
-        let whole = [tga(2, 1), vec![1, 2, 3, 4, 5, 6]].concat();
-        assert_eq!(decoded(&whole, Some(ImageFormat::Tga)).unwrap().0, [2, 1]);
-        assert!(
-            decoded(&whole, None).unwrap_err().contains("not a PNG"),
-            "only its name says that it is TGA"
-        );
+    }
+
+    #[test]
+    fn a_tga_is_recognised_by_its_name_or_its_footer() {
+        let older = [tga(2, 1), vec![1, 2, 3, 4, 5, 6]].concat();
+        assert_eq!(decoded(&older, Some(ImageFormat::Tga)).unwrap().0, [2, 1]);
+        // The footer of version 2 begins with two offsets, which are 0 here.
+        let newer = [&older[..], &[0; 8], TGA_FOOTER].concat();
+        for ending in [None, Some(ImageFormat::Png)] {
+            let expected = "is not a PNG, JPEG, BMP or TGA (a TGA without a footer is recognised only if its name \
+                            ends in .tga)";
+            assert_eq!(decoded(&older, ending).unwrap_err(), expected);
+            assert_eq!(decoded(&newer, ending).unwrap().0, [2, 1]);
+        }
+        let gif = decoded(b"GIF89a", Some(ImageFormat::Tga)).unwrap_err();
+        assert_eq!(gif, "is not a PNG, JPEG, BMP or TGA", "its first bytes are those of another format");
+    }
+
+    #[test]
+    fn a_picture_that_is_cut_off_is_called_so_in_every_format() {
+        let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([x as u8, y as u8, 7]));
+        for format in [ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga] {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            let (bytes, ending) = (bytes.into_inner(), Some(format));
+            assert_eq!(decoded(&bytes, ending).unwrap().0, [64, 64]);
+            let error = decoded(&bytes[..bytes.len() / 2], ending).unwrap_err();
+            assert_eq!(error, "cannot be decoded (the file ends before the picture does)", "{format:?}");
+        }
     }
 }

@@ -4,9 +4,9 @@ use super::Parsed;
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted};
-use base64::Engine as _;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, Engine as _};
 use gltf::json::Root;
 use gltf::json::buffer::Buffer;
 use std::borrow::Cow;
@@ -52,13 +52,14 @@ fn read<'a>(
     let Some(uri) = &buffer.uri else {
         return binary
             .map(Rc::new)
-            .ok_or_else(|| "it has no uri, and the file has no binary part".to_owned());
+            .ok_or_else(|| "it has no URI, and the file has no binary part".to_owned());
     };
     if uri.starts_with("data:") {
         let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
-        return bytes.map_err(|why| if quotes { why } else { "its data: uri is damaged".to_owned() });
+        return bytes
+            .map_err(|why| if quotes { format!("it {why}") } else { "its data: URI is damaged".to_owned() });
     }
-    let shown = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its uri".to_owned() };
+    let shown = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its URI".to_owned() };
     if uri.contains("://") {
         return Err(format!("{} is not a file; nothing is downloaded", shown(uri)));
     }
@@ -84,12 +85,17 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
     reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
-/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked.
+/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked. An
+/// error's text follows the name of what has the URI.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
-    let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
+    let text = data.split_once(";base64,").ok_or("is a data: URI without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, either);
-    engine.decode(text.trim_ascii()).map_err(|error| format!("its base64 is damaged: {error}"))
+    let damaged = |error: DecodeError| {
+        let what = error.to_string();
+        format!("has damaged base64 ({})", what.trim_end_matches('.'))
+    };
+    engine.decode(text.trim_ascii()).map_err(damaged)
 }
 
 /// Replaces escapes such as `%20` in a name; anything else stays.
@@ -131,6 +137,25 @@ mod tests {
         for text in ["application/octet-stream;base64,AQID", "application/gltf-buffer;base64,AQIDBA=="] {
             assert!(decoded(text).unwrap().starts_with(&[1, 2, 3]));
         }
-        assert!(decoded("text/plain,abc").is_err() && decoded("x;base64,?").is_err());
+        for (uri, expected) in [
+            ("data:text/plain,abc", "is a data: URI without base64"),
+            ("data:;base64,!AAA", "has damaged base64 (Invalid symbol 33, offset 0)"),
+        ] {
+            assert_eq!(decoded(uri).unwrap_err(), expected);
+        }
+    }
+
+    #[test]
+    fn a_buffer_that_is_damaged_is_named_in_one_sentence() {
+        let error = |uri: &str| {
+            let buffer = format!(r#"{{"uri": "{uri}", "byteLength": 3}}"#);
+            let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffer}]}}"#);
+            let root: Root = serde_json::from_str(&text).unwrap();
+            let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+            load(&root, Reach { folder: Path::new(""), permitted }, None).unwrap_err()
+        };
+        assert_eq!(error("data:,abc"), "buffer 0: it is a data: URI without base64");
+        let damaged = "buffer 0: it has damaged base64 (Invalid symbol 33, offset 0)";
+        assert_eq!(error("data:;base64,!AAA"), damaged);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Named, Result};
 use crate::error::Error;
+use crate::words::counted;
 use std::borrow::Cow;
 
 /// The first bytes of a binary file.
@@ -31,6 +32,17 @@ pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>>
         return Err(what("the first chunk of this binary glTF file is not JSON".to_owned()));
     }
     Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
+}
+
+/// Returns a note if the length in the header of a binary file is not the length of the file.
+pub(super) fn note_length(bytes: &[u8]) -> Option<String> {
+    let stated = number(bytes, HEADER_BYTES - 4).filter(|_| bytes.starts_with(MAGIC))? as usize;
+    (stated != bytes.len()).then(|| {
+        let [stated, actual] = [stated, bytes.len()].map(|count| counted(count, "byte"));
+        format!(
+            "the file's header states {stated}, but the file has {actual}: the header's length is not used"
+        )
+    })
 }
 
 fn other_version(named: Named<'_>, version: u32) -> Error {
@@ -103,6 +115,21 @@ mod tests {
         }
         let padded = [&file(20, &chunks[..1])[..], b"\0\0\0"].concat();
         assert_eq!(split("a", &padded).unwrap().1, None);
+    }
+
+    #[test]
+    fn a_length_in_the_header_that_is_not_the_files_is_noted() {
+        let with = |length| note_length(&file(length, &[(b"JSON", b"{}  ")]));
+        assert_eq!(with(24), None);
+        let note =
+            "the file's header states 1 byte, but the file has 24 bytes: the header's length is not used";
+        assert_eq!(with(1), Some(note.to_owned()));
+        let more = [&file(24, &[(b"JSON", b"{}  ")])[..], b"more"].concat();
+        assert!(
+            note_length(&more)
+                .is_some_and(|note| note.contains("states 24 bytes, but the file has 28 bytes"))
+        );
+        assert_eq!([&b"glTF\x02\0\0\0"[..], b"{\"asset\": {}}"].map(note_length), [None, None]);
     }
 
     #[test]

@@ -21,6 +21,17 @@ pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     }
 }
 
+/// Returns a note if a file is not of glTF 2.0, or needs a later version. The versions are quoted only if `quotes` is
+/// true.
+pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
+    let needed = root.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
+    let stated = Some(&root.asset.version).filter(|stated| !stated.starts_with('2'));
+    let version = needed.or(stated)?;
+    let named =
+        if quotes { format!("version {}", quoted(version.as_bytes())) } else { "another version".to_owned() };
+    Some(format!("the file asks for {named} of glTF: it is read as version 2.0"))
+}
+
 /// Returns the JSON without unused parts; `None` if the rest is not valid either.
 fn tidied(json: &[u8]) -> Option<Read> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
@@ -88,15 +99,68 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
             // The message's own line number is removed, since the location before the message has it.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             let invalid = "not valid glTF 2.0";
-            named.error(Flaw::quoting(format!("{invalid}: {what}"), invalid).at(error.line()))
+            named.error(Flaw::quoting(format!("{invalid}: {}", plain(what)), invalid).at(error.line()))
         }
     }
+}
+
+/// Returns a message of `serde_json` in which the expected numbers are not named by their types in Rust.
+fn plain(message: &str) -> String {
+    let Some((found, expected)) = message.rsplit_once(", expected ") else { return message.to_owned() };
+    let expected = match expected {
+        "index into child of root" | "u32" | "u64" => "a whole number, 0 or more",
+        "f32" => "a number",
+        other => other,
+    };
+    format!("{found}, expected {expected}")
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_that_is_not_valid_is_reported_without_types_of_rust() {
+        for (keys, expected) in [
+            (r#""scene": 0.0"#, "invalid type: floating point `0.0`, expected a whole number, 0 or more"),
+            (r#""scene": -1"#, "invalid type: integer `-1`, expected a whole number, 0 or more"),
+            (
+                r#""buffers": [{"byteLength": 1.5}]"#,
+                "invalid type: floating point `1.5`, expected a whole number, 0 or more",
+            ),
+            (r#""materials": [{"alphaCutoff": true}]"#, "invalid type: boolean `true`, expected a number"),
+        ] {
+            let json = format!("{{\"asset\": {{\"version\": \"2.0\"}}, {keys}}}");
+            let error = read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).err().unwrap();
+            assert_eq!(error.to_string(), format!("a.gltf:1: not valid glTF 2.0: {expected}"));
+        }
+    }
+
+    #[test]
+    fn a_version_that_raycl_does_not_read_is_noted() {
+        let note = |asset: &str, quotes| {
+            let json = format!("{{\"asset\": {{{asset}}}}}");
+            let root = read(Named { name: "a.gltf", quotes }, json.as_bytes()).unwrap().root;
+            note_version(&root, quotes)
+        };
+        for valid in
+            [r#""version": "2.0""#, r#""version": "2.1""#, r#""version": "2.1", "minVersion": "2.0""#]
+        {
+            assert_eq!(note(valid, true), None, "{valid}");
+        }
+        for (asset, version) in [
+            (r#""version": "1.0""#, "version `1.0`"),
+            (r#""version": "3.0""#, "version `3.0`"),
+            (r#""version": "2.1", "minVersion": "2.1""#, "version `2.1`"),
+        ] {
+            let expected = |version: &str| {
+                Some(format!("the file asks for {version} of glTF: it is read as version 2.0"))
+            };
+            assert_eq!(note(asset, true), expected(version));
+            assert_eq!(note(asset, false), expected("another version"));
+        }
+    }
 
     #[test]
     fn animations_are_counted_in_either_way_of_reading() {

@@ -15,6 +15,8 @@ pub(super) struct LeftOut {
     pub odd_views: usize,
     /// The number of cameras whose transform leaves no viewing direction.
     pub flat_cameras: usize,
+    /// The number of nodes with a camera that are not in the shown scene.
+    pub other_cameras: usize,
     pub spots: usize,
     /// The number of lights without a known type.
     pub odd_lights: usize,
@@ -70,6 +72,7 @@ impl LeftOut {
                 "camera without a viewing direction",
                 "left out: expected a scale other than 0",
             ),
+            (self.other_cameras, "camera without a place in the shown scene", "not used"),
             (
                 self.odd_lights,
                 "light of an unknown type",

@@ -1,6 +1,6 @@
 //! glTF materials: the base colour of each, and their unsupported features.
 
-use super::textures::{colour_texture, has_hard_texels};
+use super::textures::{colour_texture, unsupported_options};
 use crate::scene::files::colours::is_outside;
 use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
@@ -114,11 +114,13 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
 fn asked(root: &Root, wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
+    // The default factor is 0. An emissive texture is multiplied by it, and then has no effect.
+    let emits = wire.emissive_factor.0 != [0.0; 3];
     let textures = [
         ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),
         ("normalTexture", wire.normal_texture.is_some()),
         ("occlusionTexture", wire.occlusion_texture.is_some()),
-        ("emissiveTexture", wire.emissive_texture.is_some()),
+        ("emissiveTexture", wire.emissive_texture.is_some() && emits),
     ];
     textures.iter().filter(|(_, has)| *has).for_each(|(name, _)| asked.add(Wish::Texture, name.as_bytes()));
     match (wire.alpha_mode, colour_texture(wire)) {
@@ -136,10 +138,10 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     if is_outside(&colour) {
         asked.add(Wish::Colour, key.as_bytes());
     }
-    if has_hard_texels(root, wire) {
-        asked.add(Wish::TextureOption, b"magFilter NEAREST");
+    for option in unsupported_options(root, wire) {
+        asked.add(Wish::TextureOption, option.as_bytes());
     }
-    if wire.emissive_factor.0 != [0.0; 3] {
+    if emits {
         asked.add(Wish::Emission, b"emissiveFactor");
     }
     // In a material with one of these extensions, `metallicFactor` and `roughnessFactor` have no effect. A material

@@ -49,6 +49,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let mut file = settled.map_err(|flaw| named.error(flaw))?;
     file.notes.extend(note_animations(animations));
     file.notes.extend(extensions::notes(&root, quotes));
+    file.notes.extend(json::note_version(&root, quotes));
+    file.notes.extend(container::note_length(bytes));
     Ok(file)
 }
 

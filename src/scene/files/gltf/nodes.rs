@@ -78,6 +78,10 @@ impl<'a> Walk<'a> {
         if walk.starts.is_empty() {
             walk.add_unplaced()?;
         }
+        let has_camera = |node: &&Node| node.camera.is_some();
+        let shown = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
+        walk.left_out.other_cameras =
+            numbers.root.nodes.iter().filter(has_camera).count() - shown.filter(has_camera).count();
         walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
     }

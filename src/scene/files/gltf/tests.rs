@@ -298,9 +298,9 @@ fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
             r#"{"extensionsRequired": ["secret_compression"], "#,
             "an extension that compresses its vertices, which",
         ),
-        (&data, "secret.bin", "a.gltf: buffer 0: its uri cannot be read ("),
-        (&data, "https://secret", "a.gltf: buffer 0: its uri is not a file; nothing is downloaded"),
-        (&data, "data:;base64,secret?", "a.gltf: buffer 0: its data: uri is damaged"),
+        (&data, "secret.bin", "a.gltf: buffer 0: its URI cannot be read ("),
+        (&data, "https://secret", "a.gltf: buffer 0: its URI is not a file; nothing is downloaded"),
+        (&data, "data:;base64,secret?", "a.gltf: buffer 0: its data: URI is damaged"),
         (
             "\"2.0\"},\n\"scenes\": [",
             "\"secret\"},\n\"scenes\": [7, ",
@@ -476,7 +476,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
         ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer view holds 0"),
         ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 occurs twice in the scene; expected once"),
-        ("base64,", "base64,?", "base64 is damaged"),
+        ("base64,", "base64,?", "buffer 0: it has damaged base64 ("),
         ("data:application/octet-stream;base64,", "http://x/", "nothing is downloaded"),
         ("data:application/octet-stream;base64,", "../../etc/passwd?", "buffer 0"),
         ("\"version\": \"2.0\"", "\"version\": \"1.0\"", "a.gltf"),
@@ -537,9 +537,13 @@ fn parts_that_are_left_out_are_noted() {
     let lines = noted(r#""primitives": ["#, r#""primitives": [{"attributes": {"POSITION": 0}, "mode": 1}, "#);
     assert_eq!(lines, ["1 primitive of lines or points is left out"]);
     let material = r#""materials": [{"normalTexture": {"index": 0}, "occlusionTexture": {"index": 0},
-"emissiveTexture": {"index": 0}, "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}], "scenes""#;
+"emissiveTexture": {"index": 0}, "emissiveFactor": [0, 0, 0.5],
+"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}], "scenes""#;
     let text = triangle().replace(indices, r#""indices": 1, "material": 0"#).replace(r#""scenes""#, material);
     let notes = read(&text).unwrap().notes.join("\n");
+    // An emissive texture is multiplied by its factor, which is 0 by default.
+    let dark = read(&text.replace(r#" "emissiveFactor": [0, 0, 0.5],"#, "")).unwrap().notes.join("\n");
+    assert!(dark.contains("normalTexture") && !dark.contains("emissive"), "{dark}");
     for name in ["normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture"] {
         assert!(notes.contains(name), "{name}: {notes}");
     }
@@ -580,6 +584,30 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
     ] {
         assert_eq!(with(kind, "1", "[1, 1, 1]"), (false, vec![note.to_owned()]), "{kind}");
     }
+}
+
+#[test]
+fn a_camera_outside_the_shown_scene_is_noted() {
+    let camera = r#"{"cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}], "#;
+    let text = triangle().replacen('{', camera, 1).replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"camera": 0}"#);
+    let file = read(&text).unwrap();
+    assert!(file.camera.is_none());
+    assert_eq!(file.notes, ["1 camera without a place in the shown scene is not used"]);
+    let shown = read(&text.replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)).unwrap();
+    assert!(shown.camera.is_some() && shown.notes.is_empty(), "{:?}", shown.notes);
+}
+
+#[test]
+fn the_version_and_the_length_of_a_file_are_noted_if_they_are_not_those_that_are_read() {
+    let notes = read(&triangle().replace(r#""version": "2.0""#, r#""version": "1.0""#)).unwrap().notes;
+    assert_eq!(notes, ["the file asks for version `1.0` of glTF: it is read as version 2.0"]);
+    let mut json = triangle().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let length = (json.len() as u32).to_le_bytes();
+    let glb = [b"glTF\x02\0\0\0\0\0\0\0", &length[..], b"JSON", &json].concat();
+    let reach = Reach { folder: Path::new(""), permitted: PERMITTED };
+    let notes = parse("a.glb", reach, &glb).unwrap().notes;
+    assert!(notes.len() == 1 && notes[0].starts_with("the file's header states 0 bytes, but "), "{notes:?}");
 }
 
 #[test]

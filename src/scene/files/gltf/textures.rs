@@ -12,6 +12,7 @@ use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, MagFilter, Sampler, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
+use std::borrow::Cow;
 use std::collections::HashSet;
 
 /// The texture of a material's colour.
@@ -106,7 +107,9 @@ impl Files<'_> {
     ) -> Parsed<u32> {
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {
-            (Some(uri), _) if uri.starts_with("data:") => pictures.bytes(&key, &decoded(uri)?, usage),
+            (Some(uri), _) if uri.starts_with("data:") => {
+                pictures.bytes(&key, || decoded(uri).map(Cow::Owned), usage)
+            }
             (Some(uri), _) if uri.contains("://") => {
                 Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())))
             }
@@ -123,7 +126,7 @@ impl Files<'_> {
                 let start = view.byte_offset.unwrap_or_default().0;
                 let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
                 let bytes = &buffer[start.min(end) as usize..end as usize];
-                pictures.bytes(&key, bytes, usage)
+                pictures.bytes(&key, || Ok(Cow::Borrowed(bytes)), usage)
             }
             (None, None) => Err("has neither a file nor bytes".to_owned()),
         }
@@ -134,11 +137,21 @@ fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
     root.get(texture.sampler?)
 }
 
-/// Returns whether the texture of a material's colour is to have hard edges between texels.
-pub(super) fn has_hard_texels(root: &Root, wire: &Wire) -> bool {
+/// Returns the unsupported options in the sampler of a material's colour texture: hard edges between texels, and wrap
+/// modes that glTF does not define.
+pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Item = &'static str> {
     let texture = colour_texture(wire).and_then(|info| root.get(info.index));
     let sampler = texture.and_then(|texture| sampler_of(root, texture));
-    sampler.is_some_and(|sampler| matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest))))
+    let options = sampler.map(|sampler| {
+        let is_hard = matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)));
+        let is_unknown = |wrap| matches!(wrap, Checked::Invalid);
+        [
+            (is_hard, "magFilter NEAREST"),
+            (is_unknown(sampler.wrap_s), "unknown wrapS"),
+            (is_unknown(sampler.wrap_t), "unknown wrapT"),
+        ]
+    });
+    options.into_iter().flatten().filter(|(is_asked, _)| *is_asked).map(|(_, option)| option)
 }
 
 /// Returns the texture of a material's colour. Files with the older extension KHR_materials_pbrSpecularGlossiness store

@@ -138,6 +138,69 @@ fn a_sampler_that_asks_for_hard_edges_between_texels_is_noted() {
     }
 }
 
+#[test]
+fn an_unknown_wrap_mode_of_a_sampler_is_noted_and_the_picture_repeats() {
+    let material = r#"{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}"#;
+    for (key, valid) in [("wrapS", "wrapT"), ("wrapT", "wrapS")] {
+        // 10496 was a wrap mode of older versions of OpenGL.
+        let sampler = format!(r#""samplers": [{{"{key}": 10496, "{valid}": 10497}}]"#);
+        let textures = format!(r#"{sampler}, "textures": [{{"source": 0, "sampler": 0}}]"#);
+        let file = read(&textured(material).replace(r#""textures": [{"source": 0}]"#, &textures)).unwrap();
+        let asked = format!("1 material asks for options of textures (unknown {key})");
+        assert_eq!(file.notes, [format!("{asked}, which raycl does not support: they are ignored")]);
+        assert_eq!(file.mesh.textures.list[0].wrap, [crate::scene::Wrap::Repeat; 2]);
+    }
+}
+
+#[test]
+fn a_picture_that_cannot_be_decoded_from_its_uri_is_noted_in_a_sentence() {
+    let material = r#"{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}"#;
+    for (uri, why) in [
+        ("data:image/png,abc", "is a data: URI without base64"),
+        ("data:image/png;base64,!AAA", "has damaged base64 (Invalid symbol 33, offset 0)"),
+    ] {
+        let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
+        let notes = read(&textured(material).replace(&whole, uri)).unwrap().notes;
+        assert_eq!(notes, [format!("texture 0 {why}: its material's own colour is used")]);
+    }
+}
+
+/// A picture in the file is used twice: as the colour of an opaque surface, and as the colour and the mask of another
+/// one.
+#[test]
+fn a_picture_has_the_same_mip_levels_in_the_file_and_beside_it() {
+    let mut bytes = Cursor::new(Vec::new());
+    let colours = [image::Rgba([0, 255, 0, 255]), image::Rgba([255, 0, 255, 0])];
+    let picture = image::RgbaImage::from_fn(4, 4, |x, y| colours[(x + y) as usize % 2]);
+    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.png"), bytes.get_ref()).unwrap();
+    let material = r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#;
+    let masked = material.replacen('{', r#"{"alphaMode": "MASK", "#, 1);
+    let textures = |materials: &str, uri: &str| {
+        let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
+        let primitive = r#"{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}"#;
+        let other = primitive.replace(r#""material": 0"#, r#""material": 1"#);
+        let text =
+            textured(materials).replace(&whole, uri).replace(primitive, &format!("{primitive}, {other}"));
+        let reach = Reach { folder: folder.path(), permitted: PERMITTED };
+        let mut textures = parse("a.gltf", reach, text.as_bytes()).unwrap().mesh.textures;
+        textures.add_levels();
+        textures
+    };
+    let embedded = format!("data:image/png;base64,{}", STANDARD.encode(bytes.get_ref()));
+    let two = format!("{material}, {masked}");
+    let (inside, beside) = (textures(&two, &embedded), textures(&two, "a.png"));
+    assert_eq!(inside, beside);
+    assert!(inside.have_levels() && inside.have_holes());
+    let opaque = textures(&format!("{material}, {material}"), "a.png");
+    let texels = |textures: &crate::scene::Textures, triangle: usize| {
+        textures.list[textures.mapped[triangle].texture.unwrap() as usize].texels.clone()
+    };
+    assert_eq!(texels(&inside, 0), texels(&opaque, 0), "a mask of another surface changes no colour");
+    assert_ne!(texels(&inside, 1), texels(&inside, 0));
+}
+
 /// The alpha of the picture is 0.7.
 #[test]
 fn blending_makes_holes_where_a_point_or_of_a_faint_surface_its_texture_is_less_than_half_opaque() {

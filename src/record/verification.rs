@@ -1,0 +1,45 @@
+//! Names the points whose images were hardly verified.
+
+use super::numbers::by;
+use super::types::{Outcome, Record};
+use crate::verify::hardly_verified;
+use crate::words::counted_of_were;
+
+/// Returns a note on the measured points of whose pixels too few were certain; `None` if there are no such points.
+pub(crate) fn verified_hardly(records: &[Record]) -> Option<String> {
+    let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
+    let why = |record: &Record| {
+        let pixels = record.image_size.iter().map(|side| *side as usize).product();
+        hardly_verified(record.uncertain_pixels? as usize, pixels)
+    };
+    let (first, reason) = measured().find_map(|record| Some((record, why(record)?)))?;
+    let count = measured().filter(|record| why(record).is_some()).count();
+    let were = counted_of_were(count, measured().count(), "image");
+    Some(format!("{were} hardly verified; the first, of {} {}: {reason}.", first.scene, by(first.image_size)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_with_few_certain_pixels_are_counted_and_the_first_is_named() {
+        let of = |outcome, uncertain_pixels| Record {
+            scene: "fence".to_owned(),
+            image_size: [40, 25],
+            outcome,
+            uncertain_pixels,
+            ..Record::default()
+        };
+        let fine = [
+            of(Outcome::Measured, Some(900)),
+            of(Outcome::WrongImage, Some(1000)),
+            of(Outcome::Measured, None),
+        ];
+        assert_eq!(verified_hardly(&fine), None);
+        let few = of(Outcome::Measured, Some(901));
+        let note = verified_hardly(&[&fine[..], &[few]].concat()).unwrap_or_default();
+        let start = "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
+        assert!(note.starts_with(start), "{note}");
+    }
+}
