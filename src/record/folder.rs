@@ -11,7 +11,7 @@ use super::rounds::{RoundLoad, disturbance, moved_processors, preempted};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
-use super::verification::verified_hardly;
+use super::verification::hardly_verified_images;
 use super::{Lines, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
 use crate::reader;
@@ -83,7 +83,7 @@ impl Folder {
         let mut sure = how_sure(&records);
         sure.extend(hosts_that_differ(&records, &controls));
         sure.extend(disturbance(&rounds, &records));
-        sure.extend(verified_hardly(&records));
+        sure.extend(hardly_verified_images(&records));
         sure.extend(preempted(&records));
         if hosts(&records) <= 1 {
             // The core-to-core latencies of different machines are not compared: they differ even if no virtual

@@ -6,7 +6,7 @@ use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 
 /// Returns a note on the measured points of whose pixels too few were certain; `None` if there are no such points.
-pub(crate) fn verified_hardly(records: &[Record]) -> Option<String> {
+pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
         let pixels = record.image_size.iter().map(|side| *side as usize).product();
@@ -36,10 +36,11 @@ mod tests {
             of(Outcome::WrongImage, Some(1000)),
             of(Outcome::Measured, None),
         ];
-        assert_eq!(verified_hardly(&fine), None);
+        assert_eq!(hardly_verified_images(&fine), None);
         let few = of(Outcome::Measured, Some(901));
-        let note = verified_hardly(&[&fine[..], &[few]].concat()).unwrap_or_default();
-        let start = "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
+        let note = hardly_verified_images(&[&fine[..], &[few]].concat()).unwrap_or_default();
+        let start =
+            "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
         assert!(note.starts_with(start), "{note}");
     }
 }

@@ -153,6 +153,18 @@ fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() 
     assert!(!is_right([0.0; 3]) && !is_right(scene.background.to_array()));
 }
 
+/// From texel to texel, the alpha of this mask grows by 8 steps, so a move by a quarter of a texel changes it by only 2
+/// steps. The least alpha is 127.5 steps; the exact alphas are 118 and 126 steps.
+#[test]
+fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain() {
+    let ramp = |x: u32, _: u32| 8 * x % 256;
+    for (from_left, certain) in [(15.25, true), (16.25, false)] {
+        let expected = reference(&tiled(ramp, 0x8000, from_left), [32; 2], Culling::None);
+        assert_eq!(expected.hits, 0, "{from_left}");
+        assert!(expected.certain.iter().all(|pixel| *pixel == certain), "{from_left}");
+    }
+}
+
 /// One texel is a hole. The alpha of all others equals the least alpha.
 #[test]
 fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {

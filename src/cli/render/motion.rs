@@ -34,8 +34,8 @@ const HEADING: &str = "Moving pictures";
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 pub struct Motion {
-    /// Move the camera once around the scene in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`)
-    /// a y4m stream for a video encoder
+    /// Move the camera once around the centre of the scene's bounding box in FRAMES frames. The output is numbered
+    /// PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = whole::<u32>(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is

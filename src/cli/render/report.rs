@@ -129,10 +129,10 @@ impl Verification {
 /// The result of `--verify` if the picture agrees with the reference.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is certain. If soft
-    /// light was cast in half pictures, this is the larger of two differences. The first is that of the pictures from which the filter made
-    /// the final picture, compared with the reference over their certain pixels. The second is that of the final
-    /// picture, compared with the result of the same filter on the host over all pixels.
+    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is certain. If
+    /// soft light was cast in half pictures, this is the larger of two differences. The first is that of the pictures
+    /// from which the filter made the final picture, compared with the reference over their certain pixels. The second
+    /// is that of the final picture, compared with the result of the same filter on the host over all pixels.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.

@@ -1,7 +1,7 @@
-//! Vertex colours. A triangle has one material, so it gets the mean of its corners' colours.
+//! Colours of vertices and triangles. A triangle has one material, so it gets the mean of its corners' colours.
 
-use crate::scene::Mesh;
 use crate::scene::material::Material;
+use crate::scene::{Mesh, Triangle};
 use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -23,13 +23,26 @@ fn displayed(linear: f32) -> f32 {
 /// Assigns a material to each triangle. The new material's colour is the mean colour of the triangle's corners,
 /// multiplied by the colour of the triangle's previous material. `colours` are linear, one per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
-    let (materials, numbers) = painted(mesh, colours);
+    paint_each(mesh, |_, triangle| {
+        let [a, b, c] = triangle.positions.map(|corner| colours[corner as usize]);
+        (a + b + c) / 3.0
+    });
+}
+
+/// Assigns a material to each triangle, as [`paint`] does. `colours` are linear, one per triangle.
+pub(super) fn paint_triangles(mesh: &mut Mesh, colours: &[Vec3]) {
+    paint_each(mesh, |number, _| colours[number]);
+}
+
+/// Assigns a material to each triangle, whose linear colour `colour` returns for the triangle's number.
+fn paint_each(mesh: &mut Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) {
+    let (materials, numbers) = painted(mesh, colour);
     mesh.materials = materials;
     mesh.triangles.iter_mut().zip(numbers).for_each(|(triangle, number)| triangle.material = number);
 }
 
 /// Returns the materials of all triangles, and each triangle's material number.
-fn painted(mesh: &Mesh, colours: &[Vec3]) -> (Vec<Material>, Vec<u32>) {
+fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Material>, Vec<u32>) {
     let (mut materials, mut known) = (Vec::new(), HashMap::new());
     let mut number = |key: (u32, [u32; 3])| {
         *known.entry(key).or_insert_with(|| {
@@ -39,12 +52,11 @@ fn painted(mesh: &Mesh, colours: &[Vec3]) -> (Vec<Material>, Vec<u32>) {
             materials.len() as u32 - 1
         })
     };
-    let numbers = mesh.triangles.iter().map(|triangle| {
-        let [a, b, c] = triangle.positions.map(|corner| colours[corner as usize]);
-        let mean = ((a + b + c) / 3.0).clamp(Vec3::ZERO, Vec3::ONE);
+    let numbers = mesh.triangles.iter().enumerate().map(|(at, triangle)| {
+        let colour = colour(at, triangle).clamp(Vec3::ZERO, Vec3::ONE);
         number((
             triangle.material,
-            mean.to_array().map(|channel| (displayed(channel) * STEPS).round() as u32),
+            colour.to_array().map(|channel| (displayed(channel) * STEPS).round() as u32),
         ))
     });
     let numbers = numbers.collect();
@@ -58,10 +70,10 @@ pub(super) fn is_outside(colour: &Vec3) -> bool {
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
 }
 
-/// Returns a note on vertices whose colours have channels outside 0 to 1; `None` if there are none.
-pub(super) fn note_outside(count: usize) -> Option<String> {
-    let vertices = || counted_are(count, "vertex with a colour outside 0 to 1");
-    (count > 0).then(|| format!("{} shown with channels limited to this range", vertices()))
+/// Returns a note on elements, such as vertices, whose colours have channels outside 0 to 1; `None` if there are none.
+pub(super) fn note_outside(count: usize, element: &str) -> Option<String> {
+    let elements = || counted_are(count, &format!("{element} with a colour outside 0 to 1"));
+    (count > 0).then(|| format!("{} shown with channels limited to this range", elements()))
 }
 
 /// Returns a note about vertex colours for the user.
@@ -72,7 +84,7 @@ pub(in crate::scene) fn note(count: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Shape, Triangle, generate};
+    use crate::scene::{Shape, generate};
 
     #[test]
     fn a_triangle_has_the_mean_of_its_corners_and_equal_ones_share_a_material() {
@@ -127,7 +139,7 @@ mod tests {
             assert_eq!(is_outside(&Vec3::new(0.5, channel, 0.5)), expected, "{channel}");
         }
         let note = "2 vertices with a colour outside 0 to 1 are shown with channels limited to this range";
-        assert_eq!([note_outside(0), note_outside(2)], [None, Some(note.to_owned())]);
+        assert_eq!([0, 2].map(|count| note_outside(count, "vertex")), [None, Some(note.to_owned())]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! binary files.
 
 mod ascii;
+mod colour;
 mod header;
 mod needed;
 
@@ -16,6 +17,7 @@ use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{MAX_CONCAVE_CORNERS, quoted, triangulate};
 use crate::words::{counted, counted_are};
+use colour::{CHANNELS, Colour};
 use glam::{DVec3, Vec3};
 use header::Tidied;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -30,14 +32,14 @@ const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_o
 const LIST_BYTES: usize = 32;
 /// Memory for a face while a file is read: the face itself, the list of its corners, and one triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
+/// Memory for a face's own colour while a file is read, beside the memory for the face: the face together with its
+/// colour, and the colour of one triangle.
+const FACE_COLOUR_BYTES: u64 = (size_of::<ColouredFace>() + size_of::<Vec3>()) as u64;
 /// Memory for a colour of triangles while a file is read: a material, and the colour's entry in the map of colours.
 /// The sum is doubled, because the list of materials and the map may be half empty.
 const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]), u32)>()) as u64;
 /// The largest number of different colours of triangles: a colour has three channels of 8 bits.
 const MAX_COLOURS: u64 = 1 << 24;
-/// The names of a vertex's colour channels. A file uses one row of them.
-const CHANNELS: [[&str; 3]; 3] =
-    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
 /// The words by which a note names the elements that are left out. If a header defines several types of elements with
 /// the same name, only the first of these types is read.
@@ -129,24 +131,31 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     }
 }
 
-/// Returns whether vertices have a number for each of the property names `names`.
-fn has(header: &Header, names: [&str; 3]) -> bool {
-    let vertex = header.elements.get("vertex");
-    names.iter().all(|name| vertex.is_some_and(|vertex| needed::has_number(vertex, name)))
+/// Returns whether elements of this type have a number for each of the property names `names`.
+fn has(header: &Header, element: &str, names: [&str; 3]) -> bool {
+    let element = header.elements.get(element);
+    names.iter().all(|name| element.is_some_and(|element| needed::has_number(element, name)))
 }
 
-/// Returns whether vertices have colours.
-fn has_colours(header: &Header) -> bool {
-    CHANNELS.into_iter().any(|names| has(header, names))
+/// Returns whether elements of this type have colours.
+fn have_colours(header: &Header, element: &str) -> bool {
+    CHANNELS.into_iter().any(|names| has(header, element, names))
+}
+
+/// Returns whether triangles get the colours of their faces. If vertices have colours, these are used instead.
+fn use_face_colours(header: &Header) -> bool {
+    have_colours(header, "face") && !have_colours(header, "vertex")
 }
 
 /// Refuses a file whose vertices, faces and colours do not fit into the host's memory.
 fn hold(name: &str, header: &Header) -> Result<()> {
     let count = |name: &str| header.elements.get(name).map_or(0, |element| element.count as u64);
     let (vertices, faces) = (count("vertex"), count("face").saturating_add(count("tristrips")));
-    let bytes = VERTEX_BYTES.saturating_mul(vertices).saturating_add(FACE_BYTES.saturating_mul(faces));
-    let mut sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces");
-    let colours = if has_colours(header) { faces.min(MAX_COLOURS) } else { 0 };
+    let face_bytes = FACE_BYTES + if use_face_colours(header) { FACE_COLOUR_BYTES } else { 0 };
+    let bytes = VERTEX_BYTES.saturating_mul(vertices).saturating_add(face_bytes.saturating_mul(faces));
+    let mut sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {face_bytes} B x {faces} faces");
+    let are_coloured = ["vertex", "face"].into_iter().any(|element| have_colours(header, element));
+    let colours = if are_coloured { faces.min(MAX_COLOURS) } else { 0 };
     if colours > 0 {
         sum += &format!(" + {COLOUR_BYTES} B x {colours} colours");
     }
@@ -194,6 +203,8 @@ impl Elements<'_> {
 struct Parts {
     vertices: Vec<Vertex>,
     faces: Vec<Face>,
+    /// The colour of each face; empty if the colours of faces are not used.
+    face_colours: Vec<Colour>,
     strips: Vec<Face>,
     /// Elements of other types: name and count.
     others: Vec<(String, usize)>,
@@ -211,6 +222,11 @@ impl Parts {
     ) -> std::result::Result<(), Flaw> {
         match name {
             "vertex" => self.vertices = elements.next(element, header)?,
+            "face" if use_face_colours(header) => {
+                let coloured: Vec<ColouredFace> = elements.next(element, header)?;
+                let parts = coloured.into_iter().map(|ColouredFace { face, colour }| (face, colour));
+                (self.faces, self.face_colours) = parts.unzip();
+            }
             "face" => self.faces = elements.next(element, header)?,
             "tristrips" => self.strips = elements.next(element, header)?,
             _ => {
@@ -223,54 +239,85 @@ impl Parts {
 
     fn mesh(self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
-        let with_normals = has(header, ["nx", "ny", "nz"]);
-        let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
+        let with_normals = has(header, "vertex", ["nx", "ny", "nz"]);
+        let Triangles { list, colours, short } = self.triangles(&positions, with_normals)?;
+        let (settled, placement) = settle(&positions, &list)?;
+        let materials = vec![Material::default()];
+        let mut mesh = Mesh { positions: settled, triangles: list, materials, ..Mesh::default() };
         if with_normals {
             mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
             // Normals that are not finite become zero; zero normals are replaced later.
             mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
         }
-        mesh.triangles.reserve(self.faces.len());
-        let mut push = |corners: [u32; 3]| {
+        let mut notes = Vec::new();
+        if !mesh.triangles.is_empty() {
+            self.paint(&mut mesh, header, colours, &mut notes);
+        }
+        for (clear, element) in [
+            (self.vertices.iter().filter(|vertex| vertex.colour.is_clear()).count(), "vertex"),
+            (self.face_colours.iter().filter(|colour| colour.is_clear()).count(), "face"),
+        ] {
+            if clear > 0 {
+                let elements = counted(clear, element);
+                notes.push(format!("alpha of {elements} is not used: every surface is opaque"));
+            }
+        }
+        notes.extend(self.notes(quotes, header, short));
+        Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
+    }
+
+    /// Divides faces and strips into triangles.
+    fn triangles(&self, positions: &[DVec3], with_normals: bool) -> std::result::Result<Triangles, Flaw> {
+        let mut all = Triangles::default();
+        all.list.reserve(self.faces.len());
+        let triangle = |corners: [u32; 3]| {
             let normals = if with_normals { corners } else { [MISSING; 3] };
-            mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });
+            Triangle { positions: corners, normals, material: 0 }
         };
-        let mut short = 0;
         for (number, face) in self.faces.iter().enumerate() {
             let corners = face.corners(positions.len()).map_err(|what| missing("face", number, &what))?;
             match corners[..] {
-                [a, b, c] => push([a, b, c]),
-                [] | [_] | [_, _] => short += 1,
+                [a, b, c] => all.list.push(triangle([a, b, c])),
+                [] | [_] | [_, _] => all.short += 1,
                 _ => {
                     let mut outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
                     // Products of the lengths of a tiny outline would underflow, so the outline is scaled first.
                     let scale = placement_of(outline.iter()).scale;
                     outline.iter_mut().for_each(|corner| *corner *= scale);
-                    let triangles = triangulate(&outline).ok_or_else(|| too_large(number))?;
-                    triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
+                    let parts = triangulate(&outline).ok_or_else(|| too_large(number))?;
+                    all.list.extend(parts.into_iter().map(|part| triangle(part.map(|i| corners[i]))));
                 }
+            }
+            if let Some(colour) = self.face_colours.get(number) {
+                all.colours.resize(all.list.len(), colour.linear());
             }
         }
         for (number, strip) in self.strips.iter().enumerate() {
+            let mut push = |corners| all.list.push(triangle(corners));
             strip.triangles(positions.len(), &mut push).map_err(|what| missing("strip", number, &what))?;
         }
-        let (settled, placement) = settle(&positions, &mesh.triangles)?;
-        mesh.positions = settled;
-        let mut notes = Vec::new();
-        if has_colours(header) && !mesh.triangles.is_empty() {
-            mesh.materials = vec![Material::lambertian(Vec3::ONE)];
-            let linear: Vec<Vec3> = self.vertices.iter().map(Vertex::linear).collect();
-            colours::paint(&mut mesh, &linear);
+        Ok(all)
+    }
+
+    /// Gives the triangles the colours of their vertices or, if vertices have none, of their faces. `of_faces` has the
+    /// linear colours of the triangles of faces.
+    fn paint(&self, mesh: &mut Mesh, header: &Header, mut of_faces: Vec<Vec3>, notes: &mut Vec<String>) {
+        let white = vec![Material::lambertian(Vec3::ONE)];
+        let outside = |of: &[Vec3]| of.iter().filter(|colour| colours::is_outside(colour)).count();
+        if have_colours(header, "vertex") {
+            mesh.materials = white;
+            let linear: Vec<Vec3> = self.vertices.iter().map(|vertex| vertex.colour.linear()).collect();
+            colours::paint(mesh, &linear);
             notes.push(colours::note(linear.len()));
-            let outside = linear.iter().filter(|colour| colours::is_outside(colour)).count();
-            notes.extend(colours::note_outside(outside));
+            notes.extend(colours::note_outside(outside(&linear), "vertex"));
+        } else if use_face_colours(header) {
+            // The triangles of strips have no colours of their own.
+            of_faces.resize(mesh.triangles.len(), mesh.materials[0].lambertian);
+            mesh.materials = white;
+            colours::paint_triangles(mesh, &of_faces);
+            let linear: Vec<Vec3> = self.face_colours.iter().map(Colour::linear).collect();
+            notes.extend(colours::note_outside(outside(&linear), "face"));
         }
-        let clear = self.vertices.iter().filter(|vertex| vertex.alpha < 1.0).count();
-        if clear > 0 {
-            notes.push(format!("alpha of {} is not used: every surface is opaque", counted(clear, "vertex")));
-        }
-        notes.extend(self.notes(quotes, header, short));
-        Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
     }
 
     /// Returns notes on ignored parts of the file, with text of the file only if `quotes` is true.
@@ -281,9 +328,9 @@ impl Parts {
             let comments = counted_are(textures, "TextureFile comment");
             notes.push(format!("{comments} ignored: PLY files get no textures, but one colour per triangle"));
         }
-        let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
-        if let Some(face) = of_faces {
-            notes.push(format!("colours of {} are not read", counted(face.count, "face")));
+        if have_colours(header, "face") && !use_face_colours(header) {
+            let faces = counted(self.faces.len(), "face");
+            notes.push(format!("colours of {faces} are not used, since vertices have colours"));
         }
         if short > 0 {
             notes.push(format!("{} left out", counted_are(short, "face of fewer than three corners")));
@@ -302,29 +349,30 @@ impl Parts {
     }
 }
 
+/// The triangles of faces and strips.
+#[derive(Default)]
+struct Triangles {
+    list: Vec<Triangle>,
+    /// The linear colour of each triangle of a face; empty if the colours of faces are not used.
+    colours: Vec<Vec3>,
+    /// The number of faces with fewer than three corners.
+    short: usize,
+}
+
 /// A vertex. A property that the file does not have stays 0, or 1 for alpha.
 struct Vertex {
     position: DVec3,
     normal: Vec3,
-    /// The colour as displayed; each channel is from 0 to 1.
-    colour: Vec3,
-    alpha: f32,
-}
-
-impl Vertex {
-    fn linear(&self) -> Vec3 {
-        self.colour.map(colours::linear)
-    }
+    colour: Colour,
 }
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Vec3::ZERO, alpha: 1.0 }
+        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Colour::new() }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
         let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
-        let channel = || (value / full_channel(&property)) as f32;
         match name {
             "x" => self.position.x = value,
             "y" => self.position.y = value,
@@ -332,10 +380,7 @@ impl PropertyAccess for Vertex {
             "nx" => self.normal.x = value as f32,
             "ny" => self.normal.y = value as f32,
             "nz" => self.normal.z = value as f32,
-            "red" | "diffuse_red" | "r" => self.colour.x = channel(),
-            "green" | "diffuse_green" | "g" => self.colour.y = channel(),
-            "blue" | "diffuse_blue" | "b" => self.colour.z = channel(),
-            "alpha" | "diffuse_alpha" | "a" => self.alpha = channel(),
+            _ if self.colour.set(name, &property, value) => {}
             _ => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set
@@ -355,17 +400,6 @@ fn missing(kind: &str, number: usize, what: &str) -> Flaw {
         format!("{kind} {number}: {what}"),
         format!("{kind} {number} has a vertex that does not exist in the file"),
     )
-}
-
-/// Returns the channel value of full intensity. Files with `short`, `int` or `uint` channels store values from 0
-/// to 255.
-fn full_channel(property: &Property) -> f64 {
-    match property {
-        Property::Float(_) | Property::Double(_) => 1.0,
-        Property::UShort(_) => 65535.0,
-        Property::Char(_) => 127.0,
-        _ => 255.0,
-    }
 }
 
 fn number(property: &Property) -> Option<f64> {
@@ -440,6 +474,25 @@ impl PropertyAccess for Face {
             return PropertyAccessResult::Set;
         }
         PropertyAccessResult::Ignored
+    }
+}
+
+/// A face with a colour of its own.
+struct ColouredFace {
+    face: Face,
+    colour: Colour,
+}
+
+impl PropertyAccess for ColouredFace {
+    fn new() -> Self {
+        Self { face: Face::new(), colour: Colour::new() }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        match number(&property) {
+            Some(value) if self.colour.set(name, &property, value) => PropertyAccessResult::Set,
+            _ => self.face.set_property(name, property),
+        }
     }
 }
 

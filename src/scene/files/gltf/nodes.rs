@@ -281,7 +281,7 @@ impl<'a> Walk<'a> {
         if self.coloured > 0 {
             colours::paint(&mut mesh, &self.colours);
             notes.push(colours::note(self.coloured));
-            notes.extend(colours::note_outside(self.outside));
+            notes.extend(colours::note_outside(self.outside, "vertex"));
         }
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());

@@ -1,6 +1,7 @@
 //! The header of a PLY file. The crate `ply-rs-bw` reads headers as PLY defines them; variants that some programs write
 //! are brought into this form first.
 
+use super::colour::with_lower_case;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
 use std::borrow::Cow;
@@ -30,8 +31,8 @@ pub(super) struct Tidied<'a> {
 }
 
 /// Brings a file's header into the form that PLY defines: in UTF-8, without a byte order mark, with line feeds as its
-/// only line ends, without blanks before a line, and with a different name for each property. Fails if the header is
-/// longer than [`MAX_BYTES`].
+/// only line ends, without blanks before a line, with a different name for each property, and with the names of colour
+/// channels in lower case. Fails if the header is longer than [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
@@ -129,7 +130,8 @@ struct Names {
 
 impl Names {
     /// Returns the words of the next line, with another name for an element or a property if `ply-rs-bw` would not read
-    /// its name. Such a name contains characters that PLY does not define, such as brackets, or occurs twice.
+    /// its name. Such a name contains characters that PLY does not define, such as brackets, or occurs twice. The name
+    /// of a colour channel gets lower case.
     fn replaced<'a>(&mut self, mut words: Vec<Cow<'a, str>>) -> Vec<Cow<'a, str>> {
         self.line += 1;
         let (at, used) = match words.first().map(|word| &**word) {
@@ -141,7 +143,7 @@ impl Names {
             _ => return words,
         };
         if let Some(name) = words.get_mut(at.max(1)) {
-            let mut valid = valid(name);
+            let mut valid = with_lower_case(valid(name));
             while used.contains_key(&valid) {
                 valid = format!("{valid}_{}", self.line);
             }

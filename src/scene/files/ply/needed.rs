@@ -1,7 +1,8 @@
 //! The elements and properties that a mesh needs. The header of a PLY file may give its elements any names and
 //! properties, and an element keeps zeros for the properties that it lacks.
 
-use super::{CHANNELS, is_corners};
+use super::colour::CHANNELS;
+use super::is_corners;
 use crate::error::or_meant;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
@@ -73,7 +74,8 @@ pub(super) fn has_number(element: &ElementDef, name: &str) -> bool {
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
-/// Returns notes on groups of vertex properties, such as nx, ny and nz, if only some properties of a group exist.
+/// Returns notes on groups of properties of vertices or faces, such as nx, ny and nz, if only some properties of a
+/// group exist.
 pub(super) fn notes(header: &Header) -> Vec<String> {
     let Some(vertex) = header.elements.get("vertex") else { return Vec::new() };
     let mut notes = Vec::new();
@@ -82,11 +84,14 @@ pub(super) fn notes(header: &Header) -> Vec<String> {
     }
     // The names r, g and b are not checked, since a single `r` may also be a radius.
     let [colours, diffuse, _] = CHANNELS;
-    for names in [["nx", "ny", "nz"], colours, diffuse] {
-        let count = names.iter().filter(|name| has_number(vertex, name)).count();
+    let of_vertices = [["nx", "ny", "nz"], colours, diffuse].map(|names| ("vertices", vertex, names));
+    let face = header.elements.get("face");
+    let of_faces = face.map(|face| [colours, diffuse].map(|names| ("faces", face, names)));
+    for (who, element, names) in of_vertices.into_iter().chain(of_faces.into_iter().flatten()) {
+        let count = names.iter().filter(|name| has_number(element, name)).count();
         if (1..names.len()).contains(&count) {
             let all = names.join(", ");
-            notes.push(format!("vertices have only {count} of the properties {all}: these are not read"));
+            notes.push(format!("{who} have only {count} of the properties {all}: these are not read"));
         }
     }
     notes

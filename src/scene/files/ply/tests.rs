@@ -22,6 +22,66 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
     assert!(file.notes.iter().any(|note| note.contains("4 vertices")), "{:?}", file.notes);
 }
 
+/// Two faces of a plane, a triangle and a square, with colours of their own: red, and green of half the intensity. The
+/// faces are followed by a strip without a colour.
+const PAINTED: &str = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+    element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n\
+    property uchar blue\nelement tristrips 1\nproperty list uchar int vertex_indices\nend_header\n\
+    0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n3 1 4 2 255 0 0\n4 0 1 2 3 0 188 0\n3 0 2 4\n";
+
+/// Returns the colour of each triangle.
+fn triangle_colours(file: &MeshFile) -> Vec<Vec3> {
+    file.mesh.triangles.iter().map(|triangle| file.mesh.material(triangle).lambertian).collect()
+}
+
+#[test]
+fn triangles_get_the_colours_of_their_faces_unless_vertices_have_colours() {
+    let file = parse("a.ply", PAINTED.as_bytes()).unwrap();
+    assert!(file.mesh.materials.len() == 3 && file.notes.is_empty(), "{:?}", file.notes);
+    let green = Vec3::Y * colours::linear(188.0 / 255.0);
+    let near = |actual: &Vec3, expected: &Vec3| (*actual - *expected).abs().max_element() < 2e-3;
+    // The square is two triangles. The strip has the colour of a mesh without colours, rounded to 8 bits.
+    let expected = [Vec3::X, green, green, Vec3::splat(0.8)];
+    let actual = triangle_colours(&file);
+    assert!(actual.len() == 4 && actual.iter().zip(&expected).all(|(a, b)| near(a, b)), "{actual:?}");
+    // Alpha and channels above 1 of faces are noted like those of vertices.
+    let clear = PAINTED.replace("property uchar blue\n", "property uchar blue\nproperty uchar alpha\n");
+    let clear = clear.replace("255 0 0\n", "255 0 0 7\n").replace("0 188 0\n", "0 188 0 255\n");
+    let file = parse("a.ply", clear.as_bytes()).unwrap();
+    assert_eq!(triangle_colours(&file), actual);
+    assert_eq!(file.notes, ["alpha of 1 face is not used: every surface is opaque"]);
+    let bright = PAINTED.replace("uchar red", "float red").replace("uchar green", "float green");
+    let notes = parse("a.ply", bright.as_bytes()).unwrap().notes;
+    assert_eq!(notes, ["2 faces with a colour outside 0 to 1 are shown with channels limited to this range"]);
+    // In the last file, the vertices are blue.
+    let vertices = "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let both = PAINTED.replace("property float z\n", vertices);
+    let (header, data) = both.split_once("end_header\n").unwrap();
+    let lines = data.lines().enumerate();
+    let data = lines.map(|(at, line)| if at < 5 { format!("{line} 0 0 255\n") } else { format!("{line}\n") });
+    let text = format!("{header}end_header\n{}", data.collect::<String>());
+    let file = parse("a.ply", text.as_bytes()).unwrap();
+    assert_eq!(triangle_colours(&file), [Vec3::Z; 4]);
+    assert!(file.notes.contains(&"colours of 2 faces are not used, since vertices have colours".to_owned()));
+}
+
+#[test]
+fn names_of_colour_channels_may_have_capitals() {
+    for (text, colours) in [(SQUARE, vec![Vec3::X; 2]), (PAINTED, Vec::new())] {
+        let plain = parse("a.ply", text.as_bytes()).unwrap();
+        let mut capitals = text.to_owned();
+        for (from, to) in
+            [("uchar red", "uchar Red"), ("uchar green", "uchar GREEN"), ("uchar blue", "uchar Blue")]
+        {
+            assert!(capitals.contains(from));
+            capitals = capitals.replace(from, to);
+        }
+        let file = parse("a.ply", capitals.as_bytes()).unwrap();
+        assert_eq!((&file.mesh, &file.notes), (&plain.mesh, &plain.notes));
+        assert!(colours.is_empty() || triangle_colours(&file) == colours);
+    }
+}
+
 #[test]
 fn the_list_of_a_faces_corners_has_one_of_two_names() {
     let mesh = |text: &str| parse("a.ply", text.as_bytes()).unwrap().mesh;
@@ -214,6 +274,16 @@ fn what_a_header_needs_is_held_against_the_memory() {
         let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
+    // If only faces have colours, each face and its triangle need a colour while the file is read.
+    let painted = "element face 1000\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let text = format!("ply\nformat ascii 1.0\nelement vertex {}\n{painted}end_header\n", 1_u64 << 50);
+    let header = Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap();
+    let message = hold("a.ply", &header).unwrap_err().to_string();
+    let face = FACE_BYTES + FACE_COLOUR_BYTES;
+    assert!(
+        message.contains(&format!(" + {face} B x 1000 faces + {COLOUR_BYTES} B x 1000 colours")),
+        "{message}"
+    );
     // Each face may have a colour of its own, so the number of colours is the number of faces, but at most the number
     // of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
@@ -436,6 +506,8 @@ fn properties_of_vertices_of_which_some_are_missing_are_noted() {
     assert_eq!(notes("uchar blue", "uchar bleu"), [incomplete, edges]);
     let one = "vertices have only 1 of the properties nx, ny, nz: these are not read";
     assert_eq!(notes("uchar blue", "uchar nx"), [one, incomplete, edges]);
+    let of_faces = parse("a.ply", PAINTED.replace("uchar blue", "uchar bleu").as_bytes()).unwrap().notes;
+    assert_eq!(of_faces, [incomplete.replace("vertices", "faces")]);
     // A property `r` without `g` and `b` is often a radius, so it adds no note.
     assert_eq!(notes("uchar blue", "uchar r").len(), 2);
 }
