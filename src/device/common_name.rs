@@ -30,7 +30,7 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');
-    let first = parts.iter().position(|part| is_model(&part)).unwrap_or(0);
+    let first = parts.iter().position(is_model).unwrap_or(0);
     parts[first..].join("-")
 }
 

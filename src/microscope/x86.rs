@@ -175,23 +175,6 @@ mod tests {
             ("pop    (%rax)", &[Load(Private), Store(Generic)]),
             ("leave", &[Load(Private)]),
             ("rep stos %rax,%es:(%rdi)", &[Store(Generic)]),
-            ("vpermilps $0x0,%xmm1,%xmm2", &[Move]),
-            ("vshufps $0x0,%xmm1,%xmm1,%xmm2", &[Move]),
-            ("vshuff64x2 $0x0,%zmm1,%zmm1,%zmm2", &[Move]),
-            ("shufps $0x0,%xmm1,%xmm2", &[Move]),
-            ("vpshufd $0x0,(%rax),%xmm2", &[Load(Generic)]),
-            ("pshufb %xmm1,%xmm2", &[Move]),
-            ("vunpcklps %xmm1,%xmm2,%xmm3", &[Move]),
-            ("unpcklps %xmm1,%xmm2", &[Move]),
-            ("vpunpckldq %xmm1,%xmm2,%xmm3", &[Move]),
-            ("punpckldq %xmm1,%xmm2", &[Move]),
-            ("vblendvps %xmm1,%xmm2,%xmm3,%xmm4", &[Move]),
-            ("blendps $0x1,%xmm1,%xmm2", &[Move]),
-            ("vpblendd $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
-            ("pblendw $0x1,%xmm1,%xmm2", &[Move]),
-            ("valignd $0x1,%zmm1,%zmm2,%zmm3", &[Move]),
-            ("vpalignr $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
-            ("palignr $0x1,%xmm1,%xmm2", &[Move]),
             ("{evex} vmovups (%rax),%xmm1", &[Load(Generic)]),
             ("{vex} vpdpbusd %xmm1,%xmm2,%xmm3", &[Arithmetic]),
             ("jmp    1195 <_pocl_kernel_x_workgroup+0x65>", &[Branch]),
@@ -207,6 +190,32 @@ mod tests {
             [Load(Generic)],
             "if no frame register is given, %rbp is like any other register"
         );
+    }
+
+    #[test]
+    fn shuffles_and_blends_are_moves_whatever_they_are_called() {
+        use Kind::{Load, Move};
+        for (text, expected) in [
+            ("vpermilps $0x0,%xmm1,%xmm2", &[Move][..]),
+            ("vshufps $0x0,%xmm1,%xmm1,%xmm2", &[Move]),
+            ("vshuff64x2 $0x0,%zmm1,%zmm1,%zmm2", &[Move]),
+            ("shufps $0x0,%xmm1,%xmm2", &[Move]),
+            ("vpshufd $0x0,(%rax),%xmm2", &[Load(Memory::Generic)]),
+            ("pshufb %xmm1,%xmm2", &[Move]),
+            ("vunpcklps %xmm1,%xmm2,%xmm3", &[Move]),
+            ("unpcklps %xmm1,%xmm2", &[Move]),
+            ("vpunpckldq %xmm1,%xmm2,%xmm3", &[Move]),
+            ("punpckldq %xmm1,%xmm2", &[Move]),
+            ("vblendvps %xmm1,%xmm2,%xmm3,%xmm4", &[Move]),
+            ("blendps $0x1,%xmm1,%xmm2", &[Move]),
+            ("vpblendd $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
+            ("pblendw $0x1,%xmm1,%xmm2", &[Move]),
+            ("valignd $0x1,%zmm1,%zmm2,%zmm3", &[Move]),
+            ("vpalignr $0x1,%xmm1,%xmm2,%xmm3", &[Move]),
+            ("palignr $0x1,%xmm1,%xmm2", &[Move]),
+        ] {
+            assert_eq!(kinds(text, &["%rbp"]), expected, "{text}");
+        }
     }
 
     #[test]

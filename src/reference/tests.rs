@@ -135,7 +135,7 @@ fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> S
 fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() {
     let size = [32; 2];
     // Squares of 128 texels are in turn opaque and transparent.
-    let squares = |x: u32, y: u32| if (x / 128 + y / 128) % 2 == 0 { 255 } else { 0 };
+    let squares = |x: u32, y: u32| if (x / 128 + y / 128).is_multiple_of(2) { 255 } else { 0 };
     for (from_left, certain) in
         [(64.0, true), (126.5, true), (127.875, false), (128.125, false), (129.5, true)]
     {

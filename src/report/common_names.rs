@@ -57,7 +57,7 @@ mod tests {
             environment: json!({ "devices": [{ "device": driver }, { "device": "NVIDIA H200" }] }),
             ..Folder::default()
         };
-        let (folders, drivers) = with_common_names(&[folder.clone()]);
+        let (folders, drivers) = with_common_names(std::slice::from_ref(&folder));
         let names: Vec<_> = folders[0].records.iter().map(|record| record.device.as_str()).collect();
         assert_eq!(names, ["AMD EPYC 9B45, PoCL", "NVIDIA H200", HOST]);
         assert_eq!(drivers, HashMap::from([(names[0].to_owned(), driver.to_owned())]));
