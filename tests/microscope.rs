@@ -6,21 +6,27 @@
 //! right lines: the lines before and after the stores must have no stores, the line of the loads must have no stores,
 //! and the line after it no loads.
 
-use crate::binary::{WorkFolder, device, has, repository};
+use crate::binary::{WorkFolder, device, has, repository, run};
 use serde_json::Value;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Returns the output of `raycl compile --json` for the whole-frame kernel of a strategy, as compiled by the driver.
 fn listing(strategy: &str) -> Value {
+    listing_of("cast_frame", &["--strategy", strategy])
+}
+
+/// Returns the output of `raycl compile --json`, with these options, for a kernel as compiled by the driver.
+fn listing_of(kernel: &str, options: &[&str]) -> Value {
     let scene = repository("scenes/teapot.toml");
     let device = device();
-    let scene = scene.to_str().expect("a path");
-    let text =
-        WorkFolder::new().output(&["compile", scene, "--device", &device, "--strategy", strategy, "--json"]);
+    let usual = ["compile", scene.to_str().expect("a path"), "--device", &device, "--json"];
+    let text = WorkFolder::new().output(&[&usual, options].concat());
     let made: Value = serde_json::from_str(&text).expect("JSON");
     let listings = made["microscope"]["listings"].as_array().expect("a list");
-    let of_frame = listings.iter().find(|listing| listing["kernel"] == "cast_frame");
-    let listing =
-        of_frame.unwrap_or_else(|| panic!("no cast_frame: {}", made["microscope"]["notes"])).clone();
+    let of_kernel = listings.iter().find(|listing| listing["kernel"] == kernel);
+    let listing = of_kernel.unwrap_or_else(|| panic!("no {kernel}: {}", made["microscope"]["notes"])).clone();
     assert_eq!(listing["rows_are"], "lines", "the compiler wrote no line table");
     listing
 }
@@ -95,6 +101,106 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     let with_line = listing["with_line"].as_u64().expect("a number");
     assert_eq!(sum(&|row| row["instructions"].as_u64().expect("a number")), with_line);
     assert!(with_line * 10 > all * 8, "{with_line} of {all} instructions have a line");
+}
+
+/// Renders the teapot with these options and an own folder for PoCL's compiled kernels, and returns the machine code of
+/// the kernel that the frame ran. PoCL names the folder of this file by the local size. Returns `None` if the driver is
+/// not PoCL and does not use this folder.
+fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str]) -> Option<PathBuf> {
+    let (scene, device) = (repository("scenes/teapot.toml"), device());
+    let scene = scene.to_str().expect("a path");
+    let usual = ["render", scene, "--device", &device, "--width", "72", "--height", "45", "-o", "out.png"];
+    std::fs::create_dir(folder.path("kernels")).expect("a folder");
+    let mut command = folder.raycl(&[&usual, options].concat());
+    command.env("POCL_CACHE_DIR", folder.path("kernels")).assert().success();
+    let files = files(&folder.path("kernels"));
+    let version = format!("{}-1-goffs0", local_size.replace('x', "-"));
+    let is_run = |file: &&PathBuf| {
+        let names: Vec<_> = file.iter().rev().map(|name| name.to_string_lossy()).take(2).collect();
+        names[0] == format!("{kernel}.so") && names[1].starts_with(&version)
+    };
+    let ran: Vec<_> = files.iter().filter(is_run).collect();
+    assert!(files.is_empty() || ran.len() == 1, "{kernel} {local_size}: {ran:?}");
+    ran.first().map(|file| (*file).clone())
+}
+
+/// Returns the files of a folder and of all folders in it.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let paths = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+    paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+/// Returns the number of instructions of a kernel of PoCL and of the functions that it calls.
+fn instructions(file: &Path, kernel: &str) -> u64 {
+    let output = run(Command::new("objdump").args(["--disassemble", "--no-show-raw-insn"]).arg(file));
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let function = |part: &str| {
+        let (head, body) = part.trim_start().split_once('\n')?;
+        let name = head.split_once(" <")?.1.strip_suffix(">:")?.to_owned();
+        Some((name, body.lines().filter(|line| line.contains(":\t")).map(str::to_owned).collect::<Vec<_>>()))
+    };
+    let functions: HashMap<String, Vec<String>> = text.split("\n\n").filter_map(function).collect();
+    let mut reached = vec![format!("_pocl_kernel_{kernel}")];
+    let mut at = 0;
+    while let Some(name) = reached.get(at) {
+        let called = functions[name].iter().filter_map(|line| {
+            let (_, text) = line.split_once(":\t")?;
+            let name = text.split_once('<')?.1.strip_suffix('>')?;
+            let goes = text.starts_with("call") || text.starts_with('j');
+            // Stubs of the linker lead to other files, as in "memset@plt".
+            (goes && !name.contains("@plt")).then(|| name.to_owned())
+        });
+        let called: Vec<_> = called.filter(|name| functions.contains_key(name)).collect();
+        for name in called {
+            if !reached.contains(&name) {
+                reached.push(name);
+            }
+        }
+        at += 1;
+    }
+    reached.iter().map(|name| functions[name].len() as u64).sum()
+}
+
+/// PoCL compiles a kernel for each local size with which it is launched, and once for any local size. The version for
+/// any local size, which no frame runs, has other instructions.
+#[test]
+fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
+    for (strategy, kernel, local_size) in [
+        ("naive", "cast_frame", "8x8"),
+        ("naive", "cast_frame", "16x16"),
+        ("private", "cast_frame", "64x1"),
+        ("tile-group", "tile_cast", "32x1"),
+    ] {
+        let options = ["--strategy", strategy, "--local-size", local_size];
+        let listing = listing_of(kernel, &options);
+        assert_eq!(listing["same_as_timed"], true, "{strategy} {local_size}");
+        assert_eq!(listing["for_any_local_size"], false, "{strategy} {local_size}");
+        let folder = WorkFolder::new();
+        let Some(file) = rendered(&folder, kernel, local_size, &options) else { return };
+        assert_eq!(listing["instructions"], instructions(&file, kernel), "{strategy} {local_size}");
+    }
+}
+
+/// With this variable, PoCL compiles no version for a local size.
+#[test]
+fn a_version_for_any_local_size_is_named_and_not_called_the_timed_one() {
+    let (folder, device) = (WorkFolder::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
+    std::fs::create_dir(folder.path("kernels")).expect("a folder");
+    let arguments = ["compile", "scene.toml", "--device", &device, "--strategy", "private", "--out", "made"];
+    let mut command = folder.raycl(&arguments);
+    command.env("POCL_WORK_GROUP_SPECIALIZATION", "0").env("POCL_CACHE_DIR", folder.path("kernels"));
+    command.assert().success();
+    if files(&folder.path("kernels")).is_empty() {
+        // The driver is not PoCL.
+        return;
+    }
+    let made: Value = serde_json::from_str(&folder.text("made/private/made.json")).expect("JSON");
+    let listing = &made["microscope"]["listings"][0];
+    assert_eq!((&listing["for_any_local_size"], &listing["same_as_timed"]), (&true.into(), &false.into()));
+    let said = "of the version that PoCL compiles for any local size";
+    has(&made["microscope"]["notes"].to_string(), &["of cast_frame", said]);
+    let page = folder.text("made/private/microscope.html");
+    assert_eq!(page.matches(said).count(), 2, "a note on the page, and one on the kernel");
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! `raycl compile`: builds a scene's kernels and saves the compiler's output.
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
-use crate::device::Device;
+use crate::device::{Device, is_pocl};
 use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
-use crate::microscope::Microscope;
+use crate::microscope::{Microscope, binary_of_frame};
 use crate::output::{Choice, OutFolder};
 use crate::printer;
 use crate::program::compiled::is_ptx;
@@ -24,7 +24,7 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions. It also counts the instructions of each kind, such as loads from global memory. No ray is cast.
+Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions. It also counts the instructions of each kind, such as loads from global memory. PoCL, a driver for CPUs, compiles a kernel for its local size only when it is launched; with --out or --json, raycl therefore casts a frame of one pixel with PoCL. With other drivers, no ray is cast.
 
 The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers; for the others, the table that `raycl compile` prints does not show it. This table counts memory instructions only in PTX.")]
 pub struct Args {
@@ -75,9 +75,9 @@ struct Compilation {
     microscope: Option<Microscope>,
 }
 
-/// The image size for which the kernels are prepared. The compiled code does not depend on the image size, so any size
-/// will do.
-const IMAGE_SIZE: [u32; 2] = [64, 64];
+/// The image size for which the kernels are prepared. The compiled code does not depend on the image size. With PoCL, a
+/// frame is cast; a frame of one pixel takes little time even in a large scene.
+const IMAGE_SIZE: [u32; 2] = [1, 1];
 
 /// Builds the program of every strategy. If a program cannot be built, builds the programs of the other strategies, and
 /// then fails.
@@ -178,8 +178,12 @@ fn compile(
     let (log, ptx) = (program.log(), program.ptx());
     let kernels = prepared.made(&caster, &log, &ptx);
     let looks = args.out.is_some() || args.json;
-    let binary = if looks { program.binary() } else { Vec::new() };
-    let microscope = looks.then(|| Microscope::of(&prepared, &binary, &kernels));
+    let binary = match looks {
+        false => Vec::new(),
+        true if is_pocl(&device.info.platform) => binary_of_frame(program, &caster),
+        true => program.binary(),
+    };
+    let microscope = looks.then(|| Microscope::of(&prepared, &caster, &binary, &kernels));
     let binary_is_ptx = !ptx.is_empty() || is_ptx(&binary);
     let made = Compilation {
         device: device.info.label.clone(),

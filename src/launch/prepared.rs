@@ -45,6 +45,13 @@ impl Prepared {
         self.caster_of(&self.workload, None)
     }
 
+    /// Makes a caster for the frame, whose kernels come from another program with the same kernels.
+    pub fn caster_of_program(&self, program: &BuiltProgram) -> Result<Caster, Refused> {
+        let bytes = self.frames.count(&self.strategy, &self.workload);
+        let setup = Setup { program, ..self.setup(&self.workload) };
+        Caster::new(setup, None, bytes).map_err(Refused::at("preparing the frame"))
+    }
+
     /// Makes a caster for a frame of another size, or for a band (some of the frame's rows of work-groups).
     pub(super) fn caster_of(&self, workload: &Workload, band: Option<Band>) -> Result<Caster, Refused> {
         let bytes = self.frames.count(&self.strategy, workload);

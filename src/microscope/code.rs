@@ -37,6 +37,9 @@ pub(super) fn opcode(text: &str) -> &str {
 pub struct Code {
     /// The kernel's name.
     pub kernel: String,
+    /// The name of this version of the kernel, if the driver is PoCL, which compiles several versions; see
+    /// [`version`](super::pocl::version).
+    pub version: Option<String>,
     /// The kernel's instructions, in the order in which the compiler or disassembler wrote them. The functions that the
     /// kernel calls follow the kernel's own function.
     pub instructions: Vec<Instruction>,
@@ -140,6 +143,7 @@ mod tests {
         let load = Kind::Load(Memory::Local);
         let code = Code {
             kernel: "k".into(),
+            version: None,
             instructions: vec![
                 instruction("a x", Some(2), "", load),
                 instruction("b y", None, "", Kind::Move),

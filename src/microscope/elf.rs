@@ -4,14 +4,14 @@
 /// The bytes with which a 64-bit, little-endian ELF file begins.
 const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];
 
-/// Returns every whole ELF file in `binary`, in order.
-pub fn files(binary: &[u8]) -> Vec<&[u8]> {
+/// Returns every whole ELF file in `binary`, in order, each with the number of bytes before it.
+pub fn files(binary: &[u8]) -> Vec<(usize, &[u8])> {
     let mut files = Vec::new();
     let mut at = 0;
     while let Some(offset) = binary[at..].windows(MAGIC.len()).position(|bytes| bytes == MAGIC) {
         let rest = &binary[at + offset..];
         let file = length(rest).and_then(|length| rest.get(..length));
-        files.extend(file);
+        files.extend(file.map(|file| (at + offset, file)));
         at += offset + file.map_or(MAGIC.len(), <[u8]>::len);
     }
     files
@@ -44,7 +44,7 @@ mod tests {
     fn files_are_found_between_other_bytes_and_torn_ones_are_left_out() {
         let (one, other) = (file(300, 1), file(200, 2));
         let binary = [b"poclbin\0", &one[..], b"name.so", &other[..], b"rest", &one[..250]].concat();
-        assert_eq!(files(&binary), [&one[..], &other[..]]);
+        assert_eq!(files(&binary), [(8, &one[..]), (315, &other[..])]);
         // This header states that the file has no section table.
         let header = [&MAGIC[..], &[0; 58]].concat();
         for none in [&header, &b""[..], b"\x7fELF", &MAGIC, &one[..299], b".version 8.0"] {

@@ -6,12 +6,14 @@
 //! Therefore each line of the text belongs to one place in the program only. The instructions are then read from the
 //! binary, which contains PTX text or a CPU's machine code; the program `objdump` disassembles the machine code. If
 //! `ptxas` and `nvdisasm` are installed, `ptxas` translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads it
-//! too. Without a line table, instructions are counted by parts of the kernel.
+//! too. Without a line table, instructions are counted by parts of the kernel. PoCL compiles a kernel once more for the
+//! local size of a launch; the microscope shows this version, which a frame runs.
 
 mod code;
 mod elf;
 mod kind;
 mod objdump;
+mod pocl;
 mod ptx;
 mod sass;
 mod tool;
@@ -19,9 +21,10 @@ mod x86;
 
 pub use code::{Code, Instruction, Row};
 pub use kind::{Counts, Kind};
+pub use pocl::binary_of_frame;
 
 use crate::device::Hush;
-use crate::launch::Prepared;
+use crate::launch::{Caster, Prepared};
 use crate::program::compiled::{is_ptx, resources};
 use crate::program::preprocess::read;
 use crate::program::{CompiledKernel, ProgramSpec};
@@ -63,8 +66,12 @@ pub struct Listing {
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
     /// Whether the timed program, which has no line table, has the same operations in the same order. Operands
-    /// (registers, addresses, numbers) are not compared. `None` if this cannot be checked.
+    /// (registers, addresses, numbers) are not compared. `None` if this cannot be checked. `false` if
+    /// `for_any_local_size` is true.
     pub same_as_timed: Option<bool>,
+    /// Whether the driver is PoCL, and only its version of the kernel for any local size was found. A frame normally
+    /// runs the version for the kernel's own local size.
+    pub for_any_local_size: bool,
     /// Number of instructions.
     pub instructions: u32,
     /// Number of instructions with a source line.
@@ -96,9 +103,10 @@ const NOTHING: &str =
     "There are no instructions: the driver's binary holds neither PTX nor an ELF file with the kernels.";
 
 impl Microscope {
-    /// Compiles a program with a line table, and reads the instructions of `kernels`.
-    /// `timed_binary` is the binary of the program without a line table.
-    pub fn of(prepared: &Prepared, timed_binary: &[u8], kernels: &[CompiledKernel]) -> Self {
+    /// Compiles a program with a line table, and reads the instructions of `kernels`, which are the kernels of
+    /// `caster`. `timed_binary` is the binary of the program without a line table; if the driver is PoCL, it is the
+    /// [`binary_of_frame`].
+    pub fn of(prepared: &Prepared, caster: &Caster, timed_binary: &[u8], kernels: &[CompiledKernel]) -> Self {
         let names: Vec<&str> = kernels.iter().map(|kernel| kernel.name.as_str()).collect();
         let text = match prepared.preprocessed() {
             Ok(text) => read(&text.lines, Some(&names)).text,
@@ -113,15 +121,18 @@ impl Microscope {
         };
         let source = text.trim_start().to_owned();
         let mut microscope = Self { source, ..Self::default() };
-        let with_lines = microscope.with_lines(prepared, is_ptx(timed_binary));
+        let with_lines = microscope.with_lines(prepared, caster, timed_binary);
         let binary = with_lines.as_deref().unwrap_or(timed_binary);
         let codes = microscope.noting(read_codes(binary, &names)).unwrap_or_default();
         let timed = with_lines.is_some().then(|| read_codes(timed_binary, &names)).and_then(Result::ok);
         let made_by = if is_ptx(binary) { PTX } else { MACHINE };
-        for kernel in kernels {
-            let Some(code) = codes.iter().find(|code| code.kernel == kernel.name) else { continue };
+        for (kernel, local_size) in kernels.iter().zip(caster.kernels().map(pocl::local_size)) {
+            let Some((code, is_run)) = code_of_frame(&codes, &kernel.name, local_size) else { continue };
             let same_as_timed = timed.as_ref().map(|timed| is_among(timed, code));
             microscope.add(code.clone(), made_by, kernel.resources.registers, same_as_timed);
+            if !is_run {
+                microscope.note_any_local_size();
+            }
         }
         if is_ptx(binary) {
             microscope.add_sass(&String::from_utf8_lossy(binary), &names);
@@ -129,21 +140,29 @@ impl Microscope {
         microscope
     }
 
-    /// Compiles the preprocessed text of the program `prepared` with a line table, and returns the binary. `is_ptx`
-    /// says whether the device's binaries are PTX. If the compiler fails, returns `None` and adds a note.
-    fn with_lines(&mut self, prepared: &Prepared, is_ptx: bool) -> Option<Vec<u8>> {
-        let option = LINE_TABLE[usize::from(!is_ptx)];
+    /// Compiles the preprocessed text of the program `prepared` with a line table, and returns the binary.
+    /// `timed_binary` is the binary of the program without a line table. If the compiler fails, returns `None` and adds
+    /// a note.
+    fn with_lines(&mut self, prepared: &Prepared, caster: &Caster, timed_binary: &[u8]) -> Option<Vec<u8>> {
+        let option = LINE_TABLE[usize::from(!is_ptx(timed_binary))];
         // The text no longer contains macros, so the compiler options that define macros are left out.
         let options = prepared.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
         let options: Vec<&str> = options.chain([option]).collect();
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
-        // PoCL's cache treats texts that differ only in comments and line numbers as the same program. The hash in an
-        // additional define makes the programs different.
-        let hash = &blake3::hash(source.as_bytes()).to_hex()[..8];
+        // PoCL's cache treats texts that differ only in comments and line numbers as the same program, and keeps the
+        // versions for all local sizes together. The hash in an additional define makes programs with other texts, and
+        // programs whose kernels are launched with other sizes, different.
+        let hash = &blake3::hash(format!("{source}{}", pocl::sizes(caster)).as_bytes()).to_hex()[..8];
         let options = format!("{} -D LINES_OF=0x{hash}", options.join(" "));
         let spec = ProgramSpec { source, options, files: Vec::new() };
         let hush = Hush::begin();
-        let built = prepared.build_text(&spec).map(|program| program.binary());
+        let built = prepared.build_text(&spec).map(|program| {
+            let caster = pocl::is_pocls(timed_binary).then(|| prepared.caster_of_program(&program));
+            match caster {
+                Some(Ok(caster)) => binary_of_frame(&program, &caster),
+                _ => program.binary(),
+            }
+        });
         drop(hush);
         let refused = |log: &str| {
             let message = log.lines().find(|line| !line.trim().is_empty());
@@ -182,12 +201,25 @@ impl Microscope {
             rows_are,
             registers,
             same_as_timed,
+            for_any_local_size: false,
             instructions: total.instructions,
             with_line,
             counts: total.counts,
             rows,
             code,
         });
+    }
+
+    /// Marks the last listing as the version of its kernel for any local size, and adds a note.
+    fn note_any_local_size(&mut self) {
+        let Some(listing) = self.listings.last_mut() else { return };
+        listing.for_any_local_size = true;
+        listing.same_as_timed = Some(false);
+        self.notes.push(format!(
+            "The instructions of {} are those of the version that PoCL compiles for any local size. raycl did not \
+             find the version for the kernel's own local size, which a frame normally runs.",
+            listing.kernel
+        ));
     }
 
     /// Returns the value of `result`. If `result` is an error, adds the error to the notes.
@@ -202,16 +234,37 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     let codes = if is_ptx(binary) {
         ptx::codes(&String::from_utf8_lossy(binary), names, FILE)
     } else {
-        let files = elf::files(binary).into_iter().map(|file| objdump::codes(file, names, FILE));
-        let codes = files.collect::<Result<Vec<_>, _>>();
-        codes.map_err(|why| format!("There are no instructions: {why}."))?.concat()
+        let codes_of = |(at, file)| {
+            let version = pocl::version(binary, at);
+            let codes = objdump::codes(file, names, FILE)?.into_iter();
+            Ok(codes.map(move |code| Code { version: version.clone(), ..code }))
+        };
+        let codes = elf::files(binary).into_iter().map(codes_of).collect::<Result<Vec<_>, String>>();
+        let codes = codes.map_err(|why| format!("There are no instructions: {why}."))?;
+        codes.into_iter().flatten().collect()
     };
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
 }
 
-/// Returns whether `codes` contains the same kernel with the same operations in the same order, ignoring operands.
+/// Returns the code of a kernel that a frame runs with this local size, and true. If PoCL's binary lacks this version of
+/// the kernel, returns the version for any local size, and false.
+fn code_of_frame<'a>(
+    codes: &'a [Code],
+    kernel: &str,
+    local_size: Option<[usize; 3]>,
+) -> Option<(&'a Code, bool)> {
+    let is_run = |code: &Code| code.version.as_ref().is_none_or(|name| pocl::is_for(name, local_size));
+    let own = codes.iter().filter(|code| code.kernel == kernel);
+    let run = own.clone().find(|code| is_run(code)).map(|code| (code, true));
+    // The name of the version for any local size, "0-0-0", is the first in alphabetical order.
+    run.or_else(|| Some((own.min_by_key(|code| &code.version)?, false)))
+}
+
+/// Returns whether `codes` contains the same version of the same kernel with the same operations in the same order,
+/// ignoring operands.
 fn is_among(codes: &[Code], code: &Code) -> bool {
-    codes.iter().any(|other| other.kernel == code.kernel && other.is_same_as(code))
+    let is_version = |other: &Code| other.kernel == code.kernel && other.version == code.version;
+    codes.iter().any(|other| is_version(other) && other.is_same_as(code))
 }
 
 #[cfg(test)]
@@ -220,7 +273,7 @@ mod tests {
 
     fn code(kernel: &str, text: &str) -> Code {
         let one = Instruction { text: text.into(), line: None, part: String::new(), kinds: Vec::new() };
-        Code { kernel: kernel.into(), instructions: vec![one] }
+        Code { kernel: kernel.into(), version: None, instructions: vec![one] }
     }
 
     #[test]
@@ -229,6 +282,43 @@ mod tests {
         assert!(is_among(&[code("k", "mul x"), code("k", "add y")], &own));
         assert!(!is_among(&[code("k", "mul x")], &own));
         assert!(!is_among(&[code("other", "add x")], &own));
+        assert!(!is_among(&[Code { version: Some("0-0-0".into()), ..code("k", "add x") }], &own));
+    }
+
+    #[test]
+    fn of_pocls_versions_of_a_kernel_the_one_for_the_local_size_is_shown() {
+        let version = |kernel: &str, name: &str| Code { version: Some(name.into()), ..code(kernel, name) };
+        let codes = [
+            version("other", "8-8-1-goffs0"),
+            version("k", "16-16-1-goffs0"),
+            version("k", "0-0-0"),
+            version("k", "8-8-1-goffs0"),
+        ];
+        let shown = |codes: &[Code], local_size| {
+            let (code, is_run) = code_of_frame(codes, "k", local_size).expect("a kernel");
+            (code.version.clone().unwrap_or_default(), is_run)
+        };
+        for (local_size, name, is_run) in [
+            (Some([8, 8, 1]), "8-8-1-goffs0", true),
+            (Some([16, 16, 1]), "16-16-1-goffs0", true),
+            (Some([64, 1, 1]), "0-0-0", false),
+            (None, "0-0-0", false),
+        ] {
+            assert_eq!(shown(&codes, local_size), (name.to_owned(), is_run));
+        }
+        // Other drivers compile a single version of a kernel.
+        assert_eq!(shown(&[code("k", "add x")], Some([8, 8, 1])), (String::new(), true));
+        assert!(code_of_frame(&codes, "missing", None).is_none());
+    }
+
+    #[test]
+    fn a_version_for_any_local_size_is_noted_and_is_not_the_one_that_is_timed() {
+        let mut microscope = Microscope::default();
+        microscope.add(code("k", "add x"), MACHINE, None, Some(true));
+        microscope.note_any_local_size();
+        let listing = &microscope.listings[0];
+        assert!(listing.for_any_local_size && listing.same_as_timed == Some(false));
+        assert!(microscope.notes.len() == 1 && microscope.notes[0].contains("of k are those"));
     }
 
     #[test]

@@ -48,7 +48,7 @@ impl<'a> Listing<'a> {
                 body.lines().filter_map(|line| self.function(called(line)?)).collect()
             });
             let instructions = functions.into_iter().flat_map(|function| self.instructions(function));
-            Some(Code { kernel: (*kernel).to_owned(), instructions: instructions.collect() })
+            Some(Code { kernel: (*kernel).to_owned(), version: None, instructions: instructions.collect() })
         };
         kernels.iter().filter_map(code).collect()
     }

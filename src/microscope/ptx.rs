@@ -32,7 +32,7 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
             body.lines().for_each(|line| reader.line(line));
             instructions.extend(reader.instructions);
         }
-        Some(Code { kernel: (*kernel).to_owned(), instructions })
+        Some(Code { kernel: (*kernel).to_owned(), version: None, instructions })
     };
     kernels.iter().filter_map(code).collect()
 }

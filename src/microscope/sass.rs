@@ -52,7 +52,7 @@ fn listed(listing: &str, kernels: &[&str], file: &str) -> Vec<Code> {
         let mut lines = listing.lines().skip_while(|line| line.trim() != head);
         lines.next()?;
         let body = lines.take_while(|line| !line.trim_start().starts_with(".section"));
-        Some(Code { kernel: (*kernel).to_owned(), instructions: instructions(body, file) })
+        Some(Code { kernel: (*kernel).to_owned(), version: None, instructions: instructions(body, file) })
     };
     kernels.iter().filter_map(code).collect()
 }

@@ -161,6 +161,9 @@ fn note(listing: &Listing) -> String {
         }
     };
     let same = match listing.same_as_timed {
+        _ if listing.for_any_local_size => {
+            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version for the kernel's own local size, which was not found."
+        }
         Some(true) => {
             " The timed program is compiled without a line table. It has the same operations in the same order; registers, addresses and numbers are not compared."
         }
@@ -248,22 +251,37 @@ mod tests {
     use super::*;
     use crate::microscope::Code;
 
-    /// The body of such a kernel is empty.
-    #[test]
-    fn a_kernel_without_lines_is_not_taken_for_a_missing_line_table() {
-        let listing = Listing {
+    /// Returns a listing without instructions.
+    fn listing() -> Listing {
+        Listing {
             kernel: "k".into(),
             made_by: "a compiler",
             is_drivers: true,
             rows_are: RowsAre::Parts,
             registers: None,
             same_as_timed: None,
+            for_any_local_size: false,
             instructions: 0,
             with_line: 0,
             counts: Counts::default(),
             rows: Vec::new(),
-            code: Code { kernel: "k".into(), instructions: Vec::new() },
-        };
+            code: Code { kernel: "k".into(), version: None, instructions: Vec::new() },
+        }
+    }
+
+    #[test]
+    fn a_listing_for_any_local_size_is_not_called_the_timed_program() {
+        let timed = note(&Listing { same_as_timed: Some(true), ..listing() });
+        assert!(timed.contains("It has the same operations"), "{timed}");
+        let other = note(&Listing { same_as_timed: Some(false), for_any_local_size: true, ..listing() });
+        assert!(other.contains("for any local size. The timed program normally runs"), "{other}");
+        assert!(!other.contains("compiled without a line table"), "{other}");
+    }
+
+    /// The body of such a kernel is empty.
+    #[test]
+    fn a_kernel_without_lines_is_not_taken_for_a_missing_line_table() {
+        let listing = listing();
         assert!(note(&listing).contains("or its table has no line for this kernel"), "{}", note(&listing));
     }
 
