@@ -1,5 +1,5 @@
-// Every ray tests every triangle. This file is included twice: it defines any_hit if ANY_HIT is 1, and closest_hit if
-// ANY_HIT is 0.
+// Every ray is tested against every triangle; the search for any hit ends once all lanes of a work-item have one. This
+// file is included twice: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 //
 // All work-items test the same triangle at the same time, so that one load serves all of them. A ray is read from the
 // working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow

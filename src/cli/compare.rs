@@ -20,9 +20,9 @@ pub(super) const THRESHOLD_PERCENT: f64 = 2.0;
   raycl compare results/main results/branch --fail-on-regression 5
   raycl compare results/pocl results/h200 --out results/pocl-h200")]
 pub struct Args {
-    /// The folder of the older results
+    /// The folder to compare with: older results, or results of another branch or device
     before: PathBuf,
-    /// The folder of the newer results
+    /// The folder whose results are compared with those of BEFORE
     after: PathBuf,
     /// Report a point as "same" if the whole 95% interval of its change lies between a speed-up and a slowdown of
     /// PERCENT

@@ -1,7 +1,7 @@
 //! `raycl compile`: builds a scene's kernels and saves the compiler's output.
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
-use crate::device::{Device, is_pocl};
+use crate::device::{Device, common_name, is_pocl};
 use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
 use crate::microscope::{Microscope, binary_of_frame};
@@ -224,7 +224,8 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let [x, y] = made.local_size;
     let about = format!(
         "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.",
-        made.device, made.strategy
+        common_name(&made.device),
+        made.strategy
     );
     microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
 }
@@ -256,7 +257,8 @@ fn text_of(name: &str, made: &Compilation) -> String {
     let notes: String = notes.map(|note| format!("\nNote: {note}")).collect();
     format!(
         "{name} at local size {x} x {y} on {}, built in {:.0} ms\n{table}{notes}",
-        made.device, made.build_ms
+        common_name(&made.device),
+        made.build_ms
     )
 }
 

@@ -88,7 +88,9 @@ fn page(command: Command) -> Result<Page> {
     let after = command.get_after_help().map(|text| after_help(&text.to_string()).render());
     let mut text = Vec::new();
     let page = Man::new(command.after_help(None::<&'static str>));
-    let page = page.title(name.to_uppercase()).manual("raycl").source(env!("RAYCL_VERSION"));
+    // Pages have no date. Since `clap_mangen` does not quote an empty date, the date is two quotes. Without them, man
+    // would show the version in the place of the date.
+    let page = page.title(name.to_uppercase()).date("\"\"").manual("raycl").source(env!("RAYCL_VERSION"));
     page.render(&mut text)
         .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;
     let first = format!("{AS_WRITTEN}{FIRST_SECTION}");
@@ -153,6 +155,15 @@ mod tests {
             }
         }
         assert!(is_written("raycl") && is_written("raycl-cache-show") && !is_written("raycl-help"));
+    }
+
+    #[test]
+    fn the_version_is_not_in_the_place_of_the_date() {
+        for (name, text) in pages().expect("pages") {
+            let text = String::from_utf8_lossy(&text);
+            let title = format!("\n.TH {} 1 \"\" ", name.to_uppercase());
+            assert!(text.contains(&title), "{name}: {text}");
+        }
     }
 
     #[test]

@@ -114,7 +114,8 @@ enum Command {
     Kernel(kernel::Args),
     /// Compile kernels, and report how many registers, bytes of memory and memory instructions they use
     Compile(compile::Args),
-    /// Measure a device's peak rates: multiply-adds, copies, local memory, kernel launches, latencies
+    /// Measure a device's peak rates (multiply-adds, copies, local memory) and the times of kernel launches and of
+    /// single operations
     Peak(peak::Args),
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),

@@ -12,7 +12,7 @@ use crate::{config, record, scene};
 
 If the first line of a TOML file is `#:schema PATH`, where PATH is the schema's path relative to the TOML file, editors with support for JSON schemas (Even Better TOML, Taplo, Tombi) complete and check the file. raycl itself ignores this line. raycl's repository has all schemas in docs/schemas. The schema of records describes the type of each field of records.jsonl.")]
 pub struct Args {
-    /// The kind of file that the schema describes
+    /// What the schema describes
     #[arg(value_name = "WHAT")]
     what: What,
 }

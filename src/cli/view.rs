@@ -3,6 +3,7 @@
 use super::choice::{parse_seconds, whole};
 use super::subject::Subject;
 use super::watch::{Watched, folders};
+use crate::device::common_name;
 use crate::error::Result;
 use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
@@ -158,7 +159,7 @@ fn text(report: &Report) -> String {
     let ([width, height], [x, y]) = (report.image_size, report.local_size);
     let mut lines = vec![
         format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
-        format!("device    {}", report.device),
+        format!("device    {}", common_name(&report.device)),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
     ];

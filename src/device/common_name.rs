@@ -9,8 +9,13 @@ const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-
 /// Returns the name under which people know a device. The name is derived from the driver's name alone, so that it can be
 /// derived from stored records. If the driver's name has no known form, it is returned as it is.
 pub fn common_name(name: &str) -> String {
-    let Some(rest) = POCL.iter().find_map(|start| name.strip_prefix(start)) else { return plain(name) };
-    format!("{}, PoCL", plain(&model(rest)))
+    // In a merged folder, a text in brackets distinguishes devices of the same name. It stays at the end.
+    let brackets = name.find(" (").filter(|_| name.ends_with(')')).unwrap_or(name.len());
+    let (name, brackets) = name.split_at(brackets);
+    match POCL.iter().find_map(|start| name.strip_prefix(start)) {
+        Some(rest) => format!("{}, PoCL{brackets}", plain(&model(rest))),
+        None => format!("{}{brackets}", plain(name)),
+    }
 }
 
 /// Returns the common name of each device. If several devices have the same common name, each of them keeps its
@@ -66,6 +71,9 @@ mod tests {
             ("NVIDIA H200", "NVIDIA H200"),
             ("gfx90a:sramecc+:xnack-", "gfx90a:sramecc+:xnack-"),
             ("host", "host"),
+            // Devices of a merged folder.
+            ("cpu-znver4-AMD EPYC 9B45 96-Core Processor (driver 5)", "AMD EPYC 9B45, PoCL (driver 5)"),
+            ("Intel(R) Xeon(R) CPU @ 2.70GHz (driver 5)", "Intel Xeon (driver 5)"),
         ] {
             assert_eq!(common_name(driver), common, "{driver}");
             assert_eq!(common_name(common), common);

@@ -137,8 +137,9 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
     ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
 }
 
-/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if any of its
-/// properties has changed. Only the driver of the device's platform is started.
+/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its properties have
+/// changed. Changes of its lane operations, its label and the number of its earlier twins are not noticed, since these
+/// three are copied from `known`. Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded();

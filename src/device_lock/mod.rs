@@ -142,7 +142,8 @@ impl Locks {
         }
     }
 
-    /// Takes the locks of several devices. Calls `says` with each line that describes a process that holds a lock.
+    /// Takes the locks of several devices. While waiting for a lock, calls `says` with each line that describes a
+    /// process that holds it.
     pub fn take_all(
         &self,
         devices: Vec<LockName>,

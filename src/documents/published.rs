@@ -13,7 +13,7 @@ pub fn published(words: &[&str]) -> Result<Figure, String> {
         ));
     };
     let (_, points) =
-        curve(scene, preset).ok_or_else(|| format!("no figure of the paper has {preset} on {scene}"))?;
+        curve(scene, preset).ok_or_else(|| format!("no plot of the paper shows {preset} on {scene}"))?;
     let block = |(block, _): &&(u32, f64)| format!("{block}x{block}") == size;
     let figure = points.iter().find(block).map(|(_, ms)| Figure::Number(*ms, Form::Count));
     Ok(figure.unwrap_or_else(|| Figure::Nothing("no point".into())))

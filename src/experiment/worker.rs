@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::program::Sources;
 use serde::de::DeserializeOwned;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use std::io::{BufRead as _, Write as _};
+use std::io::BufRead as _;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
@@ -92,12 +92,18 @@ fn input_lines() -> Receiver<String> {
 
 /// Opens the device with this identity, unless it is another device than the one with which the run began.
 fn find(identity: &str, hardware: &Hardware, sources: &Sources) -> Result<Device> {
-    let gone = || {
-        Error::run("the device has disappeared: its driver no longer lists it")
-            .with_help("`raycl devices` lists the available devices; finished measurements are saved")
-    };
     let choose = |infos: &[DeviceInfo]| Ok(index_of(identity, hardware, infos));
-    pick_one(&Cache::of_user(), sources, LaneTest::Now, choose)?.ok_or_else(gone)
+    pick_one(&Cache::of_user(), sources, LaneTest::Now, choose)?.ok_or_else(|| gone(identity))
+}
+
+/// Returns the error if the device with which the run began is not listed any more.
+fn gone(identity: &str) -> Error {
+    let error = Error::run(format!("the run's device is not listed any more (identity: `{identity}`)"));
+    error.with_help(
+        "the device is missing, another device has taken its place (with another UUID or PCI address), or \
+         its driver was updated, which changes the identity; `raycl devices` lists the available devices; \
+         finished measurements are saved",
+    )
 }
 
 fn index_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option<usize> {
@@ -118,20 +124,43 @@ fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
         .map_err(|error| Error::fault(format!("a worker process received an invalid request: {error}")))
 }
 
-/// Writes a reply on a new line, since a driver may have left an unfinished line.
+/// Sends a reply to the process that started this worker.
 fn reply(reply: &Reply) -> Result<()> {
-    let unwritable = |error: &dyn std::fmt::Display| {
-        Error::fault(format!("a worker process could not send its reply: {error}"))
-    };
-    let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))
+    send(reply, &mut std::io::stdout().lock())
+}
+
+/// Writes a reply on a new line, since a driver may have left an unfinished line. Writing fails if the process that
+/// reads the replies was killed, which is no bug.
+fn send(reply: &Reply, out: &mut impl std::io::Write) -> Result<()> {
+    let line = serde_json::to_string(reply)
+        .map_err(|error| Error::fault(format!("a worker process could not make its reply: {error}")))?;
+    writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| {
+        Error::run(format!("a worker process could not send its reply: {error}"))
+            .with_help("the process that started the worker has probably ended; start it again with --resume")
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::asleep;
     use super::*;
+
+    #[test]
+    fn a_reply_that_nobody_reads_is_no_bug() {
+        let mut without_room: &mut [u8] = &mut [];
+        let error = send(&Reply::Started, &mut without_room).unwrap_err();
+        assert!(error.to_string().starts_with("a worker process could not send its reply: "), "{error}");
+        assert!(!error.remedy().contains("bug") && error.exit_code() == 1, "{}", error.remedy());
+    }
+
+    #[test]
+    fn the_error_for_a_device_that_is_gone_states_its_identity_and_the_possible_causes() {
+        let error = gone("PoCL | 3.0 | cpu | 6.0");
+        assert!(error.to_string().contains("`PoCL | 3.0 | cpu | 6.0`"), "{error}");
+        for cause in ["missing", "another UUID", "driver was updated"] {
+            assert!(error.remedy().contains(cause), "{}", error.remedy());
+        }
+    }
 
     #[test]
     fn if_one_of_several_equal_devices_disappears_no_other_one_is_used_in_its_place() {

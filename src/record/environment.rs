@@ -244,6 +244,9 @@ mod tests {
         ] {
             assert_eq!(is_shown_as("H100", shown), is, "{shown}");
         }
+        for shown in ["AMD EPYC, PoCL", "AMD EPYC, PoCL (driver 5)", "pthread-zen-AMD EPYC (driver 5)"] {
+            assert!(is_shown_as("pthread-zen-AMD EPYC", shown), "{shown}");
+        }
     }
 
     #[test]

@@ -10,8 +10,12 @@ const DRIVER: &str = "driver's_name";
 
 /// Returns the folders with the devices' common names, and for each common name the driver's name.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
-    let records = folders.iter().flat_map(|folder| &folder.records);
-    let devices = records.map(|record| record.device.as_str()).filter(|device| *device != HOST);
+    let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
+    let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
+    let devices = measured
+        .map(|record| record.device.as_str())
+        .chain(described.filter_map(|entry| entry["device"].as_str()))
+        .filter(|device| *device != HOST);
     let names: HashMap<String, String> = common_names(devices)
         .into_iter()
         .filter(|(name, common)| name != common)
@@ -64,6 +68,11 @@ mod tests {
         let entry = |index: usize| &folders[0].environment["devices"][index];
         assert_eq!((entry(0)["device"].as_str(), name_of_driver(entry(0))), (Some(names[0]), Some(driver)));
         assert_eq!((name_of_driver(entry(1)), entry(1).get(DRIVER)), (Some("NVIDIA H200"), None));
+        // A device without records also has its entry in the environment.
+        let environment = json!({ "devices": [{ "device": "cpu-znver4-AMD EPYC 9B45" }] });
+        let without_records = Folder { environment, ..Folder::default() };
+        let (folders, _) = with_common_names(&[folder.clone(), without_records]);
+        assert_eq!(folders[0].records[0].device, driver);
         // Another version of the driver has another name for the same processor.
         let other = Folder { records: vec![record("cpu-znver4-AMD EPYC 9B45")], ..Folder::default() };
         let (folders, drivers) = with_common_names(&[folder, other]);

@@ -255,7 +255,8 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
     views
 }
 
-/// Returns the view of a group; `file` is the group's part of the names of its plots' files.
+/// Returns the plots and the table of one group, as the page shows them. Without their extensions, the names of the
+/// files of these plots end with `file`, which identifies the group (example: `samples-{file}`).
 fn one_view(
     index: usize,
     group: &Group<'_>,

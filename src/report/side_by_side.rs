@@ -99,7 +99,7 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
 }
 
 /// Returns the ratio of a record's time to the best time of its group, and the names of the scene and the point; `None`
-/// if the record has too few samples.
+/// if the record has too few samples, or if no record of the group has a rank.
 fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, String)> {
     let best = *ranked.first()?;
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))

@@ -119,7 +119,7 @@ fn the_line_beside_the_picture_tells_how_it_is_cast() {
     let [scene, strategy, local_size, rays, frames, samples, device] = parts[..] else { panic!("{parts:?}") };
     assert_eq!([scene, strategy, local_size, samples], ["triangle", "naive", "16x2", "1 of 3 samples"]);
     assert!(rays.ends_with("rays/s") && frames.ends_with(" frames/s"), "{parts:?}");
-    assert_eq!(device, live.device().name);
+    assert_eq!(device, live.device().common_name());
 }
 
 #[test]

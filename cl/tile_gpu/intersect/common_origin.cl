@@ -1,9 +1,9 @@
-// Prepares and tests a leaf's triangle for the rays of a pass, as in edge_planes.cl, but with planes from a table. (A
-// pass consists of rays that run mainly along one axis: see entry.cl.) The kernel tile_prepare computes the planes of
-// every triangle: for the eye once per frame, and for the lights of a round once per round (see shadow.cl). For each
-// origin, the table has a row of quads (float4) for each axis of the scene. In an axis's row, a triangle's quad
-// contains the components of its three planes and of 1/z along this axis. Three loads are therefore enough, whatever
-// the axes of the pass. In each row, the quads of a leaf's triangles are contiguous.
+// Prepares a leaf's triangle for the rays of a pass (which run mainly along one axis: see entry.cl), and tests it. As
+// in edge_planes.cl, this needs the planes through the rays' origin and the triangle's edges; here, they are loaded
+// from a table. The kernel tile_prepare computes the planes of every triangle: for the eye once per frame, and for the
+// lights of a round (a batch of lights: see shadow.cl) once per round. For each origin, the table has a row of quads
+// (float4) for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes
+// and of 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass.
 
 // This is the table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load
 // neighbouring quads:

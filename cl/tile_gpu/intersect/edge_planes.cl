@@ -1,8 +1,8 @@
-// Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Each edge spans
-// a plane with the rays' origin. Neighbouring triangles share the plane of their common edge, to the last bit. The edge
-// functions and 1/z are linear in the slopes x and y of a ray. A prepared triangle has one vector for each of the
-// corners a, b and c. A vector's first three components are the plane of the opposite edge, whose edge function is not
-// negative inside; the fourth components of the three vectors are the three coefficients of 1/z:
+// Prepares a leaf's triangle (computes what all rays of a pass need), and tests it. Each edge spans a plane with the
+// rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share the plane of
+// their common edge, to the last bit. The edge functions and 1/z are linear in the slopes x and y of a ray. A prepared
+// triangle has a vector for each of the corners a, b and c. A vector's first three components are the plane of the
+// opposite edge, whose edge function is not negative inside; the three fourth components are the coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 

@@ -10,6 +10,7 @@ use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
 use super::{Args, last_notes, ms_since};
 use crate::cli::choice::whole;
+use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::measure::median_of;
 use crate::program::Sources;
@@ -267,7 +268,7 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     let mut lines = vec![
         format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
-        format!("device    {}", report.device),
+        format!("device    {}", common_name(&report.device)),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, {}", all_frames(report)),
     ];

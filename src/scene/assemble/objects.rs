@@ -203,14 +203,15 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
     for wire in objects.iter().map(Spanned::get_ref) {
         let Some(name) = &wire.shape else { continue };
         triangles += shape(document, wire, name)?.triangles();
-        if triangles - triangles / 16 > most {
+        let least = triangles - triangles / 16;
+        if least > most {
             let message = format!(
-                "the shapes up to this one have {triangles} triangles; expected at most {most}, the largest \
-                 number that a tree can index"
+                "the shapes up to this one have at least {least} triangles; expected at most {most}, the \
+                 largest number that a tree can index"
             );
             return Err(document
                 .error(name.span(), message, "too many triangles")
-                .with_help("make fewer triangles; `raycl strategies` lists strategies without a tree"));
+                .with_help("make fewer triangles, or use a strategy without a tree, such as deferred"));
         }
     }
     Ok(())

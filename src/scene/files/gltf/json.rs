@@ -90,7 +90,9 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     });
     match version {
         Some(version) if !version.starts_with('2') => {
-            let text = |version: &str| format!("raycl does not read glTF of {version}; expected version 2.0");
+            let text = |version: &str| {
+                format!("raycl does not read glTF of {version}; expected a version that begins with 2")
+            };
             let quoting = text(&format!("version {}", quoted(version.as_bytes())));
             named.error(Flaw::quoting(quoting, text("this version"))).with_help("export the file as glTF 2.0")
         }

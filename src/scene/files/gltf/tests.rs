@@ -304,7 +304,7 @@ fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
         (
             "\"2.0\"},\n\"scenes\": [",
             "\"secret\"},\n\"scenes\": [7, ",
-            "glTF of this version; expected version 2.0",
+            "glTF of this version; expected a version that begins with 2",
         ),
         (r#""mesh": 0"#, r#""mesh": "secret""#, "a.gltf:3: not valid glTF 2.0"),
         (r#""mesh": 0"#, r#""mesh": 7"#, "a.gltf: node 0: mesh 7 does not exist"),
