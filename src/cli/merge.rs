@@ -1,7 +1,6 @@
 //! `raycl merge`: merges the shards of an experiment into one folder of results.
 
 use super::measured::failures;
-use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
 use crate::record::journals::{RECORDS, SUMMARY};
@@ -145,7 +144,7 @@ fn command_text(kind: &MissingKind) -> String {
     let more = if kind.points.len() > 3 { ", ..." } else { "" };
     format!(
         "{}: {} of {} points, of shard{} {shards} ({first}{more}):\n  {}",
-        common_name(&kind.device),
+        kind.device,
         kind.points.len(),
         kind.of,
         if kind.shards.len() == 1 { "" } else { "s" },

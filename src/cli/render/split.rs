@@ -5,7 +5,7 @@ use super::judge::{check, verified};
 use super::report::Verification;
 use super::{Args, last_notes, load, ms_since, target};
 use crate::cli::turn::hold;
-use crate::device::{Device, common_name, discover, select};
+use crate::device::{Device, common_names, discover, select};
 use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
@@ -177,11 +177,14 @@ fn text(report: &Report) -> String {
     let header = ["device", "rows", "strategy", "build ms", "upload ms", "frame ms", "read ms"];
     let mut table = super::super::table(&header, 1);
     let ms = |value: f64| format!("{value:.2}");
+    let all =
+        report.devices.iter().map(|row| &row.device).chain(report.left_out.iter().map(|one| &one.device));
+    let names = common_names(all.map(String::as_str));
     for row in &report.devices {
         let rows = format!("{} to {}", row.rows[0], row.rows[1].saturating_sub(1));
         let strategy = row.preset.map_or_else(|| row.strategy.clone(), str::to_owned);
         let times = [row.build_ms, row.upload_ms, row.frame_ms, row.read_ms].map(ms);
-        table.add_row([common_name(&row.device), rows, strategy].into_iter().chain(times));
+        table.add_row([names[row.device.as_str()].clone(), rows, strategy].into_iter().chain(times));
     }
     let [width, height] = report.image_size;
     let mut lines = vec![format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle"))];
@@ -197,7 +200,7 @@ fn text(report: &Report) -> String {
         report
             .left_out
             .iter()
-            .map(|LeftOut { device, reason }| format!("left out  {}: {reason}", common_name(device))),
+            .map(|LeftOut { device, reason }| format!("left out  {}: {reason}", names[device.as_str()])),
     );
     lines.extend(report.verified.iter().map(Verification::text));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));

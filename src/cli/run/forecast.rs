@@ -1,7 +1,7 @@
 //! The output of `raycl run --dry-run`.
 
 use crate::cli::{print, print_json, table};
-use crate::device::common_name;
+use crate::device::common_names;
 use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
@@ -15,8 +15,9 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
         return points.iter().try_for_each(print_json);
     }
     let mut table = table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
+    let names = common_names(points.iter().map(|point| point.device.as_str()));
     for point in points {
-        table.add_row(cells(point));
+        table.add_row(cells(point, &names[point.device.as_str()]));
     }
     print(table)?;
     notes(points).into_iter().try_for_each(|note| print(format!("note: {note}")))?;
@@ -30,15 +31,15 @@ fn notes(points: &[Forecast]) -> Vec<&str> {
     all.filter(|note| seen.insert(*note)).collect()
 }
 
-/// Returns a point's row of the table.
-fn cells(point: &Forecast) -> [String; 6] {
+/// Returns a point's row of the table; `device` is the name of its device as people know it.
+fn cells(point: &Forecast, device: &str) -> [String; 6] {
     let bytes = |of: fn(&Requirements) -> u64| {
         point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
     };
     let fits = if point.done { "yes, and is done" } else { "yes" };
     [
         point.label.clone(),
-        common_name(&point.device),
+        device.to_owned(),
         point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| fits.to_owned()),
         bytes(|needs| needs.local_bytes),
         bytes(|needs| needs.constant_bytes),
@@ -94,12 +95,13 @@ mod tests {
 
     #[test]
     fn a_row_has_the_bytes_of_each_kind_of_memory_and_the_reason_why_a_point_is_not_measured() {
-        assert_eq!(cells(&point(None, None)), ["naive 8x8", "a device", "yes", "1", "2", "3"]);
-        assert_eq!(cells(&point(Some("too large"), None))[2], "too large");
-        assert_eq!(cells(&point(Some("too large"), Some("for GPUs")))[2], "for GPUs");
-        assert_eq!(cells(&Forecast { needs: None, ..point(None, None) })[3..], ["", "", ""]);
+        let cells_of = |point: &Forecast| cells(point, &point.device);
+        assert_eq!(cells_of(&point(None, None)), ["naive 8x8", "a device", "yes", "1", "2", "3"]);
+        assert_eq!(cells_of(&point(Some("too large"), None))[2], "too large");
+        assert_eq!(cells_of(&point(Some("too large"), Some("for GPUs")))[2], "for GPUs");
+        assert_eq!(cells_of(&Forecast { needs: None, ..point(None, None) })[3..], ["", "", ""]);
         let done = Forecast { done: true, ..point(None, None) };
-        assert_eq!(cells(&done)[2], "yes, and is done");
+        assert_eq!(cells_of(&done)[2], "yes, and is done");
     }
 
     #[test]
