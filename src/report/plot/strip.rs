@@ -46,7 +46,11 @@ struct Form {
 /// The layout for screens, with names on the left of the dots.
 const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
 /// The layout for phones, with names above the dots.
-const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
+const ABOVE: Form =
+    Form { layout: Layout { left: ABOVE_MARGIN, width: 320.0, ..NARROW }, row: 52.0, head: 18.0 };
+/// The margins on both sides of a plot on a phone. A tick at the end of the axis has room for half of a label such as
+/// "+400%".
+const ABOVE_MARGIN: f64 = 18.0;
 /// The margin on the right of a plot on a screen.
 const BESIDE_MARGIN: f64 = 24.0;
 /// The label of the x axis. The label is centred below the axis, and must not be much longer than the axis.
@@ -88,7 +92,7 @@ impl Strip {
         let lines = layout.lines(LABEL);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
         let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;
-        let margin = if layout.legend_below { 12.0 } else { BESIDE_MARGIN };
+        let margin = if layout.legend_below { ABOVE_MARGIN } else { BESIDE_MARGIN };
         svg.finish([right + margin, end], &self.title, LABEL)
     }
 
@@ -199,6 +203,14 @@ mod tests {
         assert!(close(reach(vec![0.01, -0.02]), 0.5), "not less than half a per cent");
         assert!(close(reach(vec![900.0; 9]), 400.0));
         assert!(close(reach(Vec::new()), 1.15));
+    }
+
+    #[test]
+    fn a_tick_at_the_end_of_the_axis_has_room_for_its_label() {
+        let half = LETTER * "+400%".len() as f64 / 2.0;
+        for (form, margin) in [(BESIDE, BESIDE_MARGIN), (ABOVE, ABOVE_MARGIN)] {
+            assert!(half <= margin && half <= form.layout.left, "{half} > {margin}");
+        }
     }
 
     #[test]
