@@ -18,7 +18,8 @@ use std::time::Instant;
 const FILE: &str = "anchor/spheres.cl";
 /// Number of spheres that each ray is tested against.
 const SPHERES: usize = 1024;
-/// Rays per compute unit. Casting all rays takes a few milliseconds on a CPU and about 0.2 ms on a large GPU.
+/// Number of rays that the anchor casts per compute unit of the device. Casting all rays takes a few milliseconds on a
+/// CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
 /// Number of rays whose distances are compared with those computed on the host.
 const CHECKED: usize = 4096;
@@ -51,7 +52,7 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// Builds the kernel, runs it once and checks its distances against the host's.
+    /// Builds the kernel, runs it once, and checks the distances that it finds against those computed on the host.
     pub fn build(queue: &Queue, compute_units: u32) -> Result<Self> {
         Self::of_text(queue, compute_units, &text()?)
     }

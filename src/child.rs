@@ -1,8 +1,8 @@
-//! Waits for child processes, up to a time limit or until nobody needs them any more.
+//! Waits for child processes, up to a time limit or until the caller no longer needs a process's output.
 
 use std::io::Read;
 use std::process::{Child, Output};
-use std::thread::{JoinHandle, sleep, spawn};
+use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 /// Waits until a process ends, and returns its output. Kills a process that exceeds the limit, and returns
@@ -12,14 +12,26 @@ pub fn output_within(child: Child, limit: Duration) -> std::io::Result<Option<Ou
     output_unless(child, Duration::from_millis(5), &mut || start.elapsed() > limit)
 }
 
-/// Waits until a process ends, and returns its output. Calls `is_over` at this interval. If `is_over` returns true,
-/// kills the process, and returns `None`.
+/// Waits until a process ends, and returns its output. While it waits, the function calls `is_over` once per
+/// `interval`. If `is_over` returns true, the function kills the process and returns `None`. If no thread that reads
+/// the output can be started, the function kills the process too, and returns an error.
 pub fn output_unless(
     mut child: Child,
     interval: Duration,
     is_over: &mut dyn FnMut() -> bool,
 ) -> std::io::Result<Option<Output>> {
-    let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
+    let stdout = child.stdout.take().map(reading).transpose();
+    let stderr = child.stderr.take().map(reading).transpose();
+    let (stdout, stderr) = match (stdout, stderr) {
+        (Ok(stdout), Ok(stderr)) => (stdout, stderr),
+        // One stream of output has no thread that reads it. The process is ended here, since it would otherwise run on
+        // after this function has returned.
+        (Err(error), _) | (_, Err(error)) => {
+            child.kill()?;
+            child.wait()?;
+            return Err(error);
+        }
+    };
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
@@ -34,8 +46,8 @@ pub fn output_unless(
 }
 
 /// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
-fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
-    spawn(move || {
+fn reading(mut from: impl Read + Send + 'static) -> std::io::Result<JoinHandle<Vec<u8>>> {
+    Builder::new().spawn(move || {
         let mut bytes = Vec::new();
         let _ = from.read_to_end(&mut bytes);
         bytes

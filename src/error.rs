@@ -57,6 +57,16 @@ const ELSEWHERE: &str = "free up space on the file's disk, or choose another fol
 const ELSEWHERE_ONLY: &str = "`--out DIR` writes elsewhere";
 /// The remedy for standard output that cannot be written to.
 const FULL: &str = "if standard output is redirected to a file, free up space on the file's disk";
+/// The remedy if this process has too many open files.
+const MORE_OPEN_FILES: &str =
+    "this process may not open more files: raise the limit on open files, for example with `ulimit -n 1024`";
+/// The remedy if all processes of the machine together have too many open files.
+const FEWER_OPEN_FILES: &str = "too many files are open on this machine: end other programs";
+/// The remedy for a file that would become larger than the system allows.
+const LARGER_FILES: &str = "if `ulimit -f` shows a limit, remove it with `ulimit -f unlimited`; otherwise choose a folder on a file system that allows larger files";
+/// The remedy for a process or a thread that cannot be started.
+const MORE_PROCESSES: &str =
+    "check that enough memory is free, and that `ulimit -u` allows more processes and threads";
 /// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
@@ -66,6 +76,25 @@ const FAULT: &str = "this is a bug in raycl: please report it, together with the
 pub fn is_forbidden(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
     matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
+}
+
+/// Returns the remedy if an operation failed because of a limit on open files or on the sizes of files; `None` if it
+/// failed for another reason.
+#[cfg(unix)]
+pub fn limit_advice(error: &std::io::Error) -> Option<&'static str> {
+    use rustix::io::Errno;
+    // The crate `tempfile` wraps the system's errors, so the number of the error is only in the text.
+    let text = cause(error);
+    [(Errno::MFILE, MORE_OPEN_FILES), (Errno::NFILE, FEWER_OPEN_FILES), (Errno::FBIG, LARGER_FILES)]
+        .into_iter()
+        .find(|(errno, _)| text.ends_with(&format!("(os error {})", errno.raw_os_error())))
+        .map(|(_, remedy)| remedy)
+}
+
+/// Returns `None`: only the limits of Unix are known.
+#[cfg(not(unix))]
+pub fn limit_advice(_: &std::io::Error) -> Option<&'static str> {
+    None
 }
 
 /// Returns the text of an error without the path of the temporary file, which the user does not know. The crate
@@ -162,13 +191,26 @@ impl Error {
 
     /// Returns an error for a file of results that cannot be written.
     pub fn unwritable(path: &Path, error: &std::io::Error) -> Self {
-        let remedy = if is_forbidden(error) { ELSEWHERE_ONLY } else { ELSEWHERE };
-        Self::run(format!("cannot write {}: {}", path.display(), cause(error))).with_help(remedy)
+        let usual = if is_forbidden(error) { ELSEWHERE_ONLY } else { ELSEWHERE };
+        Self::run(format!("cannot write {}: {}", path.display(), cause(error)))
+            .with_help(limit_advice(error).unwrap_or(usual))
+    }
+
+    /// Returns an error for a process or a thread that could not be started; `what` names it.
+    pub fn not_started(what: &str, error: &std::io::Error) -> Self {
+        Self::run(format!("{what} could not be started: {error}"))
+            .with_help(limit_advice(error).unwrap_or(MORE_PROCESSES))
+    }
+
+    /// Returns an error for a thread that could not be started.
+    pub fn no_thread(error: &std::io::Error) -> Self {
+        Self::not_started("a thread", error)
     }
 
     /// Returns an error for standard output that cannot be written to, such as a file on a full disk.
     pub fn unwritable_output(error: &std::io::Error) -> Self {
-        Self::run(format!("cannot write to standard output: {error}")).with_help(FULL)
+        Self::run(format!("cannot write to standard output: {error}"))
+            .with_help(limit_advice(error).unwrap_or(FULL))
     }
 
     /// Returns the remedy: a next step for the user.
@@ -303,7 +345,8 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // The name for standard input has one character, so every file name of one character would be similar.
+        // The name `-`, which stands for standard input, has one character. Every file name of one character would
+        // therefore count as similar to it.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 
@@ -321,7 +364,8 @@ mod tests {
         assert!(Error::not_utf8(Path::new("a.toml"), &missing).is_none());
     }
 
-    /// Returns the error as it is printed without a terminal, for the range of `text` that equals `mark`.
+    /// Returns the text of an error as it is printed without a terminal. The error is about a mistake in the file
+    /// `text`, at the range that equals `mark`.
     fn printed(text: &str, mark: &str) -> String {
         let start = text.find(mark).unwrap();
         let error = Error::in_file("a.toml", text, start..start + mark.len(), "a mistake", "here");
@@ -372,6 +416,7 @@ mod tests {
             Error::interrupted("a\u{1b}"),
             Error::unwritable(Path::new("a\u{1b}"), &std::io::Error::other("b\u{1b}")),
             Error::unwritable_output(&std::io::Error::other("a\u{1b}")),
+            Error::not_started("a\u{1b}", &std::io::Error::other("b\u{1b}")),
             Error::withheld("a\u{1b}", 1, "b"),
             located("a\u{1b}".into()),
             Error::input("a\u{1b}").placed(located),
@@ -405,6 +450,37 @@ mod tests {
             assert!(error.remedy().starts_with(remedy), "{words}: {}", error.remedy());
             assert_eq!(error.with_help("c").remedy(), "c");
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_limit_that_was_reached_is_named_in_the_remedy() {
+        use rustix::io::Errno;
+        let of_system = |errno: Errno| std::io::Error::from_raw_os_error(errno.raw_os_error());
+        for (errno, limit) in [
+            (Errno::MFILE, "`ulimit -n 1024`"),
+            (Errno::NFILE, "end other programs"),
+            (Errno::FBIG, "`ulimit -f unlimited`"),
+        ] {
+            let error = of_system(errno);
+            // The crate `tempfile` wraps the system's error in this way, with the path of the temporary file at the
+            // end.
+            let wrapped = std::io::Error::other(format!("{error} at path \"/a/.raycl-x\""));
+            for error in [&error, &wrapped] {
+                for error in [
+                    Error::unwritable(Path::new("a.csv"), error),
+                    Error::unwritable_output(error),
+                    Error::not_started("a worker process", error),
+                ] {
+                    assert!(error.remedy().contains(limit), "{error}: {}", error.remedy());
+                }
+            }
+        }
+        let full = Error::unwritable(Path::new("a.csv"), &of_system(Errno::NOSPC));
+        assert_eq!(full.remedy(), ELSEWHERE);
+        let error = Error::no_thread(&of_system(Errno::AGAIN));
+        assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");
+        assert!(error.exit_code() == 1 && error.remedy().contains("`ulimit -u`"), "{}", error.remedy());
     }
 
     #[test]

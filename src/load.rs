@@ -182,7 +182,8 @@ mod tests {
         assert!(between(now, now, 1000.0).is_none(), "no time, no load");
     }
 
-    /// The shell's child process ends at its limit, a second of processor time: a hundred ticks on usual systems.
+    /// The shell's child process ends after one second of processor time, the limit that `ulimit` sets. On usual
+    /// systems, a second has a hundred ticks.
     #[cfg(target_os = "linux")]
     #[test]
     fn a_process_has_the_time_of_its_child_processes_that_have_ended() {

@@ -29,6 +29,7 @@ fn choose_look() {
             None => look,
         }
     };
-    // Setting the hook fails only if there already is a hook, which is then used.
+    // Setting the hook (the function that miette calls to print an error) fails only if a hook is already set. miette
+    // then uses that hook.
     let _ = miette::set_hook(Box::new(move |_| Box::new(look().build())));
 }

@@ -60,6 +60,22 @@ fn address_space_left() -> Option<u64> {
     Some(address_space_limit()?.saturating_sub(used))
 }
 
+/// The size of a new thread's stack if stacks have no limit, as glibc chooses it on x86-64 and AArch64.
+const UNLIMITED_STACK_BYTES: u64 = 2 << 20;
+
+/// Returns the size of the stacks that drivers' threads get by default (`ulimit -s`).
+#[cfg(unix)]
+pub fn thread_stack_bytes() -> u64 {
+    use rustix::process::{Resource, getrlimit};
+    getrlimit(Resource::Stack).current.unwrap_or(UNLIMITED_STACK_BYTES)
+}
+
+/// Returns the size of the stacks that drivers' threads get by default.
+#[cfg(not(unix))]
+pub fn thread_stack_bytes() -> u64 {
+    UNLIMITED_STACK_BYTES
+}
+
 /// Returns the soft limit of the address space in the text of /proc/self/limits; `None` if it is "unlimited".
 fn address_space(text: &str) -> Option<u64> {
     let values = text.lines().find_map(|line| line.strip_prefix("Max address space"))?;
@@ -102,8 +118,8 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names of three numbers in one version of control groups: the file with the limit, the file with the memory in
-/// use, and the key in `memory.stat` for the reclaimable part of the memory in use.
+/// The names under which one version of Linux's control groups states three numbers: the file with the limit, the file
+/// with the memory in use, and the key in `memory.stat` for the reclaimable part of the memory in use.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The value of the environment variable that names drivers' libraries, from before any driver was loaded.
+/// The value that the environment variable with the names of drivers' libraries had before any driver was loaded.
 static LIBRARIES_AT_FIRST: OnceLock<Option<OsString>> = OnceLock::new();
 
 /// Stores the value of the variable that names drivers' libraries. Processes that raycl starts later get this value.
@@ -34,8 +34,8 @@ pub fn own_worker() -> Result<Command> {
     Ok(command)
 }
 
-/// Returns a command that starts this program, even if its file was replaced or removed since it started (by a newer
-/// build, say). Lists of processes show the started program as `raycl`.
+/// Returns a command that starts this program, even if its file was replaced or removed after the program started, for
+/// example by a newer build. Lists of processes show the started program as `raycl`.
 pub fn own_program() -> Result<Command> {
     let mut command = Command::new(file()?);
     #[cfg(unix)]

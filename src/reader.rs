@@ -19,7 +19,7 @@ pub enum Kind {
     Texture,
     /// The output of `raycl peak` for a device.
     Peaks,
-    /// A file of `--cl-dir`.
+    /// A kernel file in the folder that the option `--cl-dir` names.
     Kernel,
     /// A mesh of any format, or a buffer of a glTF file. The file's size is compared with the free memory.
     Mesh,
@@ -117,7 +117,7 @@ impl NotUtf8 {
     }
 }
 
-/// The error of a packed file that is cut off or damaged.
+/// The error of a packed (compressed) file that is cut off or damaged.
 #[derive(Debug, thiserror::Error)]
 #[error("it cannot be unpacked ({0})")]
 pub struct Damaged(Error);

@@ -20,8 +20,8 @@ pub(crate) fn of_json<T: JsonSchema>(title: &str) -> Value {
     titled::<T>(settings(), title)
 }
 
-/// Returns the settings for the generated schemas: the draft that editors' TOML plugins support, and no
-/// references, so that each table is described where it is used.
+/// Returns the settings for the generated schemas. The schemas follow the draft (version) of JSON Schema that editors'
+/// TOML plugins support. They contain no references, so each table is described where it is used.
 fn settings() -> SchemaSettings {
     let mut settings = SchemaSettings::draft07();
     settings.inline_subschemas = true;
@@ -61,8 +61,8 @@ fn without_null(schema: &mut Schema) {
     }
 }
 
-/// Adds the largest value to the schema of a 32-bit number without one. `schemars` adds only the number's format, which
-/// is no part of the standard.
+/// Adds the largest value to the schema of an unsigned 32-bit number, if the schema states none. The crate `schemars`
+/// states only the format `uint32`, which is not part of the standard.
 fn with_largest(schema: &mut Schema) {
     if schema.get("format").is_some_and(|format| format == "uint32") && schema.get("maximum").is_none() {
         schema.insert("maximum".to_owned(), u32::MAX.into());

@@ -108,8 +108,9 @@ fn read(path: &Path) -> Result<Settings> {
 }
 
 /// Returns whether an error means that there is no settings file, or that it lies in a folder in which this user may
-/// look up no file, such as the home folder of another user. A part of the path may also be a file: services often have
-/// the home folder /dev/null. `metadata` is the file's metadata, or the error from reading it.
+/// look up no file, such as the home folder of another user. There is no settings file either if a part of its path is
+/// a file instead of a folder: services often have the home folder /dev/null. `metadata` is the file's metadata, or the
+/// error from reading it.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
@@ -221,6 +222,9 @@ mod tests {
             ("# mine\ndevise = \"cpu\"\n", ["config.toml:2", "devise", "did you mean `device`", "results"]),
             ("color = \"nevr\"\n", ["config.toml:1", "nevr", "did you mean `never`", "always"]),
             ("device = 3\n", ["config.toml:1", "wrong type: integer", "expected a string", "the keys are"]),
+            ("color = {}\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys are"]),
+            ("[color]\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys are"]),
+            ("color = {a=1, b=2}\n", ["config.toml:1", "wrong type: table", "expected a string", "the keys"]),
             ("results = \"~me/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
             ("results = \"$HOME/r\"\n", ["config.toml:1", "only `~` alone", "results", "an absolute folder"]),
             ("\nresults = \"\"\n", ["config.toml:2", "the setting is empty", "results", "remove the line"]),

@@ -50,8 +50,8 @@ impl Sources {
         })
     }
 
-    /// Returns an error about the line `#include "path"` with this number in a file, if the error is a mistake of the
-    /// user: adds the file and the line to its message.
+    /// Returns an error about the line `#include "path"` that has the number `line` in `file`. If the error is a
+    /// mistake of the user, the name of the file and the line are added to its message.
     pub fn at_include(&self, error: Error, path: &str, file: &str, line: usize) -> Error {
         let file = self.path_of(file);
         error.placed(|message| Error::input(format!("{file}, line {line}: #include \"{path}\": {message}")))
@@ -92,7 +92,7 @@ impl Sources {
         Ok(())
     }
 
-    /// Returns the sorted names of the folder's files; none if there is no folder.
+    /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder.
     pub fn own_files(&self) -> Result<Vec<String>> {
         let Self::Folder(folder) = self else { return Ok(Vec::new()) };
         let mut files = Vec::new();
@@ -114,15 +114,14 @@ impl Sources {
         Ok(files)
     }
 
-    /// Returns a file's name for messages: its path if it comes from the folder, otherwise `cl/` and its
-    /// name.
+    /// Returns a file's name for messages: its path if it comes from the user's folder, otherwise `cl/` and its name.
     pub fn path_of(&self, name: &str) -> String {
         self.own_path(name).unwrap_or_else(|| format!("cl/{name}"))
     }
 
-    /// Returns the paths of the files, among `files`, that the user added or changed: they come from the folder, and no
-    /// built-in file has the same name and the same text. An unchanged copy of a built-in file is left out, since it is
-    /// not to blame for an error.
+    /// Returns the paths of the files, among `files`, that the user added or changed: they come from the user's folder,
+    /// and no built-in file has the same name and the same text. An unchanged copy of a built-in file is left out,
+    /// since it is not to blame for an error.
     pub fn changed_paths(&self, files: &[String]) -> Vec<String> {
         let changed = |name: &String| {
             let path = self.own_path(name)?;
@@ -131,7 +130,7 @@ impl Sources {
         files.iter().filter_map(changed).collect()
     }
 
-    /// Returns a file's path if it comes from the folder.
+    /// Returns a file's path if it comes from the user's folder; `None` if it is built into the binary.
     pub fn own_path(&self, name: &str) -> Option<String> {
         let Self::Folder(folder) = self else { return None };
         let path = folder.join(name);
@@ -246,13 +245,13 @@ impl Chain {
         Ok(())
     }
 
-    /// Leaves the innermost file.
+    /// Leaves the file that was entered last.
     pub fn leave(&mut self) {
         self.0.pop();
     }
 }
 
-/// Reads a file of the folder. A path that leads out of the folder, by its name or by a link, is refused.
+/// Reads a file of the folder `folder`. A path that leads out of the folder, by its name or by a link, is refused.
 fn read_inside(path: &Path, folder: &Path) -> Result<String> {
     if !reader::lies_in(path, folder) {
         let message =
@@ -320,7 +319,7 @@ mod tests {
             "error: cast/a.cl:7:1: expected ';'\ncast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
         let expected = "error: mine/cast/a.cl:7:1: expected ';'\nmine/cast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
         assert_eq!(with_paths(log, path), expected);
-        // PoCL names the definition of a macro in this way.
+        // With the word `<Spelling=...>`, PoCL names the position where a macro is defined.
         let log = "error: cast/b.cl:1:2 <Spelling=cast/a.cl:7:1>: no";
         assert_eq!(with_paths(log, path), "error: cast/b.cl:1:2 <Spelling=mine/cast/a.cl:7:1>: no");
     }

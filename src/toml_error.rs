@@ -21,7 +21,7 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
 pub struct Mistake {
     /// The mistake, with the wrong value and the expected one.
     pub message: String,
-    /// The text for the mark under the mistake.
+    /// The text that is printed at the mark under the mistake, such as "not a key here".
     label: String,
     /// The remedy, if the mistake has its own.
     remedy: Option<String>,
@@ -75,6 +75,11 @@ pub fn in_plain_words(message: &str) -> String {
         return match message.as_str() {
             // These are the words of the crate `toml` if it expects one of several names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
+            // Instead of a string, the crate also accepts a table with a single key, which is then the name. It sends
+            // this message for a table that has no key, or several.
+            _ if message.starts_with("wanted exactly 1 element") => {
+                "wrong type: table, expected a string".to_owned()
+            }
             _ => message,
         };
     };
@@ -124,6 +129,10 @@ mod tests {
             "wrong type: integer `3`, expected a table"
         );
         assert_eq!(in_plain_words("wanted string or table"), "wrong type: expected a string");
+        for found in ["found 0 elements", "more than 1 element"] {
+            let table = in_plain_words(&format!("wanted exactly 1 element, {found}"));
+            assert_eq!(table, "wrong type: table, expected a string");
+        }
         assert_eq!(
             in_plain_words("invalid type: string \"a\", expected f64"),
             "wrong type: string \"a\", expected a number"

@@ -81,7 +81,7 @@ struct StrictVisitor<V> {
     is_table: bool,
 }
 
-/// Passes a value that has no inner values to the wrapped visitor.
+/// Passes a value that has no inner values to the wrapped visitor (the object that receives values from serde).
 macro_rules! passes_on {
     ($($visit:ident $value:ty),*) => {$(
         fn $visit<E: serde::de::Error>(self, value: $value) -> Result<V::Value, E> {

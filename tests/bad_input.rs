@@ -87,7 +87,7 @@ fn a_negative_size() {
     let message = config_mistake("[[8, 5]]", "[[8, -5]]");
     has(&message, &["config.toml:4", "image size -5", "expected a whole number from 1 to 65536"]);
     let message = config_mistake("local_sizes = [4]", "local_sizes = [-4]");
-    has(&message, &["config.toml:5", "local size -4", "expected a whole number from 1 to 1024"]);
+    has(&message, &["config.toml:5", "local size -4", "expected a whole number from 1 to 4096"]);
     let message = scene_mistake(&TRIANGLE.replace("z_near = 0.1", "z_near = -0.1"));
     has(&message, &["scene.toml:4", "-0.1 is not a finite number of at least 0"]);
 }
@@ -196,6 +196,8 @@ fn unknown_names_are_answered_with_the_nearest() {
     has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "The devices are:"]);
     let message = config_mistake("[\"naive\"]", "[\"navie\"]");
     has(&message, &["config.toml:6", "'navie' is not a preset", "did you mean 'naive'"]);
+    let message = config_mistake("[\"naive\"]", "[\"naive\"]\ndevices = [\"portabel\"]");
+    has(&message, &["config.toml:7: no device matches 'portabel'", "did you mean 'portable'"]);
 }
 
 #[test]

@@ -70,6 +70,26 @@ fn the_papers_occupancy_is_contradicted() {
 }
 
 #[test]
+fn damaged_records_are_reported_beside_json_and_beside_an_error() {
+    let path = crate::binary::repository("tests/data/old-results/records.jsonl");
+    let records = std::fs::read_to_string(path).expect("records");
+    // The first point was not measured, so its record has no kernels.
+    let unmeasured = records.lines().next().expect("a record");
+    let folder = WorkFolder::with(&[
+        ("all/records.jsonl", &format!("{records}damaged\n")),
+        ("none/records.jsonl", &format!("{unmeasured}\ndamaged\n")),
+    ]);
+    let output = folder.raycl(&["occupancy", "--results", "all", "--json"]).assert().success();
+    let output = output.get_output().clone();
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(printed.contains("\"registers\": 68") && !printed.contains("damaged"), "{printed}");
+    let refused = folder.mistake(&["occupancy", "--results", "none"], 1);
+    for said in [String::from_utf8_lossy(&output.stderr).into_owned(), refused] {
+        assert!(said.contains("raycl ignores 1 damaged line of records.jsonl"), "{said}");
+    }
+}
+
+#[test]
 fn mistakes_exit_with_2_and_name_the_remedy() {
     let message = mistake(&mut raycl(&["occupancy", "--compute-capability", "8.8"]), 2);
     assert!(message.contains("'8.8'") && message.contains("8.9"), "{message}");

@@ -396,10 +396,7 @@ fn a_command_whose_child_process_is_killed_names_the_signal() {
 #[test]
 fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     let ground = Ground::new(60);
-    let run = ground.command(&[]);
-    let mut bash = Command::new("bash");
-    bash.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash"]).arg(run.get_program()).args(run.get_args());
-    let run = bash.stderr(Stdio::piped()).spawn().expect("it starts");
+    let run = ground.start(&[]);
     until("a point is done", || !ground.records().is_empty());
     // From now on, the run's own process cannot make any file larger than 1000 bytes. This limit does not apply to
     // its worker, nor to the driver's cache.
@@ -407,16 +404,14 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     prlimit(Pid::from_raw(run.id() as i32), Resource::Fsize, limit).expect("a limit");
     let output = finish(run);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(
-        said(&output).contains("cannot write") && said(&output).contains("--resume"),
-        "{}",
-        said(&output)
-    );
+    for part in ["cannot write", "ulimit -f", "--resume"] {
+        assert!(said(&output).contains(part), "{part} is not in {}", said(&output));
+    }
     assert!((1..POINTS).contains(&ground.records().len()));
     ground.resume();
 }
 
-/// The disk is full in two cases: before anything is measured, and after all points are measured.
+/// The run cannot write a file in two cases: before anything is measured, and after all points are measured.
 #[test]
 fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_continued() {
     let ground = Ground::new(3);
@@ -424,17 +419,20 @@ fn a_full_disk_before_or_after_the_measurement_leaves_a_folder_that_can_be_conti
     let limited = |kibibytes: u32, arguments: &[&str]| {
         let run = ground.command(arguments);
         let mut bash = Command::new("bash");
-        let words = format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$@\"");
+        let words = format!("ulimit -f {kibibytes}; exec \"$@\"");
         bash.args(["-c", &words, "bash"]).arg(run.get_program()).args(run.get_args());
         for (name, value) in run.get_envs() {
             value.map(|value| bash.env(name, value));
         }
         let output = crate::binary::run(&mut bash);
         assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        let names = std::fs::read_dir(&ground.out).expect("results").flatten().map(|entry| entry.file_name());
+        let unfinished: Vec<_> = names.filter(|name| name.to_string_lossy().starts_with(".raycl-")).collect();
+        assert!(unfinished.is_empty(), "{unfinished:?}");
         said(&output)
     };
     let resumes = |said: &str, file: &str| {
-        for part in ["cannot write", file, "free up space", "to continue from here: raycl run", "--resume"] {
+        for part in ["cannot write", file, "ulimit -f", "to continue from here: raycl run", "--resume"] {
             assert!(said.contains(part), "{part} is not in {said}");
         }
     };

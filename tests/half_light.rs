@@ -96,6 +96,7 @@ const CHANGES: &[[&str; 4]] = &[
     [ROWS, "(float16)(rb.odd, rb2.odd)", "(float16)(rb.odd, rb.odd)", "tile"],
     [ROWS, "colour.z.scdef, hit.scdef", "colour.z.s89ab, hit.scdef", "tile"],
     [SOFT, "curve &= INTERLEAVED * INTERLEAVED - 1u;", "", "bvh"],
+    [SOFT, "SAMPLED && !IS_UNOCCLUDED(soft)", "SAMPLED", "bvh"],
     [SOFT, "0.2122f + cosine", "0.3122f + cosine", "bvh"],
     [SOFT, "0.1211f * cosine", "0.2211f * cosine", "bvh"],
     ["cast/shade.cl", "#if SOFT\n        if (!IS_UNOCCLUDED(&scene->soft))\n#endif", "", "bvh"],

@@ -124,7 +124,24 @@ fn where_the_only_driver_dies_there_is_no_picture_but_a_message() {
     let mut raycl = folder.raycl(&["render", "scene.toml", "-o", "a.png"]);
     let output = raycl.env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
     let said = String::from_utf8(output.stderr).expect("UTF-8");
-    has(&said, &["bad.icd is left out", "no OpenCL platform was found"]);
+    has(&said, &["bad.icd is left out", "no other driver is left", "update the driver"]);
+    assert!(!said.contains("pocl-opencl-icd"), "a driver is installed: {said}");
+}
+
+#[test]
+fn drivers_that_die_only_together_are_named_with_the_remedy() {
+    let folder = one_point();
+    let body = "if (getenv(\"A_DRIVER_IS_LOADED\")) abort(); setenv(\"A_DRIVER_IS_LOADED\", \"1\", 1)";
+    let vendors = driver(&folder, body);
+    // The same file would be loaded only once.
+    let other = folder.path("other.so");
+    std::fs::copy(folder.path("driver.so"), &other).expect("a copy");
+    std::fs::write(vendors.join("other.icd"), format!("{}\n", other.display())).expect("an .icd");
+    let mut raycl = folder.raycl(&["devices"]);
+    let output = raycl.env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
+    let said = String::from_utf8(output.stderr).expect("UTF-8");
+    has(&said, &["bad.icd", "other.icd", "cannot be loaded together", "OCL_ICD_VENDORS"]);
+    assert!(!said.contains("left out"), "each driver alone works: {said}");
 }
 
 #[test]
@@ -167,6 +184,7 @@ fn a_folder_of_results_leads_nowhere_else() {
     for (name, target) in [
         ("records.jsonl", &victim),
         ("samples.jsonl", &victim),
+        ("launches.jsonl", &victim),
         (".lock", &victim),
         ("images", &elsewhere),
         ("plots", &elsewhere),

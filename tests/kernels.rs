@@ -194,6 +194,41 @@ fn each_layout_brings_every_corner_its_own_normal() {
     all_agree(&mut stand, points, none);
 }
 
+/// Each triangle of the first, red object has a twin in a second, blue object. Tests keep the first of two hits at the
+/// same distance.
+#[test]
+fn of_two_objects_in_the_same_place_every_preset_shows_the_first() {
+    apart!();
+    let mut scene = scene("gourd.toml");
+    let mesh = scene.mesh_mut();
+    let mut second = mesh.clone();
+    for (mesh, colour) in [(&mut *mesh, Vec3::X), (&mut second, Vec3::Z)] {
+        mesh.materials
+            .iter_mut()
+            .for_each(|material| (material.lambertian, material.glossy) = (colour, Vec3::ZERO));
+    }
+    mesh.append(second);
+    scene.background = Vec3::ZERO;
+    let stand = Stand::new(scene, SIZE);
+    for preset in PRESETS.iter().filter(|preset| compiles_soon(&preset.strategy)) {
+        let image = stand.cast(&preset.strategy, [4, 4]).expect("an image");
+        let sum = image.pixels.iter().fold(Vec3::ZERO, |sum, pixel| sum + Vec3::from(*pixel));
+        assert!(sum.x > 0.0 && sum.z == 0.0, "{}: {sum}", preset.name);
+    }
+}
+
+/// Tiles read the same normals in the same order of operations, wherever these normals lie.
+#[test]
+fn the_layout_of_normals_changes_no_bit_of_a_picture_in_tiles() {
+    apart!();
+    let stand = Stand::new(scene("gourd.toml"), SIZE);
+    for name in ["tile", "tile-watertight"] {
+        let strategy = preset(name).expect("a preset").strategy;
+        let cast = |layout| stand.cast(&Strategy { layout, ..strategy }, [1, 1]).expect("an image");
+        assert_eq!(cast(Layout::INDEXED_32), cast(Layout::SOUP), "{name}");
+    }
+}
+
 /// The largest indices of 16 bits would be negative if kernels read them as signed numbers.
 #[test]
 fn indices_of_16_bits_have_no_sign() {

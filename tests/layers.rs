@@ -55,10 +55,13 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
         assert_eq!(size(name), (40, 25), "{name}");
     }
     for name in ["a-tests.png", "a-nodes.png"] {
-        assert!(size(name).1 > 25, "{name} has a scale below");
+        assert_eq!(size(name), (40, 25 + 18), "{name} has a scale below");
     }
-    let depth = image::open(folder.path("a-depth.png")).expect("a picture").to_rgb8();
-    assert_eq!(depth[(0, 0)].0, [0; 3]);
+    let [depth, ..] = ["depth", "normal", "triangle", "object"].map(|name| {
+        let picture = image::open(folder.path(&format!("a-{name}.png"))).expect("a picture").to_rgb8();
+        assert_eq!(picture[(0, 0)].0, [0; 3], "nothing is hit, so {name} is black");
+        picture
+    });
     assert!(depth[(20, 12)].0 > depth[(39, 20)].0, "the triangle is nearer than the ground behind it");
     std::fs::write(folder.path("a-nodes.png"), "mine").expect("a file");
     let message = folder.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);

@@ -57,7 +57,10 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     std::fs::remove_file(folder.path("mesh-0003.png")).expect("a frame");
     let report = turn(&folder, &["mesh.obj", "--turntable", "6"]);
     assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &2.into()));
-    assert_eq!(turn(&folder, &["mesh.obj", "--turntable", "6"])["frames"], 0);
+    assert!(report["frame_ms"].is_f64() && report["frames_per_s"].is_f64(), "{report}");
+    let report = turn(&folder, &["mesh.obj", "--turntable", "6"]);
+    assert_eq!(report["frames"], 0);
+    assert!(report["frame_ms"].is_null() && report["frames_per_s"].is_null(), "{report}");
     // A picture that was rendered with other options or from another scene, or a file that was changed, does not count
     // as the frame, and is not overwritten.
     let before = std::fs::read(folder.path("mesh-0001.png")).expect("a frame");

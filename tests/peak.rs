@@ -65,6 +65,7 @@ fn what_a_device_can_do_is_measured_and_a_run_reports_its_fraction_of_it() {
     for key in ["device", "platform", "driver", "max_clock_mhz"] {
         assert_eq!(stored[0][key], environment["devices"][0][key], "{key}");
     }
+    assert!(stored[0]["state"].as_str().is_some_and(|state| state.contains(" compute units")), "{stored}");
     assert!(
         stored[0]["launch_device_us"]["median"].as_f64() <= stored[0]["launch_host_us"]["median"].as_f64(),
         "{stored}"
@@ -84,27 +85,47 @@ fn what_a_device_can_do_is_measured_and_a_run_reports_its_fraction_of_it() {
     has(&missing, &["none.json"]);
 }
 
+/// PoCL is configured to offer the same CPU as two devices.
+#[test]
+fn without_an_option_all_devices_that_the_settings_select_are_measured() {
+    let folder = new_folder();
+    let peak = |word: &str| {
+        let mut command = folder.raycl(&["peak", "--json"]);
+        command.env("POCL_DEVICES", "pthread pthread").env("RAYCL_DEVICE", word);
+        command
+    };
+    let output = peak("portable computing language").assert().success().get_output().clone();
+    let measured: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(measured.as_array().map(Vec::len), Some(2), "{measured}");
+    let refused = peak("no-such-device").assert().code(2).get_output().clone();
+    has(&String::from_utf8_lossy(&refused.stderr), &["RAYCL_DEVICE: no device matches 'no-such-device'"]);
+}
+
 /// No device is opened: the workers of `--asleep` only wait.
 #[test]
 fn a_file_without_rates_of_the_device_is_reported_and_later_rates_of_one_device_keep_those_of_others() {
-    let rates = |device: &str| {
+    let rates = |device: &str, state: Option<&str>| {
         let mut rates = json!({
-            "device": device, "platform": "?", "driver": "?", "timestamp": "?", "raycl_version": "?",
-            "max_clock_mhz": null,
+            "device": device, "platform": "raycl asleep", "driver": "0.1", "state": state, "timestamp": "?",
+            "raycl_version": "?", "max_clock_mhz": null,
         });
         let figure = json!({"median": 1e12, "q1": 1e12, "q3": 1e12, "repeats": 5});
         FIGURES.iter().for_each(|name| rates[*name] = figure.clone());
         rates.to_string()
     };
     let folder = new_folder();
-    folder.write("h200.json", &rates("an H200"));
-    folder.write("asleep.json", &rates("asleep"));
+    folder.write("h200.json", &rates("an H200", None));
+    folder.write("asleep.json", &rates("asleep", None));
+    folder.write("other.json", &rates("asleep", Some("2 compute units")));
     let usual = ["run", "test.toml", "--out", "out", "--asleep", "0.1", "--set", "baselines=[]"];
     let output_of = |more: &[&str]| {
         let output = folder.raycl(&[&usual[..], more].concat()).assert().success().get_output().clone();
         String::from_utf8(output.stderr).expect("UTF-8")
     };
     has(&output_of(&["--peak=h200.json"]), &["note: h200.json has no peak rates of asleep"]);
+    let state = "asleep in its present state (driver 0.1, 1 compute units), so";
+    let noted = output_of(&["--peak=other.json", "--resume"]);
+    has(&noted, &[&format!("note: other.json has no peak rates of {state}")]);
     let resumed = output_of(&["--peak=asleep.json", "--resume"]);
     assert!(!resumed.contains("no peak rates"), "{resumed}");
     let stored: Value = serde_json::from_str(&folder.text("out/peak.json")).expect("JSON");

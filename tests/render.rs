@@ -238,6 +238,7 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     let verified = &report(&folder, &["scene.toml", "--verify"])["verified"];
     assert!(verified["max_difference"].as_f64().expect("a difference") < 1e-3, "{verified}");
     assert!(verified["uncertain_pixels"].is_u64(), "{verified}");
+    assert!(verified["uncertain_hits"].is_u64() && verified["hits"].as_u64() > Some(0), "{verified}");
     assert_eq!(verified["pixels"], verified["of_pixels"], "{verified}");
     assert!(report(&folder, &["scene.toml"])["verified"].is_null());
     let some = folder.output(&["render", "scene.toml", "--verify=100", "--device", &device]);

@@ -451,22 +451,27 @@ fn lives(process: &String) -> bool {
 #[test]
 fn a_device_of_one_compute_unit_and_the_same_of_two_are_two_kinds() {
     let ground = Ground::new();
-    for threads in ["1", "2"] {
-        for shard in ["1/2", "2/2"] {
-            let mut command = ground.command(
-                shard,
-                "",
-                &["--device", &device(), "--set", "strategies=['naive']", "--set", "local_sizes=[4]"],
-            );
-            command.env("POCL_CPU_MAX_CU_COUNT", threads).env("POCL_MAX_PTHREAD_COUNT", threads);
-            succeeds(run(&mut command));
-        }
+    let measure = |threads: &str, shard: &str| {
+        let mut command = ground.command(
+            shard,
+            "",
+            &["--device", &device(), "--set", "strategies=['naive']", "--set", "local_sizes=[4]"],
+        );
+        command.env("POCL_CPU_MAX_CU_COUNT", threads).env("POCL_MAX_PTHREAD_COUNT", threads);
+        succeeds(run(&mut command));
+    };
+    for (threads, shard) in [("1", "1/2"), ("2", "1/2"), ("2", "2/2")] {
+        measure(threads, shard);
     }
+    // Without the variables, the command would measure on the other kind.
+    let message = ground.folder.mistake(&["merge", "out", "--quiet"], 1);
+    has(&message, &["POCL_CPU_MAX_CU_COUNT=1 POCL_MAX_PTHREAD_COUNT=1 raycl run", "--shard 2/2"]);
+    measure("1", "2/2");
     ground.merge();
     let records = ground.records("out/records.jsonl");
     let keys: HashSet<_> = records.iter().map(|record| &record.key).collect();
     assert_eq!((records.len(), keys.len()), (4, 4));
-    has(&ground.folder.text("out/summary.md"), &["1 compute units", "2 compute units"]);
+    has(&ground.folder.text("out/summary.md"), &["1 compute unit,", "2 compute units,"]);
 }
 
 #[test]

@@ -141,6 +141,38 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     );
 }
 
+/// A picture repeats, so a whole number that is added to all texture coordinates changes nothing. Single precision would
+/// lose all digits after the point.
+#[test]
+fn a_picture_is_in_the_same_place_if_its_coordinates_are_far_from_0() {
+    let folder = room("");
+    let of = |mesh: &str| {
+        std::fs::write(folder.path("scene.toml"), SCENE.replace("room.obj", mesh)).expect("a file");
+        folder.picture(&[]).0
+    };
+    let obj = |whole: u32, options: &str| {
+        let beyond = whole + 2;
+        let text = format!(
+            "mtllib quad.mtl\nv -1 -1 -3\nv 1 -1 -3\nv 1 1 -3\nv -1 1 -3\nvt {whole}.1 {whole}.2\nvt {beyond}.3 {whole}.2\n\
+             vt {beyond}.3 {beyond}.4\nvt {whole}.1 {beyond}.4\nusemtl picture\nf 1/1 2/2 3/3 4/4\n"
+        );
+        std::fs::write(folder.path("quad.obj"), text).expect("a file");
+        let mtl = format!("newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd {options} a picture.png\n");
+        std::fs::write(folder.path("quad.mtl"), mtl).expect("a file");
+        of("quad.obj")
+    };
+    let near = obj(0, "");
+    assert!(!differ(&obj(10_000_000, ""), &near));
+    assert!(!differ(&obj(0, "-o 10000000 10000000"), &near));
+    let gltf = |offset: &str| {
+        let extensions = format!(r#"{{"KHR_texture_transform": {{"offset": {offset}}}}}"#);
+        let text = gltf("{}", &format!(r#", "extensions": {extensions}"#));
+        std::fs::write(folder.path("quad.gltf"), text).expect("a file");
+        of("quad.gltf")
+    };
+    assert!(!differ(&gltf("[10000000.3, 0]"), &gltf("[0.3, 0]")));
+}
+
 /// The defects of the changed kernels include another channel, a shift by half a texel, a wrong neighbour and a wrong
 /// coordinate of a corner.
 #[test]

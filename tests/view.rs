@@ -261,6 +261,7 @@ fn json_is_not_mixed_with_pictures_in_a_pipe() {
     assert!(output.stdout == frame(&folder, "sixel"), "other bytes than with --quiet");
     let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
     assert_eq!(report["frames"], 1);
+    assert!(report["frames_per_s"].is_null(), "a single frame has no rate: {report}");
 }
 
 #[test]

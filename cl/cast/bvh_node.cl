@@ -25,8 +25,8 @@ typedef struct {
     float entry; // the t at which the first of the rays enters it
 } Waiting;
 
-// Puts a child of a node onto the stack. `waiting` is the height of the stack, `below` its height before the first
-// child of this node was pushed. Returns the new height.
+// Puts a child of a node onto the stack. `waiting` is the number of entries of the stack, `below` this number before
+// the first child of this node was pushed. Returns the new height.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int slot = waiting;
     // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.
@@ -60,7 +60,7 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Pushes those children of a node onto the stack whose boxes the ray enters before `reach`. The nearest child is on
+// Pushes those children of a node onto the stack whose boxes the ray enters before t = `reach`. The nearest child is on
 // top. Returns the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
@@ -85,8 +85,8 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     return waiting;
 }
 #else
-// Returns the lanes whose ray enters a child's box before `reach`. `entry` receives the t at which each ray enters the
-// box.
+// Returns the lanes whose ray enters a child's box before t = `reach`. `entry` receives the t at which each ray enters
+// the box.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     // This is the slab test (Kay and Kajiya 1986), with one lane per ray. Along each axis, it computes the values of t
@@ -110,8 +110,8 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes those children of a node onto the stack whose boxes at least one ray enters before that ray's `reach`. The
-// nearest child is on top. Returns the new height of the stack.
+// Pushes those children of a node onto the stack whose boxes at least one ray enters at a t less than that ray's
+// `reach`. The nearest child is on top. Returns the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

@@ -1,6 +1,6 @@
 // The kernels for rays that are cast one by one, or together in the lanes of a vector. They call functions from the
 // files of the strategy's axes (see cast/parts.cl). They also declare the arrays of these files in __local memory,
-// because OpenCL C allows such arrays only in kernels.
+// because OpenCL C allows arrays in __local memory only in kernels.
 
 #ifndef FUSED
 #error "FUSED: 0 or 1: whether one kernel casts a whole frame"
@@ -18,8 +18,8 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
-// With LINEAR_IN_PIXEL, ray directions are in pixel coordinates during the search. Shading needs unit directions, so
-// that t is a distance. The rays are therefore computed again.
+// With LINEAR_IN_PIXEL (the pixel-linear intersector), ray directions are in pixel coordinates during the search.
+// Shading needs unit directions, so that t is a distance. The rays are therefore computed again, with unit directions.
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif

@@ -30,14 +30,14 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if PLANES_OF_ORIGIN
     probe.overlap = overlap_of(origin);
 #endif
-    // If triangles are streamed through __local memory, the loop is over tiles; otherwise one tile contains all
-    // triangles.
+    // If triangles are streamed through __local memory, the loop is over tiles (groups of triangles); otherwise one
+    // tile contains all triangles.
     for (int first = 0; first < scene->geometry.count; first += TILE_STEP(scene)) {
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);
 #if ANY_HIT
-        // If no lane is open, nothing is left to find. The loop over tiles continues nevertheless, because all
-        // work-items must reach stage_tile's barriers.
+        // If no lane is open (every ray has hit something), nothing is left to find. The loop over tiles continues
+        // nevertheless, because all work-items must reach stage_tile's barriers.
         if (!ANY(open)) end = 0;
 #endif
 #if STREAM_TILES && PLANES_OF_ORIGIN
@@ -51,8 +51,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if ANY_HIT
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
-            // The planes were prepared for the reverse ray, which starts at the light. They contain the light, so the
-            // test does not use `from`.
+            // The planes of the triangle's edges were prepared for the reverse ray, which starts at the light. The
+            // planes contain the light, so the test does not use `from`.
             const Vec3 direction = negate(to_light);
             const Vec3 from = direction;
 #else

@@ -43,7 +43,7 @@ varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// Returns how far inside an edge a direction is.
+// Returns how far a direction is on the inner side of the plane of an edge; negative outside.
 varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
@@ -58,7 +58,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying w1 = inside_edge(probe, row.b, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
     const varying w2 = inside_edge(probe, row.c, direction);
-    // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.
+    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 

@@ -26,8 +26,8 @@ typedef struct {
 #endif
 } Scene;
 
-// Returns the row of a triangle: loads a prepared row from global memory, or computes the row from the triangle's
-// corners. Planes depend on the origin (0 is the eye, 1 the first light); corners do not.
+// Returns the row of a triangle (the data that a test reads): loads a prepared row from global memory, or computes the
+// row from the triangle's corners. Planes depend on the origin (0 is the eye, 1 the first light); corners do not.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);
@@ -52,7 +52,8 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
-// Copies a tile of rows to __local memory. All work-items of the group must call this function, for the same tile.
+// Copies a tile (rows of triangles) to __local memory. All work-items of the group must call this function, for the
+// same tile.
 void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);
@@ -61,7 +62,7 @@ void stage_tile(const Scene *scene, int origin, int first) {
         const Row row = source_row(scene, origin, first + k);
         STORE_ROW(row, scene->tile + ROW_UNITS * k)
     }
-    // No work-item may read the tile before it is complete.
+    // No work-item may read the tile (the copied rows) before it is complete.
     barrier(CLK_LOCAL_MEM_FENCE);
 }
 

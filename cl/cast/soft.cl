@@ -6,8 +6,8 @@
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
-        // The vectors are read again for every triangle, since the strategy may exist to measure the speed of their
-        // memory.
+        // The vectors are read again for every triangle, since the strategy may exist to measure the speed of the
+        // vectors' memory.
         const Vec3 direction = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), direction);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, direction,

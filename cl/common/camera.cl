@@ -69,7 +69,7 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     return ray;
 }
 
-// Returns the ray of camera_ray in pixel coordinates: its direction is (x, y, 1), and t is depth.
+// Returns the same ray as camera_ray, but in pixel coordinates: its direction is (x, y, 1), and t is depth.
 Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));

@@ -26,8 +26,8 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // One unit is subtracted from the least alpha. Otherwise rounding could make holes where all four texels have
-    // exactly this alpha.
+    // One unit is subtracted from the least alpha (the threshold below which a point is a hole). Otherwise rounding
+    // could make holes where all four texels have exactly this alpha.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 

@@ -8,7 +8,7 @@
 //
 // Columns are angles around the zenith, from left to right; rows are angles from the zenith, from top to bottom.
 
-// Returns the radiance of each lane's texel.
+// Returns the radiance of one texel of the sky's picture for each lane.
 Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];
@@ -23,7 +23,7 @@ Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     return vec3(red.all, green.all, blue.all);
 }
 
-// Returns the sky's radiance in a direction, interpolated between four texels.
+// Returns the sky's radiance in a direction, interpolated between four texels of the sky's picture.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);

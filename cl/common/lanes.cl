@@ -15,8 +15,8 @@
 #endif
 
 // If functions are inlined, their arguments stay in registers, even arguments that are passed by pointer. With
-// LANES_BY_BARRIERS, the compiler decides whether to inline. The simulator Oclgrind uses barriers, and its compiler
-// cannot inline these functions.
+// LANES_BY_BARRIERS, the compiler decides whether to inline. The simulator Oclgrind uses LANES_BY_BARRIERS, and its
+// compiler cannot inline these functions.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else
@@ -42,7 +42,7 @@ typedef struct {
 
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))
 #define HIGHEST_BIT(bits) (31 - clz(bits))
-// Returns how many of `bits` belong to lanes before this one.
+// Returns how many of the set bits of `bits` belong to lanes before this one.
 #define BITS_BEFORE(group, bits) popcount((bits) & ((1u << (group)->lane) - 1u))
 
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
@@ -199,8 +199,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// Returns 1 / a with an error of about one bit, which is enough for all uses here; an exact division takes five
-// instructions with some compilers.
+// Returns 1 / a with an error of about one bit, which is enough for all uses in the kernels; an exact division takes
+// five instructions with some compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;

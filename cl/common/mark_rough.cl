@@ -4,7 +4,7 @@
 // f64.
 
 #ifndef ROUGH_STEPS
-#error "ROUGH_STEPS: a block is rough if displayed neighbouring pixels differ by more than this, on a scale of 0 to 255"
+#error "ROUGH_STEPS: a block is rough if after one sample, neighbouring pixels differ by more than this (of 255)"
 #endif
 
 // Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. The last channel is
@@ -34,8 +34,11 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
             above[column] = before = own;
         }
     }
-    // A block is rough even if only one channel differs visibly.
-    const int is_rough = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w)) > ROUGH_STEPS;
+    // A block is rough even if only one channel differs visibly. The grain of the first samples becomes finer with the
+    // square root of their number, so the difference that makes a block rough becomes smaller too: ROUGH_STEPS /
+    // sqrt(first). This line compares squares instead, so that no root is rounded.
+    const float steps = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w));
+    const int is_rough = first * steps * steps > ROUGH_STEPS * ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;
     // The order of the list varies from run to run, but this has no effect, since the blocks are cast independently
     // of each other.

@@ -24,7 +24,7 @@ INLINED_ROWS PixelRow gather_pixels(const __global float4 *row, varying_int colu
     return pixels;
 }
 
-// Returns the pixels from column x on. Beyond the image, the pixels at its border repeat.
+// Returns WIDTH pixels of row y, from column x on. Beyond the image, the pixels at its border repeat.
 INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x, int y) {
     const __global float4 *row = image + (size_t)clamp(y, 0, size.y - 1) * size.x;
 #if WIDTH == 16
@@ -44,7 +44,7 @@ INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x
     return gather_pixels(row, clamp(x + LANE_NUMBER, (varying_int)(0), (varying_int)(size.x - 1)));
 }
 
-// Stores the pixels from column x on, as far as they lie inside the image.
+// Stores WIDTH pixels in row y, from column x on, as far as they lie inside the image.
 INLINED_ROWS void store_pixels(__global float4 *image, int2 size, int x, int y, Vec3 colour, varying hit) {
     __global float4 *row = image + (size_t)y * size.x;
 #if WIDTH == 16

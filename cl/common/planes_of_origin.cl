@@ -10,8 +10,8 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 // that neighbouring triangles keep equal planes for the edge that they share.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
-// Returns a row that no ray hits. A ray is outside one of the first two edges, unless the x of its direction is 0 or
-// nearly 0. A ray with such an x misses because its 1 / t is 0.
+// Returns the row (the planes) of a triangle that no ray hits. A ray is outside one of the first two edges, unless the
+// x of its direction is 0 or nearly 0. A ray with such an x misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);
@@ -21,10 +21,10 @@ Row row_of_nothing() {
     return row;
 }
 
-// Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is never
-// hit. For a front face, the dot product of the normal and the corner A (relative to the origin) has the sign of
-// `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost their
-// last digits.
+// Returns the row (the planes) of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row
+// that is never hit. For a front face, the dot product of the normal and the corner A (relative to the origin) has the
+// sign of `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost
+// their last digits.
 //
 // The planes are divided by a bound of the rounding error of edges, so that the overlap of neighbouring triangles,
 // which allows for this error, becomes 1. The bound is rounded to a power of two, so that the division is exact.
@@ -45,9 +45,9 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     if (!hit) return row_of_nothing();
 
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
-    // All three planes are oriented so that inside is positive, whichever side of the triangle the origin is on.
+    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is.
     const float turn = height > 0.0f ? per_unit : -per_unit;
-    // 1 / t = d . n / height is linear in the direction, like the edge functions.
+    // 1 / t = d . n / height (n is the normal) is linear in the direction d, like the edge functions.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
     row.a = uniform_scale(edge_plane(uniform_difference(corners.b, corners.c), b, c), turn);

@@ -56,7 +56,7 @@ typedef struct {
 
 // Returns a Surface from columns with one lane per ray: normals (9), k_L (3), k_G (3), s, kind.
 Surface surface_of(const Lanes *column) {
-    // Columns are in the order in which the soup stores a triangle's normals and material.
+    // The columns (vectors) are in the order in which `layout = soup` stores a triangle's normals and material.
     Surface s;
     s.n0 = vec3(column[0].all, column[1].all, column[2].all);
     s.n1 = vec3(column[3].all, column[4].all, column[5].all);

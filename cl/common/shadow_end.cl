@@ -4,14 +4,14 @@
 // like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
 // Light that grazes a surface at a smaller cosine than 1/50 is so dim that pixels which rounding shadows by mistake are
-// not seen. The limit keeps the gap below 2.5e-5 of the light's distance.
+// not seen. The limit keeps the gap (between the shadow ray's end and the hit) below 2.5e-5 of the light's distance.
 #define MOST_PER_COSINE 50.0f
 
-// Returns the gap between the end of the ray and the hit, relative to the distance of the light. The gap is the bias,
-// so the hit's own triangle does not shadow the hit. But seen from a distant light, rounding moves this triangle by
-// more than the bias; the gap is then the rounding error. `per_cosine` is 1 / cosine of the ray's angle with the
-// normal: the more the ray grazes the triangle, the further rounding moves the point at which the ray meets the
-// triangle.
+// Returns the gap between the end of a shadow ray from a light and the hit, relative to the light's distance. The gap
+// is the bias, so the hit's own triangle does not shadow the hit. But seen from a distant light, rounding moves this
+// triangle by more than the bias; the gap is then the rounding error. `per_cosine` is 1 / cosine of the ray's angle
+// with the normal: the more the ray grazes the triangle, the further rounding moves the point at which the ray meets
+// the triangle.
 varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
     return max(bias_per_distance, ROUNDING_AT_DISTANCE * min(per_cosine, (varying)(MOST_PER_COSINE)));
 }

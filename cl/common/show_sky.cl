@@ -3,7 +3,7 @@
 // With several samples per pixel, the image holds their mean, which does not show whether the last sample hit
 // something. The mean's fourth component times the number of samples is the number of hits so far. If this number has
 // not grown, the last sample missed. A miss added nothing to the mean, since the background is black if the sky is a
-// picture. This kernel adds the sky's radiance.
+// picture. In this case, the kernel adds the sky's radiance.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;

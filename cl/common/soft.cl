@@ -22,8 +22,8 @@ typedef struct {
     // reach. Then follows one radius per light.
     const __global float *numbers;
     // The number of the first sample that this frame casts for each pixel, and the number of samples per pixel in this
-    // sample's round (see src/scene/samples.rs). If the number of samples is 0, the picture is unoccluded: see
-    // IS_UNOCCLUDED.
+    // sample's round: a pixel's samples are cast in up to two rounds (src/scene/samples.rs). If the number of samples
+    // is 0, the picture is unoccluded: see IS_UNOCCLUDED.
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -90,7 +90,7 @@ varying_uint second_of_sobol(varying_uint bits) {
 // Converts the upper 23 bits to a number between 0 and 1, without rounding.
 varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.1920928955078125e-7f; }
 
-// Returns the seed of a hash. Each light or sky uses several hashes; `which` is the number of the hash.
+// Returns the seed of a hash. Each source (a light or the sky) uses several hashes; `which` is the number of the hash.
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
 // Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; indices greater than
@@ -103,7 +103,7 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
-    // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
+    // Each light or sky has its own order of samples; otherwise the samples of two sources would be correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));
     return vec3(unit_of(reversed_bits(hashed_bits(first, seed_of(source, 2)))),
@@ -111,9 +111,11 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
                 unit_of(reversed_bits(hashed_bits(second, seed_of(source, 4)))));
 }
 
-// Returns the radius of a light; with a single sample per pixel, lights are points.
+// Returns the radius of a light. Lights are points in pictures with a single sample per pixel, and in unoccluded
+// pictures. The number of samples in a round (of the up to two rounds of a picture) does not decide this: with adaptive
+// sampling, a round may have 1 sample too.
 float radius_of(const Soft *soft, int light) {
-    return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
+    return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the centre of the light's ball. The

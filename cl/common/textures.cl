@@ -28,7 +28,7 @@
 // least alpha. Mip levels follow the texels of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
-// The number of float4 in a triangle's row. Without mip levels, a row has two:
+// The number of float4 in a triangle's row (the data of its textures). Without mip levels, a row has two:
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
@@ -66,7 +66,7 @@ Uniform3 texel_colour(const __global uint *words, uint at) {
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
-// Returns a texture's head.
+// Returns a texture's head: the words that describe the texture.
 const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }
@@ -84,14 +84,14 @@ Level whole_texture(const __global uint *head) {
     return level;
 }
 
-// The four texels around a point of a texture, as indices of words, and the share of each.
+// The four texels around a point of a texture, as indices of words, and the share of each in the filtered colour.
 typedef struct {
     uint a, b, d, e;
     float ka, kb, kd, ke;
 } Texels;
 
 // Returns the texels of a level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` are the
-// triangle's row, `wrap` is the last word of the texture's head.
+// triangle's row (its texture coordinates); `wrap` is the last word of the texture's head (its description).
 Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
     const int width = level.width, height = level.height;
     const uint across = wrap & 255, down = wrap >> 8 & 15;

@@ -38,7 +38,7 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    // Three rows of float4 for the eye, then three for each light; a row has one float4 per triangle, in leaf order.
+    // The planes: three rows of float4 for the eye, then for each light. A row has a float4 per triangle in leaf order.
     const __global float4 *planes;
     int row; // number of float4 in a row
 #endif
@@ -50,7 +50,7 @@ typedef struct {
 // Returns the corners of the triangle at an index in leaf order.
 Corners leaf_corners(const Tree *tree, int index) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
-    // Three aligned loads; their fourth numbers are the triangle's number, its material and 0.
+    // Three aligned loads read the corners. Their fourth numbers are the triangle's number, its material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
     corners.a = uniform3(a.x, a.y, a.z);

@@ -39,7 +39,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     if (get_local_id(0) == 0) hits = wrong = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // The pixels of a work-item are consecutive. After the last pixel, zeros are used.
+    // The pixels of a work-item are consecutive. In place of pixels after the last one, zeros are used.
     const uint begin = ITEM_PIXELS * (uint)get_global_id(0);
     uint own_hits = 0, own_wrong = 0;
     uchar bytes[ITEM_BYTES];

@@ -14,8 +14,8 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     GROUP_LOCALS
     __local uint words[LOCAL_Y][GROUP_LANES];
 #if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
-    // A driver may make sub-groups of another size. A group's number, or a lane, could then be beyond the arrays, so
-    // nothing is written, and the host finds no answers.
+    // A driver may make sub-groups of another size. A group's number, or a lane's, could then be too large for the
+    // arrays, so nothing is written, and the host finds no answers.
     if (get_sub_group_size() != GROUP_LANES) return;
 #endif
     Group group;

@@ -3,9 +3,9 @@
 // coordinates without a division by a vertex's depth, so triangles may extend behind the eye (Olano and Greer,
 // "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
-// The first kernel finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive floats are
-// ordered like integers). The second kernel finds the triangle with this depth; if there are several, the first of
-// them. The kernel shade_nearest then shades this triangle.
+// The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
+// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; if there are
+// several, the first of them. The kernel shade_nearest then shades this triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
@@ -81,14 +81,14 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds to include a point beyond the near plane.
+// Extends the bounds of the pixels to test, so that they include a point beyond the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
     const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
     const float y = clamp(uniform_dot(q, sy) / uniform_dot(sy, sy), -1.0f, image_size.y + 1.0f);
-    // The bounds include one more pixel on each side, since these coordinates are rounded; the edge functions decide
-    // exactly.
+    // The bounds include one more pixel on each side, since these coordinates are rounded. The edge functions decide
+    // exactly which pixels the triangle covers.
     coverage->low = min(coverage->low, (int2)((int)floor(x) - 1, (int)floor(y) - 1));
     coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
 }
@@ -162,8 +162,8 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     BIND_GEOMETRY(geometry)                  \
     const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
 
-// A loop over the pixels that a triangle may cover. Before the first kernel, the host fills the buffers `depth` and
-// `nearest_triangle` with NO_HIT, the largest int.
+// A loop over the pixels that a triangle may cover. Before the kernel raster_depth starts, the host fills the buffers
+// `depth` and `nearest_triangle` with NO_HIT, the largest int.
 #define FOR_COVERED_PIXELS(coverage)                                              \
     for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
         for (int x = coverage.low.x; x < coverage.high.x; x++)

@@ -29,8 +29,9 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions of a block's rays. `x` and `y` are the coordinates of the first column and row of rays, relative to the
-// block's first pixel. `across` and `down` are the distances from the first to the last column and row.
+// The positions of the rays of a block (one vector's pixels). `x` and `y` are the coordinates of the first column and
+// row of rays, relative to the block's first pixel. `across` and `down` are the distances from the first to the last
+// column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -82,12 +83,12 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
         for (int axis = 0; axis < 3; axis++) {
-            // Lanes without a vector get an empty interval, which overlaps no box.
+            // Lanes after the tile's last vector get an empty interval, which overlaps no box.
             slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // Blocks completely outside the image get a reach of less than zero, so that they meet no box.
+        // Blocks completely outside the image get a reach (largest t) of less than zero, so that they meet no box.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);
@@ -107,10 +108,10 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
     return cast;
 }
 
-// Gives every vector that is not in `cast` an empty interval, which overlaps no box, and a reach of less than zero.
+// Gives every vector that is not in `cast` an empty interval, which overlaps no box, and a reach (largest t) below 0.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
-        // Each lane takes the bit of its vector.
+        // Each lane takes the bit of its vector in `cast`.
         const int16 is_cast = (int16)((int)(cast >> (16 * part))) >> LANES & 1;
         for (int axis = 0; axis < 3; axis++) {
             slices->low[axis][part] = SELECT(is_cast != 0, slices->low[axis][part], (float16)(FAR));
@@ -130,7 +131,7 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
     EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const varying x = RAY_X(pixels), y = RAY_Y(pixels);
-        // Directions have depth 1, not length 1.
+        // Directions have depth 1 (a component of 1 along the view), not length 1.
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;

@@ -79,10 +79,13 @@ typedef struct {
 #endif
 } Bundle;
 
+#include "tile_cpu/gather_rows.cl"
+#include "tile_cpu/layout/{layout}.cl"
+
 // A tree, and its triangles' normals for shading.
 typedef struct {
     Tree tree;
-    const __global float *surfaces; // the normals of the corners in leaf order, NORMAL_FLOATS per triangle
+    Normals normals;
 } SurfaceTree;
 
 // With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts

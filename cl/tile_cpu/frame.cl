@@ -1,7 +1,7 @@
 // The kernels of a frame that is cast in tiles: one for the whole frame, or one for nearest hits and one for shading.
 
-// Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle. If
-// no ray of the tile can hit the scene, computes no ray and returns 0.
+// Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle (the
+// tile's rays). If no ray of the tile can hit the scene, computes no ray and returns 0.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
     // First, only intervals of directions are tested, which costs far less than testing all rays of the tile.
@@ -23,7 +23,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #define BIND_SURFACE_TREE(tree)  \
     tree.tree.nodes = nodes;    \
     tree.tree.leaves = leaves;  \
-    tree.surfaces = surfaces;   \
+    BIND_NORMALS(tree.normals)  \
     BIND_MASKS(tree.tree)
 #if TEXTURES
 #define BIND_TEXTURES(lighting)            \
@@ -74,7 +74,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     frame_samples.x = sample_x;                  \
     frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
-// A tile is also skipped if all its pixels have enough samples.
+// A work-item also returns if all pixels of its tile have enough samples.
 #define LEAVE_ENOUGH(image_size)                                       \
     frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
     if (!frame_samples.cast) return;
@@ -111,7 +111,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     SurfaceTree tree;
     BIND_SURFACE_TREE(tree)
     Bundle bundle;
-    // If no ray can hit the scene, the bundle has no results, so NO_HIT is stored instead.
+    // If no ray can hit the scene, the bundle (the tile's rays) has no results, so NO_HIT is stored instead.
     const int may_hit = find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++)
         vstore16(may_hit ? bundle.leaf_index[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());

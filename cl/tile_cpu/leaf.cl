@@ -25,8 +25,8 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests up to PREPARED of a leaf's triangles against the live vectors. Returns the vectors in which a ray hit or, with
-// `any`, the vectors whose rays are all finished.
+// Tests up to PREPARED of a leaf's triangles against the vectors in `live`. Returns the vectors in which a ray hit or,
+// with `any`, the vectors whose rays are all finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
     // At the end of a leaf, fewer than PREPARED triangles may be left: bits from `count` on belong to other leaves or
@@ -37,25 +37,24 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
         const int lane = LOWEST_BIT(worth);
         const uint now = test_triangle(bundle, &prepared, lane, first + lane, live, any);
         if (any) {
-            // A vector is removed when all its shadow rays are blocked.
+            // A vector is removed from `live` when all its shadow rays are blocked.
             const uint done = vectors_done(bundle, now);
             changed |= done;
             live &= ~done;
         } else {
             changed |= now;
             // Normals of hits are prefetched for shading. There is no branch, since the processor could not predict it.
-            const __global float *normals = tree->surfaces + NORMAL_FLOATS * (size_t)(now ? first + lane : first);
-            FETCH(normals), FETCH(normals + NORMAL_FLOATS - 1);
+            fetch_normals(&tree->normals, tree->tree.leaves, now ? first + lane : first);
         }
     }
     return changed;
 }
 
-// Tests all of a leaf's triangles against the live vectors, and returns vectors like test_prepared.
+// Tests all of a leaf's triangles against the vectors in `live`, and returns vectors like test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;
-    // The loop prepares PREPARED triangles at a time. Each triangle is tested against all live vectors while its
+    // The loop prepares PREPARED triangles at a time. Each triangle is tested against all vectors in `live` while its
     // prepared numbers are in registers.
     for (int first = LEAF_FIRST(word); first < end; first += PREPARED) {
         const uint now = test_prepared(bundle, tree, first, min(PREPARED, end - first), live, any);

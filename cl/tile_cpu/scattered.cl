@@ -40,7 +40,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which vectors are scattered, and the reciprocals of their directions for rays_enter.
+// Stores which vectors are scattered (hits far apart), and the reciprocals of their directions for rays_enter.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {

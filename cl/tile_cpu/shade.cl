@@ -1,50 +1,5 @@
 // Shades a tile's nearest hits.
 
-// INLINED functions take or return columns of values. Inlining keeps these columns in registers.
-#define INLINED static __attribute__((always_inline))
-
-// A row has three parts: a triangle's three corners, or their normals. A part begins `step` floats after the part
-// before it. Its first three floats are a vector; the fourth float belongs to the corner (see LEAF_ROW), or is the
-// first one of the next normal. (The host allocates a row after the last one, so that the last normal has a fourth
-// float, too.)
-//
-//     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
-//     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z
-
-// Loads a row, and returns its parts as 12 columns with the same value in all lanes.
-INLINED void spread_row(const __global float *row, int step, varying *column) {
-    for (int part = 0; part < 3; part++) {
-        const float4 four = vload4(0, row + step * part);
-        column[4 * part] = (varying)(four.x), column[4 * part + 1] = (varying)(four.y);
-        column[4 * part + 2] = (varying)(four.z), column[4 * part + 3] = (varying)(four.w);
-    }
-}
-
-// Loads four floats for each of four lanes. `at` has the lanes' offsets in floats.
-#define FOUR_QUADS(from, at, lane)                                                                             \
-    (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
-              vload4(0, from + at[lane + 3]))
-
-// Loads a row for each lane, and returns its parts as 12 columns with one value per lane. Each lane loads the four
-// floats of a part (a quad) in one piece; the quads are transposed in registers.
-void gather_rows(const __global float *rows, int step, varying_int indices, varying *column) {
-    IntLanes at;
-    at.all = indices * (3 * step);
-    for (int quad = 0; quad < 3; quad++) {
-        const __global float *from = rows + step * quad;
-        const float16 a = FOUR_QUADS(from, at.each, 0), b = FOUR_QUADS(from, at.each, 4);
-        const float16 c = FOUR_QUADS(from, at.each, 8), d = FOUR_QUADS(from, at.each, 12);
-        // Each register holds four quads. Separating even and odd lanes twice turns the 16 quads into 4 columns:
-        //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x ...,  z z z ...,  y y y ...
-        const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
-        const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
-        column[4 * quad] = (float16)(xz.even, xz2.even);
-        column[4 * quad + 1] = (float16)(yw.even, yw2.even);
-        column[4 * quad + 2] = (float16)(xz.odd, xz2.odd);
-        column[4 * quad + 3] = (float16)(yw.odd, yw2.odd);
-    }
-}
-
 // The lights and materials that shading needs.
 typedef struct {
     const __global float *lights;
@@ -95,8 +50,8 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns
-// of the triangles' rows: see gather_rows.
+// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns (vectors)
+// of their corners and normals: see gather_rows.
 INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                                     const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
@@ -119,7 +74,7 @@ INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 
 void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
                          int vector, Mask hits, Shaded *shaded) {
     const Vec3 origin = splat(LOAD3((const float *)&eye));
-    // The bundle has the rays' directions with depth 1.
+    // The bundle has the rays' directions with depth 1 (a component of 1 along the view).
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const Vec3 direction = scale(d, 1.0f / sqrt(dot3(d, d)));
     const varying_int index = bundle->leaf_index[vector];
@@ -128,16 +83,16 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
     indices.all = index;
     const int first = indices.each[LOWEST_BIT(LANE_BITS16(hits))];
     const varying_int safe = SELECT(hits, index, (varying_int)(first));
-    const __global float *corners = tree->tree.leaves, *normals = tree->surfaces;
+    const __global float *corners = tree->tree.leaves;
     varying corner[12], normal[12];
     if (!ANY(safe != first)) {
         // All lanes have the same triangle. It is loaded once, and is in registers while the hits are computed.
         spread_row(corners + ROW_FLOATS * (size_t)first, ROW_FLOATS / 3, corner);
-        spread_row(normals + NORMAL_FLOATS * (size_t)first, NORMAL_FLOATS / 3, normal);
+        spread_normals(&tree->normals, first, as_int(corners[ROW_FLOATS * (size_t)first + 3]), normal);
         compute_surface_points(lighting, origin, direction, corner, normal, hits, shaded);
     } else {
         gather_rows(corners, ROW_FLOATS / 3, safe, corner);
-        gather_rows(normals, NORMAL_FLOATS / 3, safe, normal);
+        gather_normals(&tree->normals, safe, AS_INT(corner[3]), normal);
         compute_surface_points(lighting, origin, direction, corner, normal, hits, shaded);
     }
 }
@@ -212,8 +167,8 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// With PREFETCH, STREAM16 stores past the caches, since nothing reads the image again before the next sample or the
-// next kernel.
+// With PREFETCH, STREAM16 stores 16 floats past the caches, since nothing reads the image again before the next sample
+// or the next kernel.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else

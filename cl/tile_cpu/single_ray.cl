@@ -28,8 +28,8 @@ Children pass_side(const SingleRay *ray, const __global float *node, int axis, i
     return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_direction[axis];
 }
 
-// Returns the children of a node that the ray enters before its reach, one bit each. This is the slab test (Kay and
-// Kajiya 1986) with one child per lane.
+// Returns the children of a node that the ray enters before t = `ray->reach`, one bit each. This is the slab test (Kay
+// and Kajiya 1986) with one child per lane.
 uint single_ray_enters(const SingleRay *ray, const __global float *node) {
     const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
     const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);
@@ -117,7 +117,7 @@ Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction
         const int lane = LOWEST_BIT(left);
         SingleRay ray;
         float per_direction[3];
-        // Vectors are read lane by lane through memory.
+        // The vectors in `numbers` are read lane by lane through memory.
         for (int axis = 0; axis < 3; axis++) {
             ray.from[axis] = ((const float *)(numbers + axis))[lane];
             ray.direction[axis] = ((const float *)(numbers + 3 + axis))[lane];

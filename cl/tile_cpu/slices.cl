@@ -9,8 +9,8 @@
 // The smallest 1 / t, so that t is finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of directions lie between low and high. If directions of both signs occur along an axis, the axis is
-// mixed, and the reciprocals lie below low or above high.
+// The reciprocals of the components of directions lie between low and high. If directions of both signs occur along an
+// axis, the axis is mixed, and the reciprocals lie below low or above high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
@@ -66,7 +66,7 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the minimum and the maximum over a whole tile: first over the parts, lane by lane, and then over the lanes.
+// Finds the minimum and the maximum over a whole tile: first over the parts (one lane per vector), then over the lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -74,8 +74,8 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Converts slices from intervals of directions to intervals of reciprocals, and computes the whole tile's
-// interval around them.
+// Converts `slices` from intervals of directions to intervals of reciprocals, and computes the whole tile's interval
+// around them.
 TileInterval finish_slices(Slices *slices) {
     TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
@@ -95,7 +95,7 @@ TileInterval finish_slices(Slices *slices) {
     return interval;
 }
 
-// Returns the children of a node that the tile's rays may enter before `reach`, one bit each.
+// Returns the children of a node that the tile's rays may enter before t = `reach`, one bit each.
 uint children_overlap(const TileInterval *interval, Uniform3 origin, const __global float *node, float reach,
                       Boxes *boxes) {
     const float o[3] = {origin.x, origin.y, origin.z};
@@ -109,8 +109,8 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // Along a mixed axis, rays run in both directions. A mixed axis bounds the entry only if the origin does
-            // not lie between the box's two sides.
+            // Along a mixed axis, rays run in both directions. Such an axis limits the t of the entry into the box only
+            // if the origin does not lie between the box's two sides.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The ends of the interval of 1 / d give the earliest entry and
@@ -123,7 +123,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns the vectors that meet a child, one bit each.
+// Returns the vectors with a ray that may enter a child's box, one bit each.
 uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -142,27 +142,27 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A vector is also excluded if all its rays have already hit something nearer.
+        // A vector is also excluded if all its rays have already hit something nearer than the box.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
 }
 
-// Returns the vectors whose reach is larger than `entry`, one bit each.
+// Returns the vectors whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
 uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
     return bits;
 }
 
-// Returns the largest reach of all vectors.
+// Returns the largest reach (t at which something can still be hit) of all vectors.
 float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
     return most_lane(most);
 }
 
-// Updates the reach of vectors whose rays have hit something.
+// Updates the reach (the largest t at which something can be hit) of vectors whose rays have hit something.
 void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);

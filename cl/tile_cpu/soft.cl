@@ -21,7 +21,7 @@ void bound_axis(varying origin, varying per_direction, Mask rays, int axis, Pack
     bounds->mixed[axis] = bounds->per_low[axis] < 0.0f && !bounds->negative[axis];
 }
 
-// Returns the children of a node that rays of the packet may enter before `reach`, one bit each.
+// Returns the children of a node that rays of the packet may enter before t = `reach`, one bit each.
 uint packet_enters(const PacketBounds *bounds, const __global float *node, float reach) {
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {

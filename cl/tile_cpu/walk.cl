@@ -16,8 +16,8 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes children of a node onto the stack, the nearest child last: those that a vector of `live` meets. With `any`,
-// the order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
+// Pushes those children of a node that a vector of `live` meets onto the stack, the nearest child last. With `any`, the
+// order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
 // number of these children below it, which the tile enters later. An example with three children, entered at 5, 2 and
 // 9:
 //
@@ -32,7 +32,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // The intervals of scattered vectors are too wide, so each of their rays is tested.
+        // The intervals of scattered vectors (whose hits lie far apart) are too wide, so each of their rays is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -54,7 +54,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     return waiting + popcount(pushed);
 }
 
-// Traverses the tree with a bundle's rays. With `any`, the traversal ends as soon as every ray has a hit.
+// Traverses the tree with a tile's rays (the bundle). With `any`, the traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
           const int any) {
 #if CUTOUTS
@@ -68,7 +68,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A vector is excluded if all its rays have hit something nearer since this entry was pushed.
+        // A vector is excluded if all its rays have hit something nearer than `next` since `next` was pushed.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
@@ -76,7 +76,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
-        // Shadow rays with a hit are finished; for other rays the reach is now smaller.
+        // Vectors whose shadow rays are all blocked are finished. For other rays, the reach (largest t) is smaller now.
         if (any) open &= ~changed;
         else update_reach(bundle, slices, changed);
     }

@@ -54,11 +54,12 @@
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
 // direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. This is then the largest distance of a ray from the leader, as
-// a multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
-// surface are not farther apart than this width.
+// A pass may be restricted to rays close to the leader. NEIGHBOURS is then the largest distance of a ray from the
+// leader, as a multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because
+// rays to one surface are not farther apart than this width.
 #define NEIGHBOURS ((float)TILE_X)
-// The lane in the middle of the lanes' 8 x 4 pixels. It provides the leader if it still has a ray to cast.
+// The lane in the middle of the lanes' 8 x 4 pixels. It provides the leader (see ALONG_AXIS) if it still has a ray to
+// cast.
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
@@ -88,11 +89,12 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes, between the leader's ray and the rays of neighbouring pixels. The result is the
-// larger of two distances: to the nearer neighbour in the leader's row, and to the nearer neighbour in the leader's
-// column. If only one of these neighbours exists, the result is the distance to it; if none exists, the result is FAR.
-// `distance` is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the index of a neighbour differs
-// by 1 in a row, and by 8 in a column. At an edge the index wraps around to a more distant ray.
+// Returns the distance, in slopes (x and y per unit of z), between the leader (the ray that determines a pass's axis)
+// and the rays of neighbouring pixels. The result is the larger of two distances: to the nearer neighbour in the
+// leader's row, and to the nearer neighbour in the leader's column. If only one of these neighbours exists, the result
+// is the distance to it; if none exists, the result is FAR. `distance` is this lane's distance from the leader's ray.
+// In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index
+// wraps around to a more distant ray.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -103,9 +105,9 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Begins a pass: chooses a leader and the rays of `todo` that join it, and computes their shaft and packet. With
-// `close`, only rays close to the leader's direction join. Returns this lane's rays in the pass, one bit each. The
-// leader's ray always joins, unless its direction is zero or not a number (NaN).
+// Begins a pass: chooses a leader (the ray that determines the pass's axis) and the rays of `todo` that join it, and
+// computes their shaft and packet. With `close`, only rays close to the leader's direction join. Returns this lane's
+// rays in the pass, one bit each. The leader's ray always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. This is the lane in the
@@ -130,7 +132,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
     const float leader_x = component(direction.x, direction.y, direction.z, shaft->across) * per_leader;
     const float leader_y = component(direction.x, direction.y, direction.z, shaft->down) * per_leader;
     // Rays from the eye are close to each other. Shadow rays may be far apart, since their hits may lie on several
-    // surfaces; only those near the leader join then.
+    // surfaces; only those near the leader join the pass then.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
@@ -141,7 +143,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
-    // Computes the slopes of each ray, and the box around the slopes of all rays that join.
+    // Computes the slopes of each ray (x and y per unit of z), and the box around the slopes of all rays that join.
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {

@@ -1,5 +1,6 @@
-// Casts rays from the eye in tiles, each owned by a group, and finds their nearest hits. shadow.cl casts shadow
-// rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays, and shades.
+// Casts rays from the eye in tiles, each owned by a group of 32 work-items, and finds their nearest hits. shadow.cl
+// casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays,
+// and shades.
 
 // The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
@@ -50,9 +51,9 @@ INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x 
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
 #define TILE_OUTSIDE 0xffffffffu // beyond every grid
 
-// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only that many blocks of
-// pixels, and no tile is larger than a block. The number of work-groups is then only as large as these blocks need, and
-// tiles are numbered block by block. For example, a block of 16 x 16 rays has four
+// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only the rough blocks of
+// pixels, of which there are `rough_count`, and no tile is larger than a block. The number of work-groups is then only
+// as large as these blocks need, and tiles are numbered block by block. For example, a block of 16 x 16 rays has four
 // tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
@@ -100,7 +101,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
     BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
-// A ray from the eye: its position in the grid, and whether it is cast.
+// A ray from the eye: its position in the grid of the frame's rays, and whether it is cast.
 typedef struct {
     int x, y, inside;
 #if SAMPLED
@@ -108,8 +109,8 @@ typedef struct {
 #endif
 } EyeRay;
 
-// Returns the ray at a position in the grid. A pixel with enough samples is treated like a pixel outside the image. A
-// sub-pixel for which the frame has no sample is treated in the same way.
+// Returns the ray at a position in the grid of the frame's rays. A pixel with enough samples is treated like a pixel
+// outside the image. A sub-pixel for which the frame has no sample is treated in the same way.
 #if SAMPLED
 INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
     // The lowest bits of a column and a row in the grid are the column and the row in the pixel.
@@ -144,7 +145,7 @@ INLINED int2 position_in_tile(Group *group, int ray) {
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns the position of a lane's ray in the grid, if tiles cover the whole grid. `row` is the tile's row of
+// Returns the position of a lane's ray in the grid of rays, if tiles cover the whole grid. `row` is the tile's row of
 // work-groups.
 INLINED int2 position_in_row(Group *group, int row, int ray) {
     return tile_in_row(group, row) + position_in_tile(group, ray);
@@ -188,9 +189,9 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 }
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
-// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. A leader's component along its own axis
-// is at least a third of the 1-norm, so none of the remaining rays can lead another pass in the same direction. Rays
-// whose direction is not a number (NaN) are in no pass.
+// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. For the pass's leader (the ray that
+// determines the axis), this component is at least a third of the 1-norm, so none of the remaining rays can lead
+// another pass in the same direction. Rays whose direction is not a number (NaN) are in no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
@@ -204,7 +205,7 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     EACH_RAY(ray) packet.leaf_index[ray] = NO_HIT;
     // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
     // together, since the functions that the loop calls need the whole group. The loop has a single exit, since PoCL
-    // repeats the code after a loop with barriers for each of its exits.
+    // (OpenCL for CPUs) repeats the code after a loop with barriers for each of its exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Directions directions;
         Shaft shaft;

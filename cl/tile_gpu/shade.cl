@@ -24,8 +24,8 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
 #endif
         const SurfacePoint surface_point =
             surface_point_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, leaf_index);
-        // Computes the ray from the light again. This ray is the only one in its shaft, so the box of slopes is a
-        // point.
+        // Computes the ray from the light again. This ray is the only one in its shaft, so the box around the slopes of
+        // the shaft's rays is a point.
         const Vec3 direction = direction_to_hit(surface_point, subtract(load_vec3(at), surface_point.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(direction.x, direction.y, direction.z), &shaft);
@@ -39,8 +39,9 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
     return reached;
 }
 
-// A loop over a group's entries of the queue: every `groups`-th entry from `first` on, where `groups` is the number of
-// groups that share the queue. The step is never larger than the rest of the queue, so that `i` cannot overflow.
+// A loop over those entries of the queue of leftover shadow rays that a group casts: every `groups`-th entry from
+// `first` on, where `groups` is the number of groups that share the queue. The step is never larger than the rest of
+// the queue, so that `i` cannot overflow.
 #define FOR_QUEUED(i, first, groups, count) for (uint i = first; i < count; i += min(groups, count - i))
 
 // Returns the ray from the eye with an index (see index_of).
@@ -62,14 +63,14 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                            ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x],
                                            lights + LIGHT_FLOATS * first_light, entry.y, bias, stack);
-        // Only this group writes the word of this ray from the eye, so no atomic operation is needed.
+        // Only this group writes the word of lights of this ray from the eye, so no atomic operation is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFTOVER) | reached;
     }
 }
 #endif
 
-// HAS_LIGHT is true if a pixel receives light in a round: from lights that reach the pixel, or from the picture of the
-// sky. Shiny surfaces mirror this picture in the round that includes the sky.
+// HAS_LIGHT is true if a pixel receives light in a round (a batch of lights): from lights that reach the pixel, or from
+// the picture of the sky. Shiny surfaces mirror this picture in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, leaf_index) ((reached) || ((leaf_index) != NO_HIT && SHOWS_SKY(sources)))
@@ -88,7 +89,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface,
                       SurfacePoint surface_point, Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
-    // Each step takes the lowest bit: the next light that reaches the hit.
+    // Each step takes the lowest bit of `reached`, which belongs to the next light that reaches the hit.
     for (; reached; reached &= reached - 1) {
         const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
 #if SOFT
@@ -154,9 +155,9 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// The value of a pixel after a round of lights, computed from the round's sum over the samples of a frame. With several
-// samples per pixel, the image contains their mean. A later round of the frame adds its lights' part to the same
-// samples.
+// The value of a pixel after a round (a batch of lights), computed from the round's sum over the samples of a frame.
+// With several samples per pixel, the image contains their mean. A later round of the frame adds its lights' part to
+// the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -179,10 +180,10 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades nearest hits by the lights of a round that reach them; AFTER_ROUND combines the result with the image. If no
-// other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and shade
-// their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, the other work-groups shade all
-// pixels whose lights are known.
+// Shades nearest hits by the lights of a round (a batch of lights) that reach them; AFTER_ROUND combines the result
+// with the image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast
+// these rays and shade their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, the other
+// work-groups shade all pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES

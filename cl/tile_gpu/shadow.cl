@@ -6,9 +6,10 @@
 // some rays. The rays that remain are leftover shadow rays, which are later cast one at a time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word has one bit for each pair of a light of the round and a ray of the lane, ordered by light. The size of
-// the word limits the number of lights per round. Every RAYS-th bit of the word belongs to the same pixel. A pixel's
-// own word has a bit for each light; its bit 31 is set if some of the pixel's shadow rays are leftover.
+// A lane's word (the results of its shadow rays) has one bit for each pair of a light of the round and a ray of the
+// lane, ordered by light. The size of the word limits the number of lights per round. Every RAYS-th bit of the word
+// belongs to the same pixel. A pixel's own word has a bit for each light; its bit 31 is set if some of the pixel's
+// shadow rays are leftover.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -111,7 +112,7 @@ INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
 // the light.
 INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bias) {
     const float per_distance = rsqrt(dot3(offset, offset));
-    // The normal may have any length.
+    // The cosine is divided by the normal's length, which need not be 1.
     const float cosine = dot3(offset, surface_point.normal) * per_distance *
                          rsqrt(dot3(surface_point.normal, surface_point.normal));
     return scale(offset, gap_before_hit(bias * per_distance, reciprocal(cosine)) - 1.0f);
@@ -187,8 +188,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float *sur
             const uint active = begin_pass(group, tree, light, &directions, todo, 1, &shaft, &packet);
             const int enough = walk(group, tree, &shaft, &packet, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
-                // If something blocks the ray, its `nearest` is FAR. If the budget was not enough, all other rays are
-                // undecided.
+                // If something blocks the ray, its `nearest` is FAR. If the budget (of nodes and leaves to visit) was
+                // not enough, all other rays are undecided.
                 const int open = HAS(active, ray) && packet.nearest[ray] < FAR;
                 clear |= open && enough ? 1u << ray : 0u;
                 *left |= open && !enough ? 1u << ray : 0u;
@@ -214,8 +215,8 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 }
 #endif
 
-// Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries of the queue
-// for all lanes of the group.
+// Adds this lane's pixel to the queue of leftover shadow rays if some of its shadow rays are leftover. One lane
+// reserves entries of the queue for all lanes of the group.
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
@@ -259,7 +260,8 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float *surf
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // Lights are processed one after the other. The results of a light are shifted to its bits in both words.
+        // Lights are processed one after the other. The results of a light are shifted to its bits in both words
+        // (reached, leftover).
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);

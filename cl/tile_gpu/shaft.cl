@@ -1,4 +1,4 @@
-// The axes of a pass (see entry.cl), and the box around the slopes of the pass's rays.
+// The axes of a pass (see entry.cl), and the box around the slopes (x and y per unit of z) of its rays.
 
 // MULTIPLY_ADD computes a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as
 // fast, even if FP_FAST_FMAF is not defined.)
@@ -41,7 +41,7 @@ typedef struct {
 
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
-// Chooses the axes of a pass so that z is the largest component of the leader's direction.
+// Chooses the axes of a pass so that z is the largest component of `leader`, the direction of one of its rays.
 INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
     // The axes across, down and along are permuted cyclically, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
@@ -56,7 +56,7 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     // are computed once, so that a load needs only one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
-    // Rays that run backwards reach a box's high side first.
+    // Rays that run backwards (towards smaller coordinates) reach a box's high side first.
     shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
     shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
     shaft->x = component(origin.at.x, origin.at.y, origin.at.z, across);
@@ -70,9 +70,9 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
 #endif
 }
 
-// Sets the box of slopes. The box's sides are moved outwards to allow for rounding.
+// Sets the box around the slopes of a pass's rays. The box's sides are moved outwards to allow for rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
-    // Rounding errors are proportional to the largest of the numbers x, y and z; for slopes, z is 1.
+    // Rounding errors are proportional to the largest component of a direction (x, y, 1), where x and y are slopes.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
     const float more = SLOPE_ROUNDING * longest;
     shaft->longest = longest;
@@ -100,7 +100,7 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Unifor
     return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // the triangle's number, its material's, and 0
 }
 
-// Returns the largest value of v . (x, y, 1) in a shaft.
+// Returns the largest value of v . (x, y, 1) over the slopes (x, y) of all rays of a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
     // A linear function is largest at a corner of the box, so for each axis the larger of two ends is taken.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));

@@ -10,7 +10,7 @@ typedef struct {
 } Sources;
 #define SOURCE_COUNT(light_count) ((light_count) + SKY)
 
-// Returns whether the rays of a source have no common origin.
+// Returns whether the rays of a source (a light or the sky) have no common origin.
 INLINED int lacks_common_origin(const Sources *sources, int light) {
     const int source = sources->first_light + light;
     return source >= sources->light_count || radius_of(&sources->soft, source) > 0.0f;
@@ -18,7 +18,7 @@ INLINED int lacks_common_origin(const Sources *sources, int light) {
 
 // Returns whether something stops a ray before t_max.
 INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction, float t_max, __local uint2 *stack) {
-    // This ray is the only one in its shaft, so the box of slopes is a point.
+    // This ray is the only one in its shaft, so the box around the slopes of the shaft's rays is a point.
     Shaft shaft;
     aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(direction.x, direction.y, direction.z),
         &shaft);
@@ -61,7 +61,7 @@ typedef struct {
     int is_sky;
 } Sight;
 
-// Returns the ray from a hit to a source.
+// Returns the ray from a hit to a source (a light or the sky).
 INLINED Sight sight_of(const Sources *sources, int light, const __global float *at, const SurfacePoint *surface_point) {
     const Soft *soft = &sources->soft;
     const int source = sources->first_light + light;
@@ -84,7 +84,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     return sight;
 }
 
-// Returns whether a source is visible from a pixel's hit.
+// Returns whether a source (a light or the sky) is visible from a pixel's hit.
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const SurfacePoint *surface_point, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, surface_point);

@@ -96,7 +96,7 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
-    // Each lane prepares one triangle for the whole tile, and finds out whether the shaft meets it at all.
+    // Each lane prepares one triangle for the whole tile, and finds out whether the shaft meets this triangle at all.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
     lane_sync(group); // all lanes have tested the previous leaf's triangles, which are now overwritten
@@ -147,7 +147,7 @@ INLINED int is_looking(const RayPacket *packet) {
     return looking;
 }
 
-// Returns the z beyond which no hit matters.
+// Returns the z beyond which no hit matters. `worst` is the smallest 1/z at which a hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
 // Walks the tree with a pass's packet, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
@@ -169,8 +169,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Continues with the nearest waiting node or leaf. An entry that is now behind the nearest hits of all rays is
-        // dropped without a visit.
+        // Continues with the nearest waiting node or leaf. An entry of the stack that is now behind the nearest hits of
+        // all rays is dropped.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];

@@ -7,7 +7,7 @@
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
 
-/// Maps a primitive's centre to a slice number along each axis.
+/// Maps the centre of a primitive (a triangle with its box) to the number of a slice along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slicer<const N: usize> {
     low: Vec4,
@@ -19,8 +19,8 @@ pub(super) struct Slicer<const N: usize> {
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Cuts `region` into slices. The region should contain the doubled centres of all primitives, as
-    /// `Primitive::centre` returns them. Primitives outside the region go to the first or last slice.
+    /// Cuts `region` into slices along each axis. The region should contain the doubled centres of all primitives
+    /// (triangles), as `Primitive::centre` returns them. Primitives outside the region go to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis has only one slice if the region's extent along it is zero or overflows.
@@ -28,7 +28,7 @@ impl<const N: usize> Slicer<N> {
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
 
-    /// Returns the slice of a primitive along each axis, each below `N`.
+    /// Returns the number of a primitive's slice along each axis; each number is below `N`.
     #[inline(always)]
     fn slices(&self, primitive: &Primitive) -> [usize; 3] {
         let position = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
@@ -47,7 +47,8 @@ impl<const N: usize> Slicer<N> {
         (position + ROUND).to_bits() as usize & (N - 1)
     }
 
-    /// Returns the plane at the lower end of a slice, in the coordinates of doubled centres.
+    /// Returns the position of the plane at the lower end of a slice, in doubled coordinates like those of
+    /// `Primitive::centre`.
     fn plane(&self, axis: usize, slice: usize) -> f32 {
         self.low[axis] + slice as f32 / self.scale[axis]
     }
@@ -63,7 +64,8 @@ pub(super) struct Cut {
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
-    /// For each child, a box that contains the doubled centres of the child's primitives, up to rounding.
+    /// For each child, a box that contains the doubled centres of the child's primitives (triangles), up to rounding. A
+    /// doubled centre is the sum of the two corners of a triangle's box.
     pub regions: [Bounds; 2],
 }
 
@@ -75,7 +77,7 @@ pub(super) struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Counts primitives by slice.
+    /// Counts the primitives (triangles) of each slice, and computes the box around them.
     pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {
@@ -89,7 +91,7 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the bins of other primitives that were counted with the same slicer.
+    /// Adds the bins of other primitives that were counted with the same slicer (division into slices).
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {
@@ -116,8 +118,9 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// Returns the better of `best` and the best cut along one axis. An empty side has an infinite
-    /// area and no primitives, so the cost of its cut is NaN, which is not less than any other cost.
+    /// Returns the better of `best` and the best cut along one axis. A cut is given by its cost, its axis and the first
+    /// slice of its right side. An empty side has an infinite area and no primitives, so the cost of its cut is NaN,
+    /// which is not less than any other cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

@@ -1,8 +1,8 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
 //! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a buffer,
-//! and a cut moves them within this part of the buffer. The primitives of large nodes are binned and moved in chunks on
-//! all cores. The two halves of a cut are independent tasks, except in small subtrees.
+//! and a cut moves them within this part of the buffer. The primitives of large nodes are counted by slice, and moved,
+//! in chunks on all cores. The two halves of a cut are independent tasks, except in small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -11,9 +11,10 @@ use super::{Bvh, Node};
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Nodes with more triangles than this are binned and moved on all cores.
+/// In nodes with more triangles than this, all cores count the triangles of each slice and move them to the sides of a
+/// cut.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Triangles per chunk of a node that is binned and moved on all cores.
+/// Number of triangles that a task counts or moves at a time, in a node with more than `PARALLEL_NODE` triangles.
 const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
@@ -21,7 +22,8 @@ const TASK: usize = 1 << 12;
 /// finished. A piece of this size has memory of its own, which the system gets back when the piece is freed. The memory
 /// of many small pieces would stay with the allocator, and large meshes would need a tenth more memory until the end.
 const JOINED: usize = 1 << 19;
-/// Nodes with more triangles than this are cut into `FINE` slices, others into `COARSE`.
+/// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis, other nodes into
+/// `COARSE` slices.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
@@ -76,7 +78,8 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
     let root = Work { primitives: &mut primitives, order: &mut order, bounds, region, depth: 0 };
     let tree = grow(root, leaf_size);
-    // For large meshes, the use of memory is highest here, so the boxes are freed before the pieces are joined.
+    // For large meshes, the use of memory is highest here, so the triangles' boxes are freed before the pieces of the
+    // tree are joined.
     drop(primitives);
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
@@ -104,7 +107,7 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
     Subtree { pieces, nodes: 1 + left.nodes + right.nodes, depth: left.depth.max(right.depth) }
 }
 
-/// Appends a subtree and returns the depth of its deepest node.
+/// Builds a subtree in this task, appends its nodes to `nodes`, and returns the depth of its deepest node.
 fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     let (count, depth, index) = (work.primitives.len(), work.depth, nodes.len());
     nodes.push(Node::leaf(work.bounds, count));
@@ -112,6 +115,9 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
+        // Of two triangles in the same place, rays then hit the first one of the mesh, since tests keep the first of
+        // two hits at the same distance. Such triangles have equal centres, so no cut separates them.
+        work.order.sort_unstable();
         return depth;
     }
     let [left, right] = divide(work);
@@ -120,7 +126,7 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     left_depth.max(grow_serially(right, leaf_size, nodes))
 }
 
-/// Cuts a node in two.
+/// Cuts a subtree's triangles in two.
 fn divide(work: Work) -> [Work; 2] {
     let count = work.primitives.len();
     let cut = if work.depth >= HALVING_DEPTH {
@@ -138,9 +144,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives. `region` comes from cutting the parent's region, so it may be larger
-/// than the bounds of the primitives' doubled centres. If no cut is found in `region`, the search is repeated with
-/// these exact bounds.
+/// Finds the best cut and moves the primitives (triangles) to its two sides. `region` comes from cutting the parent's
+/// region, so it may be larger than the bounds of the primitives' doubled centres. If no cut is found in `region`, the
+/// search is repeated with these exact bounds.
 fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);

@@ -1,5 +1,5 @@
-//! Moves a node's primitives to their side of a cut, within the node's own part of the buffer. A second buffer would
-//! take 32 more bytes per triangle while a tree is built.
+//! Moves a node's primitives (triangles with their boxes) to their side of a cut, within the node's own part of the
+//! buffer. A second buffer would take 32 more bytes per triangle while a tree is built.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::Primitive;
@@ -15,8 +15,9 @@ pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &S
     }
 }
 
-/// Exchanges each primitive with the first one of the right side. If the primitive belongs to the right side itself,
-/// the exchange has no effect on the sides. It is done nevertheless, because a branch would often be mispredicted.
+/// Moves the primitives of the left side to the front: exchanges each primitive with the first one of the right side.
+/// If the primitive belongs to the right side itself, the exchange has no effect on the sides. It is done nevertheless,
+/// because a branch would often be mispredicted.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -65,7 +66,8 @@ pub(super) fn partition_chunks<const N: usize>(
     pairs(rights, lefts).into_par_iter().for_each(|[right, left]| right.swap_with_slice(left));
 }
 
-/// Returns the parts of `primitives` in the given ranges, which ascend; `first` is the index of the first primitive.
+/// Returns the parts of `primitives` in the given ranges of indices, which ascend; `first` is the index of the first
+/// primitive.
 fn pieces<'a>(
     mut primitives: &'a mut [Primitive],
     first: usize,

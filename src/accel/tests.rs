@@ -134,9 +134,9 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
 }
 
-/// The triangles are far apart along each axis in turn. Each split separates few triangles from the rest; with such
-/// splits alone, the tree would be far deeper than with halves of equal numbers of triangles, into which the builder
-/// splits nodes from a depth of 64 on.
+/// The triangles are far apart along each axis in turn. Each split by cost separates few triangles from the rest. With
+/// such splits alone, the tree would be far deeper than with halves of equal numbers of triangles, into which the
+/// builder splits nodes from a depth of 64 on.
 #[test]
 fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
@@ -281,6 +281,18 @@ fn triangle_rows_follow_the_leaf_order() {
 }
 
 #[test]
+fn the_triangles_of_a_leaf_have_the_meshs_order() {
+    let tree = Bvh::build(&random_mesh(16, 3000, 0.1, 1.0), 4);
+    let mut rest = &tree.order[..];
+    for leaf in tree.nodes.iter().filter(|node| node.is_leaf()) {
+        let (own, others) = rest.split_at(leaf.count as usize);
+        assert!(own.is_sorted(), "{own:?}");
+        rest = others;
+    }
+    assert!(rest.is_empty() && !tree.order.is_sorted());
+}
+
+#[test]
 fn normal_rows_hold_the_normal_of_each_corner() {
     let mut mesh = random_mesh(11, 50, 0.1, 1.0);
     mesh.normals = mesh.positions.iter().map(|corner| 2.0 * *corner).collect();
@@ -363,7 +375,8 @@ fn a_ray_along_an_axis_misses_boxes_beside_it() {
 fn a_build_needs_the_order_the_nodes_and_the_boxes_or_the_nodes_again() {
     let boxes = 1000 * size_of::<super::bounds::Primitive>();
     let order = 1000 * size_of::<u32>();
-    // Leaves of at most four triangles contain two and a half on average: 401 leaves at most, and as many other nodes.
+    // The estimate assumes that leaves of at most four triangles contain two and a half on average: 401 leaves at most,
+    // and as many other nodes.
     let nodes = 802 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 4), (boxes + order + nodes) as u64);
     // With one triangle per leaf, the nodes take more bytes than the boxes.

@@ -55,7 +55,7 @@ pub struct WideBvh {
     pub depth: u32,
 }
 
-/// A binary subtree.
+/// A subtree of a [`Bvh`], the binary tree.
 #[derive(Clone, Copy)]
 struct Subtree {
     /// The index of the subtree's root in the binary tree.
@@ -117,12 +117,13 @@ impl WideBvh {
         Self::new(Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree. To find a node's children, the function starts with the node's binary subtree as the
-    /// only child. The function then repeatedly replaces the child of largest surface area by the two children of this
-    /// child in the binary tree, until all slots are used. Children with more than `leaf_size` triangles are replaced
-    /// first. If unused slots remain, smaller children are replaced too, since testing an unused slot costs as much as
-    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller than the leaves of
-    /// the binary tree. The binary tree should therefore be built with the leaf size that is fastest.
+    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's children, the
+    /// function starts with the node's binary subtree as the only child. The function then repeatedly replaces the
+    /// child of largest surface area by the two children of this child in the binary tree, until all slots are used.
+    /// Children with more than `leaf_size` triangles are replaced first. If unused slots remain, smaller children are
+    /// replaced too, since testing an unused slot costs as much as testing a used one. Leaves therefore become as small
+    /// as the slots allow, but never smaller than the leaves of the binary tree. The binary tree should therefore be
+    /// built with the leaf size that is fastest.
     ///
     /// # Errors
     ///
@@ -152,7 +153,7 @@ impl WideBvh {
         Ok(wide)
     }
 
-    /// Returns a tree of one node whose slots are all unused.
+    /// Returns a tree of one node whose slots for children are all unused.
     fn unused(width: usize) -> Self {
         let stride = Self::stride(width);
         let mut wide = Self { width, stride, nodes: Vec::new(), order: Vec::new(), depth: 1 };
@@ -160,7 +161,7 @@ impl WideBvh {
         wide
     }
 
-    /// Collapses a subtree. Its root becomes node 0.
+    /// Makes a tree of this width from a binary subtree, whose root becomes node 0.
     fn collapse(bvh: &Bvh, subtree: Subtree, width: usize, leaf_size: usize) -> Self {
         let mut wide = Self::unused(width);
         let mut waiting = vec![(0, 1, subtree)];
@@ -174,8 +175,8 @@ impl WideBvh {
         wide
     }
 
-    /// Writes a node. For each of its inner children, appends a node whose slots are still unused. Returns the subtrees
-    /// of these children.
+    /// Writes a node. For each of its inner children, appends a node whose slots for children are still unused. Returns
+    /// the subtrees of these children.
     fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
         let mut children = Vec::with_capacity(self.width);
         children.push(subtree);
@@ -187,7 +188,8 @@ impl WideBvh {
         children
     }
 
-    /// Adds a subtree. Its root becomes the node `root`, and its other nodes are appended.
+    /// Adds the nodes of `part`, which was made from a subtree. The root of `part` becomes the node `root`; its other
+    /// nodes are appended.
     fn append(&mut self, root: usize, part: &Self) {
         let first = self.node_count();
         let (own, others) = part.nodes.split_at(self.stride);
@@ -212,7 +214,7 @@ impl WideBvh {
         self.depth as usize * (self.width - 1) + 1
     }
 
-    /// Returns a child's word.
+    /// Returns the word that describes a child (see the table "Child words" of [`WideBvh`]).
     pub fn child(&self, node: usize, slot: usize) -> u32 {
         self.nodes[node * self.stride + 6 * self.width + slot]
     }
@@ -230,7 +232,7 @@ impl WideBvh {
         (word & Self::LEAF != 0).then_some(first..first + count as usize)
     }
 
-    /// Appends nodes whose slots are all unused.
+    /// Appends nodes whose slots for children are all unused.
     fn add_nodes(&mut self, count: usize) {
         let (words, boxes) = (7 * self.width, 6 * self.width);
         for _ in 0..count {

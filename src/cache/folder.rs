@@ -3,6 +3,8 @@
 
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
+use std::fs::ReadDir;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The environment variable that limits the cache's size in MiB; 0 turns the cache off.
@@ -78,7 +80,17 @@ pub fn why_unusable(folder: &Path) -> Option<&'static str> {
         Ok(metadata) if !is_own(&metadata) => {
             Some("another user owns it, or users other than its owner may write into it")
         }
+        _ if files(folder).is_err() => Some("raycl cannot list its files"),
         _ => (!can_be_written(folder)).then_some("raycl cannot write into it"),
+    }
+}
+
+/// Returns the files in a folder; `None` if no such folder exists.
+pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
+    match std::fs::read_dir(folder) {
+        Ok(files) => Ok(Some(files)),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

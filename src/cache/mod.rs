@@ -10,13 +10,15 @@ pub use folder::{LIMIT, can_be_written, check_limit, limit_bytes, temporary};
 use entry::{file_name, opened, sealed};
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// Prefix of the names of unfinished files. A process is writing such a file, or was killed while writing it.
 const UNFINISHED: &str = ".unfinished-";
 /// The least space that a file takes on most disks: a block. An entry counts as at least this many bytes, so the limit
 /// of the cache's size also limits the number of its entries.
 const BLOCK_BYTES: u64 = 4096;
+/// How far the time of a file may lie in the future, since the clock of a file server can differ from this machine's.
+const CLOCKS_DIFFER_BY: Duration = Duration::from_secs(60);
 
 /// A cache: a folder of entries, and the limit of its size. If there is no folder, nothing is stored.
 #[derive(Clone, Debug, Default)]
@@ -32,8 +34,16 @@ pub struct Entry {
     pub path: PathBuf,
     /// The file's size.
     pub bytes: u64,
-    /// The time of the last use of the entry.
+    /// The time of the last use of the entry. If the file's time lies in the future, the last use is unknown, and the
+    /// time is that of an entry that was not used for the longest time.
     pub used: SystemTime,
+}
+
+impl Entry {
+    /// Returns the number of bytes by which the entry counts towards the limit of the cache's size.
+    pub fn counted_bytes(&self) -> u64 {
+        counted_bytes(self.bytes)
+    }
 }
 
 impl Cache {
@@ -86,41 +96,49 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry, and returns whether this succeeded. Nothing is stored if another user owns the folder or may
-    /// write into it, since [`get`](Self::get) would ignore the entry. If storing fails, for example because the disk
-    /// is full, the next run only takes longer.
+    /// Stores an entry, and returns whether the cache then holds it. Nothing is stored if another user owns the folder
+    /// or may write into it, since [`get`](Self::get) would ignore the entry, or if the folder cannot be listed, since
+    /// old entries could then not be removed. If storing fails, for example because the disk is full, the next run only
+    /// takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
-        let fits = space_bytes(bytes.len() as u64) <= self.limit_bytes;
+        let fits = counted_bytes(bytes.len() as u64) <= self.limit_bytes;
         if !fits || folder::make(folder).is_err() || folder::trusted(folder).is_none() {
             return false;
         }
-        let is_stored = write(folder, &file_name(kind, key), &bytes).is_ok();
+        let path = folder.join(file_name(kind, key));
+        let is_stored = folder::files(folder).is_ok() && write(folder, &path, &bytes).is_ok();
         self.trim();
-        is_stored
+        is_stored && path.exists()
     }
 
-    /// Returns all entries, the most recently used entry first.
+    /// Returns all entries, the most recently used entry first; no entry if the folder cannot be listed.
     pub fn entries(&self) -> Vec<Entry> {
-        let files = self.folder().and_then(|folder| std::fs::read_dir(folder).ok());
-        let mut entries: Vec<Entry> =
-            files.into_iter().flatten().filter_map(|file| entry_of(&file.ok()?)).collect();
-        entries.sort_by_key(|entry| std::cmp::Reverse(entry.used));
-        entries
+        self.listed().unwrap_or_default()
     }
 
     /// Removes all entries; returns the number and size of the removed entries. If some entries cannot be removed,
-    /// removes all others, and returns the first error.
+    /// removes all others, and returns the first error. Also returns an error if the folder cannot be listed.
     pub fn clear(&self) -> std::io::Result<(usize, u64)> {
-        remove(&self.entries())
+        remove(&self.listed()?)
+    }
+
+    /// Returns all entries, the most recently used entry first, or the error if the folder cannot be listed.
+    fn listed(&self) -> std::io::Result<Vec<Entry>> {
+        let files = self.folder().map(folder::files).transpose()?.flatten();
+        let latest = SystemTime::now() + CLOCKS_DIFFER_BY;
+        let mut entries: Vec<Entry> =
+            files.into_iter().flatten().filter_map(|file| entry_of(&file.ok()?, latest)).collect();
+        entries.sort_by_key(|entry| std::cmp::Reverse(entry.used));
+        Ok(entries)
     }
 
     /// Removes the least recently used entries, until the remaining entries are within the limit.
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {
-            left_bytes += space_bytes(entry.bytes);
+            left_bytes += entry.counted_bytes();
             if left_bytes > self.limit_bytes {
                 let _ = std::fs::remove_file(&entry.path);
             }
@@ -129,7 +147,7 @@ impl Cache {
 }
 
 /// Returns the number of bytes by which an entry of this size counts towards the limit.
-fn space_bytes(bytes: u64) -> u64 {
+fn counted_bytes(bytes: u64) -> u64 {
     bytes.max(BLOCK_BYTES)
 }
 
@@ -151,23 +169,25 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
     clippy::disallowed_methods,
     reason = "a cache's folder belongs to raycl, and its entries can be regenerated"
 )]
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
-    file.persist(folder.join(name))?;
+    file.persist(path)?;
     Ok(())
 }
 
-/// Returns the entry of a file, even if the file is unfinished; `None` if the cache did not create the file.
-fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
+/// Returns the entry of a file, even if the file is unfinished; `None` if the cache did not create the file. A time
+/// after `latest` is wrong, for example because the clock was ahead when the file was written.
+fn entry_of(file: &std::fs::DirEntry, latest: SystemTime) -> Option<Entry> {
     let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();
     let name = name.to_str()?;
     let ours = entry::is_name(name) || name.starts_with(UNFINISHED);
+    let modified = metadata.modified().ok().filter(|time| *time <= latest);
     ours.then(|| Entry {
         path: file.path(),
         bytes: metadata.len(),
-        used: metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH),
+        used: modified.unwrap_or(SystemTime::UNIX_EPOCH),
     })
 }
 
@@ -175,7 +195,6 @@ fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     fn cache(limit_bytes: u64) -> (tempfile::TempDir, Cache) {
         let folder = tempfile::tempdir().unwrap();
@@ -186,6 +205,12 @@ mod tests {
     fn only_file(cache: &Cache) -> PathBuf {
         let [entry] = cache.entries().try_into().unwrap();
         entry.path
+    }
+
+    /// Gives an entry of the kind `program` another time of its last use.
+    fn date(cache: &Cache, key: &str, used: SystemTime) {
+        let file = std::fs::File::open(cache.folder().unwrap().join(file_name("program", key))).unwrap();
+        file.set_modified(used).unwrap();
     }
 
     #[test]
@@ -238,14 +263,52 @@ mod tests {
         let day = Duration::from_secs(86_400);
         for (key, days) in [("a", 3), ("b", 1), ("c", 2)] {
             assert!(cache.put("program", key, &[0; 200]));
-            let file = std::fs::File::open(cache.folder().unwrap().join(file_name("program", key))).unwrap();
-            file.set_modified(SystemTime::now() - day * days).unwrap();
+            date(&cache, key, SystemTime::now() - day * days);
         }
         assert!(cache.get("program", "a").is_some(), "this counts as a use");
         assert!(cache.put("program", "d", &[0; 200]));
         let present = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
         assert_eq!(present, [true, true, false, true]);
         assert!(!cache.put("program", "e", &[0; 20_000]), "larger than the cache may be");
+    }
+
+    #[test]
+    fn entries_that_are_dated_in_the_future_go_first() {
+        let (_parent, cache) = cache(2 * BLOCK_BYTES);
+        let year = Duration::from_secs(365 * 86_400);
+        for key in ["a", "b"] {
+            assert!(cache.put("program", key, b"content"));
+            date(&cache, key, SystemTime::now() + year);
+        }
+        assert!(cache.put("program", "c", b"content"));
+        assert!(cache.get("program", "c").is_some());
+        assert_eq!(cache.entries().len(), 2);
+    }
+
+    /// Here, the clock that dates the files is half a minute ahead of the other entries' clock.
+    #[test]
+    fn an_entry_that_is_removed_at_once_counts_as_not_stored() {
+        let (_parent, cache) = cache(2 * BLOCK_BYTES);
+        for key in ["a", "b"] {
+            assert!(cache.put("program", key, b"content"));
+            date(&cache, key, SystemTime::now() + CLOCKS_DIFFER_BY / 2);
+        }
+        assert!(!cache.put("program", "c", b"content"));
+        assert_eq!(cache.get("program", "c"), None);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_listed_is_not_taken_for_an_empty_one() {
+        let (parent, cache) = cache(10_000);
+        assert_eq!(cache.clear().unwrap(), (0, 0), "the folder does not exist yet");
+        let file = parent.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        assert_eq!(Cache::at(&file, 10_000).clear().unwrap(), (0, 0), "a file has no entries");
+        // No file system lists a folder with a name of this length, not even for the superuser.
+        let nowhere = Cache::at(&parent.path().join("a".repeat(5_000)), 10_000);
+        assert!(nowhere.clear().is_err() && nowhere.entries().is_empty());
+        assert_eq!(nowhere.why_unusable(), Some("raycl cannot list its files"));
+        assert!(!nowhere.put("program", "key", b"content"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `raycl cache`: shows or clears the data stored between runs.
 
-use crate::cache::{Cache, LIMIT};
+use crate::cache::{Cache, Entry, LIMIT};
 use crate::error::{Error, Result};
 use crate::memory::readable;
 use crate::words::counted;
@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt. raycl stores entries only if the folder belongs to you, nobody else may write into it, and raycl can write into it; otherwise, `raycl cache` says why raycl stores nothing.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. Each entry counts towards the limit as at least 4,096 bytes, since a file takes at least that much space on most disks; `raycl cache` shows the sum that counts. raycl can regenerate every entry, and does so if an entry is corrupt. raycl stores entries only if the folder belongs to you, nobody else may write into it, and raycl can list it and write into it; otherwise, `raycl cache` says why raycl stores nothing.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -43,6 +43,10 @@ struct Shown {
     unusable: Option<&'static str>,
     entries: usize,
     bytes: u64,
+    /// The sum of the entries' sizes that is compared with the cache's limit. Each entry counts as at least 4,096
+    /// bytes. Absent with `clear`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    counted_bytes: Option<u64>,
     limit_bytes: u64,
 }
 
@@ -78,25 +82,40 @@ fn why_none(cache: &Cache) -> String {
 }
 
 fn show(cache: &Cache, json: bool) -> Result<()> {
-    let entries = cache.entries();
-    let shown = Shown {
-        folder: cache.folder().map(|folder| folder.display().to_string()),
-        unusable: cache.why_unusable(),
-        entries: entries.len(),
-        bytes: entries.iter().map(|entry| entry.bytes).sum(),
-        limit_bytes: cache.limit_bytes(),
-    };
+    let shown = Shown::of(cache);
     if json {
         return super::print_json(&shown);
     }
     let Some(folder) = &shown.folder else {
         return super::print(format!("Nothing is stored between runs: {}", why_none(cache)));
     };
-    let (count, bytes) = (counted(shown.entries, "entry"), readable(shown.bytes));
-    super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))?;
+    super::print(format!("{folder}: {}", shown.size()))?;
     match shown.unusable {
         Some(why) => super::print(format!("raycl stores nothing in this folder: {why}")),
         None => Ok(()),
+    }
+}
+
+impl Shown {
+    /// Returns the output of `raycl cache show`: the folder, the number and the sizes of the entries that the cache has
+    /// now.
+    fn of(cache: &Cache) -> Self {
+        let entries = cache.entries();
+        Self {
+            folder: cache.folder().map(|folder| folder.display().to_string()),
+            unusable: cache.why_unusable(),
+            entries: entries.len(),
+            bytes: entries.iter().map(|entry| entry.bytes).sum(),
+            counted_bytes: Some(entries.iter().map(Entry::counted_bytes).sum()),
+            limit_bytes: cache.limit_bytes(),
+        }
+    }
+
+    /// Says how many entries there are, and how much of the limit they take.
+    fn size(&self) -> String {
+        let counted_bytes = self.counted_bytes.unwrap_or(self.bytes);
+        let [taken, limit] = [counted_bytes, self.limit_bytes].map(readable);
+        format!("{}, {taken} of at most {limit}", counted(self.entries, "entry"))
     }
 }
 
@@ -104,13 +123,34 @@ fn clear(cache: &Cache, json: bool) -> Result<()> {
     let folder = folder(cache)?;
     let (entries, bytes) = cache.clear().map_err(|error| {
         Error::run(format!("the cache cannot be cleared: {error}"))
-            .with_help(format!("check that you may delete files in the cache's folder, {folder}"))
+            .with_help(format!("check that you may list and delete files in the cache's folder, {folder}"))
     })?;
     if json {
-        let unusable = cache.why_unusable();
-        let removed =
-            Shown { folder: Some(folder), unusable, entries, bytes, limit_bytes: cache.limit_bytes() };
+        let removed = Shown {
+            folder: Some(folder),
+            unusable: cache.why_unusable(),
+            entries,
+            bytes,
+            counted_bytes: None,
+            limit_bytes: cache.limit_bytes(),
+        };
         return super::print_json(&removed);
     }
     super::print(format!("{folder}: {} removed, {}", counted(entries, "entry"), readable(bytes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_entries_are_shown_as_they_count_towards_the_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path(), 100_000);
+        assert!((0..5).all(|key| cache.put("program", &key.to_string(), b"1")));
+        let shown = Shown::of(&cache);
+        assert_eq!((shown.entries, shown.counted_bytes), (5, Some(20_480)));
+        assert!(shown.bytes < 5_000, "{} bytes", shown.bytes);
+        assert_eq!(shown.size(), format!("5 entries, {} of at most {}", readable(20_480), readable(100_000)));
+    }
 }

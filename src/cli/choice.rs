@@ -130,10 +130,11 @@ fn no_strategy(text: &str) -> Error {
     )
 }
 
-/// Returns the strategy for a task, and its local size. `text` names the strategy, and `set` has the keys and values of
-/// the options `--set`. Without `text`, the strategy is the fastest one that raycl knows or, if `set` requests the
-/// watertight test, the fastest one with this test. Finally, each axis that `set` names gets its value in `set`. If the
-/// fastest strategy cannot be combined with these values, the error advises the user to name another strategy.
+/// Returns the strategy for `task` (the properties of the scene and the picture that matter for the choice), and its
+/// local size. `text` names the strategy, and `set` has the keys and values of the options `--set`. Without `text`, the
+/// strategy is the fastest one that raycl knows or, if `set` requests the watertight test, the fastest one with this
+/// test. Finally, each axis that `set` names gets its value in `set`. If the fastest strategy cannot be combined with
+/// these values, the error advises the user to name another strategy.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -396,8 +397,8 @@ mod tests {
         };
         let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..crate::device::EXAMPLE_LIMITS };
         let wide = [("width".to_owned(), "4".to_owned())];
-        // On a GPU, raycl casts a picture with so many pixels with large tiles in separate passes. No preset has this
-        // combination.
+        // For a picture with so many pixels, raycl chooses large tiles and separate passes on a GPU. No preset has this
+        // combination of values.
         let task = Task::covering(1026, 1 << 24);
         for (limits, name) in [(&cpu, "tile"), (&gpu, "tile-group")] {
             let error = chosen_strategy(None, &wide, limits, task).expect_err("tiles do not have this width");

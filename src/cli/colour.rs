@@ -49,7 +49,7 @@ pub fn on_output() -> bool {
     chosen().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
 }
 
-/// Returns the choice of colour for the help and the messages that clap prints.
+/// Returns the choice of colour for the help and the messages that clap (the library that parses the arguments) prints.
 pub(super) fn of_clap() -> ColorChoice {
     chosen()
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })

@@ -35,8 +35,9 @@ pub struct Args {
     times: bool,
     /// Exit with code 1 after a statistically significant slowdown of more than PERCENT: of a single point, of the mean
     /// of one strategy's points, or of the mean of all points except baselines (ray casters that do not use OpenCL).
-    /// Also exit with code 1 if a point was measured in BEFORE but could not be measured in AFTER. If both folders
-    /// contain times of the same program, at most one comparison in 50 exits with code 1 by chance
+    /// Also exit with code 1 if a point was measured in BEFORE but could not be measured in AFTER. Points of which
+    /// AFTER has no records are not tested; a note names them. If both folders contain times of the same program, at
+    /// most one comparison in 50 exits with code 1 by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder
@@ -73,13 +74,15 @@ pub fn run(args: Args) -> Result<()> {
     let mut comparison = Comparison::of(&before, &after, args.threshold / 100.0, args.times);
     if args.fail_on_regression.is_some() {
         comparison.notes.extend(comparison.left_out_of_means());
+        comparison.notes.extend(comparison.lost_points());
     }
     if !comparison.has_points_in_common() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "a point of one folder is compared with the point of the other folder that has the same scene, image size, \
-             device, strategy name and local size; scenes are compared by content, and devices are compared only if a \
-             folder has several devices",
+            "a point of one folder is compared with the point of the other folder whose record has the same key (a \
+             hash that identifies what was measured) or, without such a point, with the point that has the same scene, \
+             image size, device, strategy name and local size; scenes are compared by content, and devices are \
+             compared only if a folder has several devices",
         ));
     }
     if let Some(out) = &mut out {

@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::image::{
-    Radiance, Values, alpha_difference, check_png, difference_image, read_picture, relative_difference,
-    save_rgb8,
+    Radiance, SCALE_HEIGHT, Values, alpha_difference, check_png, difference_image, read_picture,
+    relative_difference, save_rgb8,
 };
 use crate::output::{Choice, Target};
 use crate::scene::Inputs;
@@ -89,7 +89,7 @@ pub fn run(args: Args) -> Result<()> {
             expected.width,
             expected.height
         ))
-        .with_help("render both pictures with the same --width and --height"));
+        .with_help(help_on_sizes([&found, &expected])));
     }
     share_alpha(&mut found, &mut expected);
     if let Some(target) = &target {
@@ -100,7 +100,7 @@ pub fn run(args: Args) -> Result<()> {
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&report)?,
         (false, true) => {}
-        (false, false) => super::print(text(&report))?,
+        (false, false) => super::print(text(&report, [of_found, of_expected]))?,
     }
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
@@ -109,6 +109,18 @@ pub fn run(args: Args) -> Result<()> {
         .with_help("`--output FILE.png` saves a picture that shows where the pictures differ")),
         _ => Ok(()),
     }
+}
+
+/// Returns the remedy for pictures of different sizes. One of them may have a colour scale below it.
+fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
+    let rows = found.height.abs_diff(expected.height);
+    let scale = (found.width == expected.width && rows == SCALE_HEIGHT).then(|| {
+        format!(
+            "; the last {rows} rows of the higher picture may be a colour scale, as in pictures of differences, tests \
+             and nodes: leave these rows out"
+        )
+    });
+    format!("render both pictures with the same --width and --height{}", scale.unwrap_or_default())
 }
 
 /// Refuses to replace one of the compared pictures by the picture of their differences, even with `--force`.
@@ -188,16 +200,21 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
     }
 }
 
-fn text(report: &Report) -> String {
+/// Returns the report as text; `values` says what the values of the two pictures are. Only an error of displayed values
+/// is also printed as a share of white, since radiance has no largest value.
+fn text(report: &Report, values: [Values; 2]) -> String {
     let mut lines = Vec::new();
     match (report.psnr_db, report.largest_error_at) {
         (Some(psnr), Some([x, y])) => {
             lines.push(format!("PSNR              {psnr:8.2} dB"));
-            let steps = 255.0 * report.largest_error;
-            lines.push(format!(
-                "largest error     {:8.5}    of white ({steps:.1} of 255), at column {x}, row {y}",
-                report.largest_error
-            ));
+            let error = report.largest_error;
+            let (error, of_white) = match values {
+                [Values::Displayed, Values::Displayed] => {
+                    (format!("{error:8.5}"), format!("of white ({:.1} of 255), ", 255.0 * error))
+                }
+                _ => (format!("{error:8.2e}"), String::new()),
+            };
+            lines.push(format!("largest error     {error}    {of_white}at column {x}, row {y}"));
             lines.push(format!(
                 "relative error    {:8.2e}    at most, divided by the expected pixel's brightest channel",
                 report.largest_relative_difference
@@ -230,6 +247,20 @@ mod tests {
         // One of 300 channel values is wrong by 1/255, so the signal-to-noise ratio is 20 log10(255) + 10 log10(300)
         // decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
+    }
+
+    #[test]
+    fn a_picture_that_is_higher_by_a_colour_scale_may_have_one() {
+        let help = |found: [u32; 2], expected: [u32; 2]| {
+            let [found, expected] = [found, expected].map(|[width, height]| Radiance::new(width, height));
+            help_on_sizes([&found, &expected])
+        };
+        let plain = "render both pictures with the same --width and --height";
+        for higher in [help([40, 43], [40, 25]), help([40, 25], [40, 43])] {
+            let scale = "; the last 18 rows of the higher picture may be a colour scale";
+            assert!(higher.strip_prefix(plain).is_some_and(|rest| rest.starts_with(scale)), "{higher}");
+        }
+        assert_eq!([help([41, 43], [40, 25]), help([40, 44], [40, 25])], [plain, plain]);
     }
 
     #[test]
@@ -289,7 +320,7 @@ mod tests {
 
     #[test]
     fn the_text_has_every_difference_with_its_position_and_its_unit() {
-        let report = Report {
+        let mut report = Report {
             psnr_db: Some(43.686),
             equal: false,
             different_pixels: 3,
@@ -300,11 +331,12 @@ mod tests {
             output: Some("d.png".into()),
             notes: vec!["a remark".into()],
         };
-        let printed = text(&report);
-        let lines: Vec<String> =
-            printed.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+        let lines_of = |report: &Report, values| -> Vec<String> {
+            let printed = text(report, values);
+            printed.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+        };
         assert_eq!(
-            lines,
+            lines_of(&report, [Values::Displayed; 2]),
             [
                 "PSNR 43.69 dB",
                 "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
@@ -314,6 +346,13 @@ mod tests {
                 "note a remark",
             ]
         );
+        for (largest_error, expected) in [(6e38, "6.00e38"), (1e-30, "1.00e-30"), (0.25, "2.50e-1")] {
+            report.largest_error = largest_error;
+            for other in [Values::Radiance, Values::Displayed] {
+                let line = &lines_of(&report, [Values::Radiance, other])[1];
+                assert_eq!(line, &format!("largest error {expected} at column 12, row 7"));
+            }
+        }
         assert_eq!(["40", "40dB", "40 dB"].map(decibels), [Ok(40.0), Ok(40.0), Ok(40.0)]);
         assert!(decibels("loud").is_err() && decibels("inf").is_err());
     }

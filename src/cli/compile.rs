@@ -1,7 +1,7 @@
 //! `raycl compile`: builds a scene's kernels and saves the compiler's output.
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
-use crate::device::{Device, common_name, is_pocl};
+use crate::device::{Device, both_names, is_pocl};
 use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
 use crate::microscope::{Microscope, binary_of_frame};
@@ -224,7 +224,7 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let [x, y] = made.local_size;
     let about = format!(
         "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.",
-        common_name(&made.device),
+        both_names(&made.device),
         made.strategy
     );
     microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
@@ -257,7 +257,7 @@ fn text_of(name: &str, made: &Compilation) -> String {
     let notes: String = notes.map(|note| format!("\nNote: {note}")).collect();
     format!(
         "{name} at local size {x} x {y} on {}, built in {:.0} ms\n{table}{notes}",
-        common_name(&made.device),
+        both_names(&made.device),
         made.build_ms
     )
 }
@@ -278,6 +278,28 @@ mod tests {
         }
     }
 
+    fn compilation(device: &str) -> Compilation {
+        Compilation {
+            device: device.to_owned(),
+            strategy: "a strategy".to_owned(),
+            local_size: [8, 8],
+            program_hash: String::new(),
+            build_ms: 1.0,
+            binary_is_ptx: false,
+            kernels: Vec::new(),
+            microscope: None,
+        }
+    }
+
+    #[test]
+    fn the_table_names_the_device_so_that_it_differs_from_others_of_its_common_name() {
+        let table = text_of("naive", &compilation("basic-Intel(R) Xeon(R) Processor"));
+        let head = "naive at local size 8 x 8 on Intel Xeon, PoCL (basic-Intel(R) Xeon(R) Processor), built";
+        assert!(table.starts_with(head), "{table}");
+        let table = text_of("naive", &compilation("NVIDIA H200"));
+        assert!(table.starts_with("naive at local size 8 x 8 on NVIDIA H200, built"), "{table}");
+    }
+
     #[test]
     fn the_name_of_a_strategys_folder_looks_like_no_option() {
         for strategy in ["deferred,width=4", " deferred,width=4", "deferred,width=4 "] {
@@ -288,16 +310,7 @@ mod tests {
     #[test]
     fn a_folder_has_the_binary_of_its_latest_program_only() {
         let folder = tempfile::tempdir().unwrap();
-        let made = Compilation {
-            device: "a device".to_owned(),
-            strategy: "a strategy".to_owned(),
-            local_size: [8, 8],
-            program_hash: String::new(),
-            build_ms: 1.0,
-            binary_is_ptx: false,
-            kernels: Vec::new(),
-            microscope: None,
-        };
+        let made = compilation("a device");
         let keep_with = |strategy: &str, binary: &'static str| {
             let mut out = OutFolder::open(folder.path(), Choice::new(false, "--out DIR")).unwrap();
             keep(&mut out, strategy, &made, vec![(binary, b"a program".to_vec())]).unwrap();

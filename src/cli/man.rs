@@ -64,8 +64,8 @@ fn unknown(pages: &[Page], command: &str) -> Error {
     })
 }
 
-/// Returns raycl's page and those of its commands, except hidden ones. The command `help` has no page, so that no page
-/// names one.
+/// Returns raycl's page and those of its commands, except hidden ones. The subcommand `help` is disabled first, so it
+/// gets no page, and no other page lists it.
 fn pages() -> Result<Vec<Page>> {
     let mut whole = super::Cli::command().disable_help_subcommand(true);
     whole.build();
@@ -81,8 +81,8 @@ fn pages_of(command: &Command) -> Result<Vec<Page>> {
     Ok(pages)
 }
 
-/// Returns a command's page. The text after the help is added by `after_help`: `clap_mangen` would fill the lines of
-/// its examples like prose, in a section EXTRA.
+/// Returns a command's page. The text after the help is added by `after_help`: `clap_mangen` (the library that
+/// generates man pages) would fill the lines of the examples like prose, in a section EXTRA.
 fn page(command: Command) -> Result<Page> {
     let name = command.get_display_name().unwrap_or("raycl").to_owned();
     let after = command.get_after_help().map(|text| after_help(&text.to_string()).render());

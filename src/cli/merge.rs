@@ -18,7 +18,7 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device are not failures), 1 if a point is missing or a point failed, 2 for a mistake in the arguments or files.")]
+Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device are not failures), 1 if a point is missing, if a point failed, or if the merge failed for another reason, 2 for a mistake in the arguments or files. With --status, the exit code is 0 even if points are missing or failed.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]

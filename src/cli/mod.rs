@@ -41,7 +41,7 @@ use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
-use crate::device::{cache_variables, pinning_variables, thread_variables};
+use crate::device::{cache_variables, pinning_variables, thread_variables, variables};
 use crate::error::{Error, Result};
 use crate::own_program::remember_libraries;
 use crate::sources::Sources;
@@ -185,6 +185,19 @@ impl Command {
     }
 }
 
+/// Lets writing fail if a file would become larger than `ulimit -f` allows. Without a handler, the system ends the
+/// process with SIGXFSZ, so that no message is printed and temporary files stay.
+#[cfg(unix)]
+fn outlive_large_files() {
+    use std::sync::{Arc, atomic::AtomicBool};
+    // If the handler cannot be installed, the signal ends the process, as it would without this call.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::new(AtomicBool::new(false)));
+}
+
+/// Does nothing: only Unix has the signal SIGXFSZ.
+#[cfg(not(unix))]
+fn outlive_large_files() {}
+
 /// Prints the help, the version or a mistake in the arguments, and ends the process.
 ///
 /// # Errors
@@ -207,6 +220,7 @@ impl Cli {
     /// Fails if the user's settings contain a mistake, or if the help or the version cannot be printed. A worker
     /// ignores a mistake in the settings.
     pub fn read() -> Result<Self> {
+        outlive_large_files();
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
         // The command line's choice of colour also applies to a message about a mistake in the command line.
@@ -273,13 +287,13 @@ impl Cli {
     }
 }
 
-/// Prepares this process, and the processes that it starts, for drivers: remembers the value of the environment
-/// variable with which the user names drivers' libraries, and sets the environment variables that drivers read. A
-/// driver reads its variables when it is loaded, in this process or in a worker process, which inherits them. If
-/// `measures` is true, PoCL (an OpenCL driver for CPUs) pins its threads. The process must not have loaded a driver or
-/// started a thread before.
+/// Prepares this process, and the processes that it starts, for drivers: remembers the user's environment variables for
+/// drivers, and sets the environment variables that drivers read. A driver reads its variables when it is loaded, in
+/// this process or in a worker process, which inherits them. If `measures` is true, PoCL (an OpenCL driver for CPUs)
+/// pins its threads. The process must not have loaded a driver or started a thread before.
 pub(crate) fn prepare_for_drivers(measures: bool) {
     remember_libraries();
+    variables::of_user();
     let pinning = if measures { pinning_variables() } else { Vec::new() };
     for (name, value) in thread_variables().into_iter().chain(cache_variables()).chain(pinning) {
         // SAFETY: the program has just begun. No driver is loaded, and no other thread exists that could read
@@ -358,6 +372,8 @@ mod tests {
         let gpu = DeviceLimits { lane_operations: LaneOperations::Ptx, ..EXAMPLE_LIMITS };
         let mut seen = 0;
         for line in text.lines().map(|line| line.trim().split(" | ").next().unwrap_or_default()) {
+            // An example may begin with a command that makes a folder, followed by `&&`.
+            let line = line.rsplit(" && ").next().unwrap_or(line);
             if !line.starts_with("raycl render ") && !line.starts_with("raycl view ") {
                 continue;
             }
@@ -375,6 +391,44 @@ mod tests {
             seen += 1;
         }
         assert!(seen >= 20, "only {seen} examples");
+    }
+
+    #[test]
+    fn every_example_that_writes_into_a_folder_makes_the_folder() {
+        let mut seen = 0;
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            for line in help.lines() {
+                let Some((before, file)) = line.split_once(" -o ") else { continue };
+                let Some((folder, _)) = file.split(' ').next().unwrap_or(file).rsplit_once('/') else {
+                    continue;
+                };
+                assert!(before.contains(&format!("mkdir -p {folder} && ")), "{line}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 0, "no example writes into a folder");
+    }
+
+    /// The test gives each option a value that is too large for every option. raycl's error message then states the
+    /// option's range, which the help must state too.
+    #[test]
+    fn the_help_of_an_option_states_its_range() {
+        let mut seen = 0;
+        for command in Cli::command().get_subcommands() {
+            for option in command.get_arguments() {
+                let value = format!("--{}=99999999999", option.get_long().unwrap_or_default());
+                let typed = ["raycl", command.get_name(), &value].map(OsString::from);
+                let Err(mistake) = Cli::parse_words(&typed) else { continue };
+                let mistake = mistake.to_string();
+                let Some((_, range)) = mistake.split_once("is not a whole number from ") else { continue };
+                let range = range.split_whitespace().take(3).collect::<Vec<_>>().join(" ");
+                let help = option.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(help.replace(',', "").contains(&range), "{value}: no '{range}' in '{help}'");
+                seen += 1;
+            }
+        }
+        assert!(seen >= 8, "only {seen} options have a range");
     }
 
     #[test]

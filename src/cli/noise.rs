@@ -4,7 +4,7 @@ use super::choice::parse_assignment;
 use super::progress::observer;
 use super::run;
 use crate::config::{Experiment, parse_built_in, with_absolute_paths};
-use crate::device::common_name;
+use crate::device::common_names;
 use crate::error::{Error, Result};
 use crate::record::{Folder, Noise, percent, significant};
 use crate::words::counted;
@@ -67,7 +67,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     match args.json {
         true => noise.iter().try_for_each(super::print_json),
-        false => noise.iter().try_for_each(|one| super::print(text(one))),
+        false => texts(&noise).into_iter().try_for_each(super::print),
     }
 }
 
@@ -100,16 +100,18 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-fn text(noise: &Noise) -> String {
+/// Returns the lines about each device. Devices whose common names are the same have different names in the lines.
+fn texts(all: &[Noise]) -> Vec<String> {
+    let names = common_names(all.iter().map(|noise| noise.device.as_str()));
+    all.iter().map(|noise| text(noise, &names[noise.device.as_str()])).collect()
+}
+
+/// Returns the lines about a device; `device` is the device's name in the lines.
+fn text(noise: &Noise, device: &str) -> String {
     let part = |part: Option<f64>| part.map_or("not known".to_owned(), percent);
     let causes = &noise.causes;
     let mut lines = vec![
-        format!(
-            "{}, {} in {}",
-            common_name(&noise.device),
-            counted(noise.samples, "sample"),
-            counted(noise.launches, "launch")
-        ),
+        format!("{device}, {} in {}", counted(noise.samples, "sample"), counted(noise.launches, "launch")),
         format!("  smallest difference that one launch can show             {}", part(noise.within_launch)),
         format!(
             "  smallest difference that all launches together can show  {}",
@@ -158,7 +160,8 @@ mod tests {
 
     /// Returns the lines of the text that reports this noise; several spaces in a row are replaced by one.
     fn lines(noise: &Noise) -> Vec<String> {
-        text(noise).lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+        let text = texts(std::slice::from_ref(noise)).concat();
+        text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
     }
 
     #[test]
@@ -214,6 +217,16 @@ mod tests {
             not_compared: None,
             causes,
         }
+    }
+
+    #[test]
+    fn devices_of_one_common_name_have_different_headings() {
+        let all = ["basic", "pthread"].map(|driver| Noise {
+            device: format!("{driver}-Intel(R) Xeon(R) Processor"),
+            ..with_causes(Causes::default())
+        });
+        let texts = texts(&all);
+        assert_ne!(texts[0].lines().next(), texts[1].lines().next());
     }
 
     #[test]

@@ -4,8 +4,7 @@ use super::choice::one_device;
 use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::child::output_unless;
-use crate::device::common_name;
-use crate::device::{Device, discover, select};
+use crate::device::{Device, DeviceInfo, common_names, discover, matching_indices, select};
 use crate::error::{Error, Result};
 use crate::experiment::Observer;
 use crate::output::{Choice, Target};
@@ -13,6 +12,7 @@ use crate::own_program::own_program;
 use crate::peak::{Figure, Peak, measure};
 use crate::program::Sources;
 use crate::record::{dirty_program, significant};
+use crate::settings;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -33,7 +33,7 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 The numbers are medians of repeated measurements, with quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles are computed from the highest clock rate that the driver reports, not from the clock rate during the measurement.")]
 pub struct Args {
     /// The devices: part of a name, platform or vendor; a label in `raycl devices`; a kind (cpu, gpu, accelerator);
-    /// or all [default: the device in your settings, else the most capable device]
+    /// or all [default: the devices in your settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
@@ -77,16 +77,23 @@ pub fn run(args: Args) -> Result<()> {
         super::print_json(&all)?;
         return end;
     }
-    all.iter().try_for_each(|peak| super::print(text(peak)))?;
+    texts(&all).into_iter().try_for_each(super::print)?;
     dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     end
 }
 
+/// Returns the devices that `pattern` selects; without `pattern`, those that the user's settings select; without
+/// settings, the most capable device.
 fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
-    match pattern {
-        None => one_device(None, sources).map(|device| vec![device]),
-        Some(pattern) => select(&discover(sources)?, &[pattern.to_owned()], sources),
+    let Some(word) = pattern.map(str::to_owned).or_else(settings::device) else {
+        return one_device(None, sources).map(|device| vec![device]);
+    };
+    let (all, words) = (discover(sources)?, [word]);
+    if pattern.is_none() {
+        let infos: Vec<DeviceInfo> = all.iter().map(|device| device.info.clone()).collect();
+        matching_indices(&infos, &words).map_err(settings::blame_device)?;
     }
+    select(&all, &words, sources)
 }
 
 /// How `raycl run --peak` measures the peak rates.
@@ -153,7 +160,15 @@ fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-fn text(peak: &Peak) -> String {
+/// Returns the table of each device's rates. Devices whose common names are the same have different names in the
+/// tables.
+fn texts(all: &[Peak]) -> Vec<String> {
+    let names = common_names(all.iter().map(|peak| peak.device.as_str()));
+    all.iter().map(|peak| text(peak, &names[peak.device.as_str()])).collect()
+}
+
+/// Returns the table of a device's rates; `device` is the device's name in the table.
+fn text(peak: &Peak, device: &str) -> String {
     let mut table = super::table(&["rate or time", "median", "quartiles", "unit", "cycles"], 1);
     let mut row = |name: &str, figure: &Figure, scale: f64, unit: &str, cycles: Option<f64>| {
         let number = |value: f64| significant(value * scale, 3);
@@ -173,7 +188,7 @@ fn text(peak: &Peak) -> String {
     latency("__local memory", &peak.local_ns);
     latency("global memory", &peak.global_ns);
     let clock = peak.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
-    format!("{} ({}, driver {}){clock}\n{table}", common_name(&peak.device), peak.platform, peak.driver)
+    format!("{device} ({}, driver {}){clock}\n{table}", peak.platform, peak.driver)
 }
 
 #[cfg(test)]
@@ -205,6 +220,17 @@ mod tests {
     }
 
     #[test]
+    fn devices_of_one_common_name_have_different_headings() {
+        let all = ["basic", "pthread"]
+            .map(|driver| Peak { device: format!("{driver}-Intel(R) Xeon(R) Processor"), ..Peak::default() });
+        let first_line = |text: &String| text.lines().next().map(str::to_owned).unwrap();
+        let headings: Vec<String> = texts(&all).iter().map(first_line).collect();
+        assert!(headings[0].starts_with("basic-Intel(R) Xeon(R)"), "{headings:?}");
+        assert_ne!(headings[0], headings[1]);
+        assert!(texts(&all[..1])[0].starts_with("Intel Xeon, PoCL ("), "{:?}", texts(&all[..1]));
+    }
+
+    #[test]
     fn each_row_has_its_own_rate_or_time_in_its_own_unit() {
         let figure = |median: f64| Figure { median, q1: 0.9 * median, q3: 1.1 * median, repeats: 3 };
         let peak = Peak {
@@ -224,7 +250,7 @@ mod tests {
             global_ns: figure(40.0),
             ..Peak::default()
         };
-        let text = text(&peak);
+        let text = texts(&[peak]).concat();
         assert!(text.starts_with("gpu (CUDA, driver 580), cycles at 2000 MHz\n"), "{text}");
         let cells = |name: &str| -> Vec<String> {
             let rows = text.lines().map(|line| line.split('┆').map(|cell| cell.trim_matches(['│', ' '])));

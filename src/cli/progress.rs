@@ -13,9 +13,9 @@ pub struct Bar {
 }
 
 /// Returns the bar's layout. The text at the bar's end describes the current work; it is the text that was last passed
-/// to `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The layout itself contains the
-/// codes for cyan and for the usual colour, because the colours of indicatif (the library that draws the bar) do not
-/// obey `--color`.
+/// to the observer's method `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The
+/// layout itself contains the codes for cyan and for the usual colour, because the colours of indicatif (the library
+/// that draws the bar) do not obey `--color`.
 fn layout(coloured: bool) -> String {
     let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
     format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")
@@ -31,15 +31,15 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
 }
 
 impl Bar {
-    /// Returns `bar` with raycl's layout. Returns `None` if indicatif hides the bar, for example on a terminal that
-    /// cannot move its cursor (`TERM=dumb`). A hidden bar is useless, since indicatif would also discard the lines that
-    /// are printed above it.
+    /// Returns `bar` with raycl's layout. Returns `None` if indicatif (the library that draws the bar) hides the bar,
+    /// for example on a terminal that cannot move its cursor (`TERM=dumb`). A hidden bar is useless, since indicatif
+    /// would also discard the lines that are printed above it.
     fn on(bar: ProgressBar, coloured: bool) -> Option<Self> {
         if bar.is_hidden() {
             return None;
         }
         let layout = layout(coloured);
-        // If the layout were wrong, indicatif's default would be used.
+        // If the layout were wrong, the default layout of indicatif (the library that draws the bar) would be used.
         let style = ProgressStyle::with_template(&layout).unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style.with_key("left", left));
         Some(Self { bar })

@@ -12,7 +12,8 @@ const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// Returns the error. If the user typed an old name, the error also names the new one.
+/// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the error also
+/// names the new name.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),

@@ -5,6 +5,7 @@ mod guess;
 mod hurry;
 mod judge;
 pub(super) mod keeping;
+mod large_mesh;
 mod motion;
 mod opening;
 mod report;
@@ -44,7 +45,7 @@ use timeline::Timeline;
   raycl render scenes/teapot.toml -o teapot.png
   raycl render bunny.obj -o bunny.exr --width 1920 --height 1080
   raycl render model.glb --azimuth 120 --elevation 10 --background white
-  raycl render dragon.ply --turntable 120 -o turn/dragon.png
+  mkdir -p turn && raycl render dragon.ply --turntable 120 -o turn/dragon.png
   raycl render scenes/roll.toml --animate -o roll.apng
   zcat part.stl.gz | raycl render - -o - --up z > part.png
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
@@ -85,8 +86,8 @@ pub struct Args {
     /// [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, and report the median times. If this is more than once, raycl casts one more
-    /// frame first, which does not count if it takes less than a second
+    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If this is more than once, raycl
+    /// casts one more frame first, which does not count if it takes less than a second
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
@@ -177,7 +178,7 @@ fn render(args: &Args) -> Result<()> {
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
-    let fastest = args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
+    let fastest = large_mesh::strategy(args, &device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).with_sampling(sampling);
     let tree_was_built = tree.is_some();
     let session = session.verifying(args.verify.is_some()).with_layers(args.layers.is_some());
@@ -446,8 +447,8 @@ mod tests {
         assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
     }
 
-    /// The files of later frames are read early only if a file may be replaced, since reading these files may take
-    /// long.
+    /// The files of an animation's later frames are read before the first frame is rendered only if a file may be
+    /// replaced, since reading these files may take long.
     #[test]
     fn a_file_may_be_replaced_only_if_it_exists_and_a_numbered_picture_only_with_force() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! `raycl repair`: removes damaged lines from a folder's journals, and names other files that cannot be read.
+//! `raycl repair`: removes damaged lines from a folder's journals (the files to which a run appends lines, such as
+//! records.jsonl), and names other files that cannot be read.
 
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
@@ -54,9 +55,9 @@ struct Findings {
 }
 
 impl Findings {
-    /// Repairs the journals of a folder. If the folder is that of an experiment in shards, also repairs the journals of
-    /// all attempts that are not running. To find these attempts, reads the attempts' counters twice; `between` is the
-    /// time from the first reading to the second.
+    /// Repairs the journals of a folder: files to which a run appends lines, such as records.jsonl. If the folder is
+    /// that of an experiment in shards, also repairs the journals of all attempts that are not running. To find these
+    /// attempts, reads the attempts' counters twice; `between` is the time from the first reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
         let has_shards = ShardPlan::read(folder)?.is_some();
         if !has_shards && !folder.join(RECORDS).is_file() {
@@ -126,9 +127,9 @@ impl Findings {
     }
 }
 
-/// Returns why files of a folder that are no journals cannot be read: the plan, the peak rates, and the kinds of device
-/// of an experiment in shards. Other commands refuse a folder with such a file. There is a file for each kind of
-/// device; if several of these files cannot be read, only the first of them is reported.
+/// Returns why a folder's files other than its journals cannot be read. These files are the plan, the peak rates, and
+/// the kinds of device of an experiment in shards. Other commands refuse a folder with such a file. There is a file for
+/// each kind of device; if several of these files cannot be read, only the first of them is reported.
 fn unreadable(folder: &Path) -> Vec<Error> {
     let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
     errors.into_iter().flatten().collect()
@@ -140,8 +141,9 @@ fn lock_of(folder: &Path) -> Result<Lock> {
     Lock::take(folder)
 }
 
-/// Returns the names of the attempts that have ended or were lost. Attempts' locks are not enough for this: a file
-/// system may have no locks, and a machine may not see the locks of an attempt on another machine.
+/// Returns the names of the attempts that have ended or were lost. Attempts' locks do not show reliably whether an
+/// attempt has ended: a file system may have no locks, and a machine may not see the locks of an attempt on another
+/// machine.
 fn stopped(folder: &Path, between: Duration) -> HashSet<String> {
     let all = status(folder, between).into_iter();
     all.filter(|one| matches!(one.state, State::Ended(_) | State::Lost)).map(|one| one.name).collect()

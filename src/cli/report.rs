@@ -62,7 +62,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
 }
 
-/// Prints how many damaged lines of the folder's journals are left out, and whether its peak rates cannot be read.
+/// Prints how many damaged lines of the folder's journals (files such as records.jsonl) are left out, and whether the
+/// folder's peak rates cannot be read.
 fn tell_damage(folder: &Folder, quiet: bool) {
     if quiet {
         return;

@@ -28,7 +28,7 @@ use crate::experiment::{
     keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
-use crate::peak::Peak;
+use crate::peak::{self, Peak};
 use crate::printer;
 use crate::program::Sources;
 use crate::record::journals::{IMAGES, RECORDS, SUMMARY};
@@ -60,7 +60,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 if no point failed (points that do not fit on their device are not failures), 1 if a point failed, 2 for a mistake in the arguments or files.")]
+Exit code: 0 if no point failed (points that do not fit on their device are not failures), 1 if a point failed, if --fail-on-regression found a regression, or if the run failed for another reason, 2 for a mistake in the arguments or files, 130 if Ctrl-C stopped the run.")]
 pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
@@ -126,8 +126,8 @@ pub struct Args {
     /// (Slurm, MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges the parts
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
-    /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, and the
-    /// second job merges the results. raycl itself submits no job
+    /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, 1 to
+    /// 100,000, and the second job merges the results. raycl itself submits no job
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = whole::<u32>(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3
@@ -323,7 +323,8 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
 }
 
 /// Stores the devices' peak rates in the folder, if requested: the rates in the file of `--peak=FILE` or, without a
-/// file, measured rates. Tells the user for which devices the file has no rates.
+/// file, measured rates. Tells the user for which devices the file has no rates. If an earlier session stored rates of
+/// a device with another driver or in another state, the folder does not keep them, and the user is told too.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,
@@ -332,17 +333,19 @@ fn keep_peak(
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    if args.peak.is_none() {
-        return Ok(());
-    }
     let wanted = super::peak::Wanted {
         patterns: &patterns(args, run.experiment),
         cl_dir: args.cl_dir.first().map(PathBuf::as_path),
         no_wait: args.no_wait,
     };
-    results.keep_peak(of_file.map_or_else(|| wanted.measured(observer, interrupted), Ok)?)?;
+    let rates = match of_file {
+        Some(of_file) => of_file,
+        None if args.peak.is_some() => wanted.measured(observer, interrupted)?,
+        None => Vec::new(),
+    };
+    let left_out = results.keep_peak(rates, run.devices)?;
     if !args.quiet
-        && let Some(note) = without_peaks(args, run.devices, results.peak())
+        && let Some(note) = without_peaks(args, run.devices, results.peak(), &left_out)
     {
         printer::tell(printer::plain(&note));
     }
@@ -350,11 +353,20 @@ fn keep_peak(
 }
 
 /// Returns a note that names the devices without peak rates, if the rates come from a file and there are such devices.
-fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak]) -> Option<String> {
-    let file = peak_file(args)?.display();
-    let is_unknown = |label: &&str| peaks.iter().all(|peak| peak.device != *label);
-    let mut unknown: Vec<&str> =
-        devices.iter().map(|device| device.label.as_str()).filter(is_unknown).collect();
+/// If rates of such a device were `left_out`, the note states the device's driver and state, to which they do not
+/// belong.
+fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
+    let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
+    let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
+    let is_unknown = |device: &&&DeviceInfo| peaks.iter().all(|peak| peak.device != device.label);
+    let name = |device: &&DeviceInfo| match left_out.iter().any(|peak| peak.may_be_of(device)) {
+        true => {
+            let state = device.state().replace(" | ", ", ");
+            format!("{} in its present state (driver {}, {state})", device.label, device.driver)
+        }
+        false => device.label.clone(),
+    };
+    let mut unknown: Vec<String> = devices.iter().filter(is_unknown).map(name).collect();
     unknown.dedup();
     (!unknown.is_empty()).then(|| {
         format!(
@@ -379,11 +391,24 @@ pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
 
 /// Returns the devices to measure on.
 fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
-    let named = names_devices(args, experiment);
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    let indices = matching_indices(&infos, &patterns(args, experiment));
-    let indices = indices.map_err(|error| if named { error } else { settings::blame_device(error) })?;
-    indices.into_iter().map(|index| devices[index].chosen()).collect()
+    let words = patterns(args, experiment);
+    for word in &words {
+        let matching = matching_indices(&infos, std::slice::from_ref(word));
+        matching.map_err(|error| blamed(error, word, args, experiment))?;
+    }
+    matching_indices(&infos, &words)?.into_iter().map(|index| devices[index].chosen()).collect()
+}
+
+/// Adds the origin of a word that selects devices to an error about this word: the option, the location in the config,
+/// or the user's settings.
+fn blamed(error: Error, word: &str, args: &Args, experiment: &Experiment) -> Error {
+    let of_config = experiment.devices.iter().find(|device| device.text == word);
+    match of_config.map(|device| device.location.as_str()) {
+        _ if !args.device.is_empty() => error.placed(|message| Error::input(format!("--device: {message}"))),
+        Some(location) => error.placed(|message| Error::input(format!("{location}: {message}"))),
+        None => settings::blame_device(error),
+    }
 }
 
 /// Returns whether an argument or the config names devices.
@@ -396,7 +421,8 @@ fn names_devices(args: &Args, experiment: &Experiment) -> bool {
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
-        ([], named) | (named, _) => named.to_vec(),
+        ([], named) => named.iter().map(|device| device.text.clone()).collect(),
+        (named, _) => named.to_vec(),
     }
 }
 
@@ -525,12 +551,22 @@ mod tests {
         let other = DeviceInfo { label: "other".to_owned(), ..asleep::device(1.0) };
         let peaks = [Peak { device: one.label.clone(), ..Peak::default() }];
         let note_for = |peak: &str, devices: &[&DeviceInfo]| {
-            without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks)
+            without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks, &[])
         };
         let note = note_for("--peak=h200.json", &[&one, &other, &other]).unwrap();
         assert!(note.starts_with("note: h200.json has no peak rates of other, so"), "{note}");
         assert_eq!(note_for("--peak=h200.json", &[&one]), None);
         assert_eq!(note_for("--peak", &[&one, &other]), None);
+        // Rates of another driver are not used, whether they come from a file or from the folder of results.
+        let outdated = [Peak { driver: "another".into(), ..peaks[0].clone() }];
+        for (words, file) in [
+            (&["a.toml", "--peak=h200.json"][..], "h200.json"),
+            (&["a.toml", "--resume"][..], "the folder's peak.json"),
+        ] {
+            let note = without_peaks(&fixtures::args(words), &[&one], &[], &outdated).unwrap();
+            let state = "asleep in its present state (driver 1, 1 compute units), so";
+            assert!(note.starts_with(&format!("note: {file} has no peak rates of {state}")), "{note}");
+        }
     }
 
     #[test]
@@ -550,6 +586,19 @@ mod tests {
         let of = |words: &[&str]| patterns(&fixtures::args(words), &experiment);
         assert_eq!(of(&["a.toml"]), ["pocl", "nvidia"]);
         assert_eq!(of(&["a.toml", "--device", "gpu", "--device", "cpu"]), ["gpu", "cpu"]);
+    }
+
+    #[test]
+    fn a_word_that_matches_no_device_is_reported_with_its_origin() {
+        let devices = [Listed::from(asleep::device(1.0))];
+        let experiment = fixtures::experiment("local_sizes = [4]\ndevices = ['all', 'nosuch']");
+        let error_of = |words: &[&str]| chosen(&fixtures::args(words), &experiment, &devices).unwrap_err();
+        let error = error_of(&["a.toml"]);
+        let location = &experiment.devices[1].location;
+        assert_eq!(error.to_string(), format!("{location}: no device matches 'nosuch'"));
+        assert!(error.exit_code() == 2 && error.remedy().contains("The devices are:"), "{}", error.remedy());
+        let error = error_of(&["a.toml", "--device", "all", "--device", "other"]);
+        assert_eq!(error.to_string(), "--device: no device matches 'other'");
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub struct Args {
 enum What {
     /// A scene
     Scene,
-    /// The config of an experiment
+    /// An experiment (a config, such as configs/quick.toml)
     Config,
     /// A line of records.jsonl
     Record,

@@ -21,10 +21,10 @@ use std::path::PathBuf;
 pub struct Subject {
     /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
     pub scene: PathBuf,
-    /// Pixels across
+    /// Pixels across, 1 to 65,536
     #[arg(long, default_value_t = 1280, value_parser = whole::<u32>(1..=65536))]
     pub width: u32,
-    /// Pixels down
+    /// Pixels down, 1 to 65,536
     #[arg(long, default_value_t = 800, value_parser = whole::<u32>(1..=65536))]
     pub height: u32,
     /// The device: part of its name, platform or vendor, its label in `raycl devices`, or its kind (cpu, gpu,

@@ -22,8 +22,8 @@ pub struct Args {
     /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = whole::<u32>(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, at its size. HOW is the form in which raycl draws pictures.
-    /// Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
+    /// Show the scene in this terminal, at its size, so --width and --height cannot be given. HOW is the form in which
+    /// raycl draws pictures. Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
     /// Move the camera around the scene, one degree per frame
@@ -89,8 +89,8 @@ struct Report {
     frames: u32,
     /// The time from the first frame to the last.
     seconds: f64,
-    /// The number of frames after the first, divided by `seconds`.
-    frames_per_s: f64,
+    /// The number of frames after the first, divided by `seconds`; null if there are none.
+    frames_per_s: Option<f64>,
     /// The number of frames that were cast since the strategy, the local size, the device, the picture's size or a file
     /// changed last.
     timed_frames: usize,
@@ -178,7 +178,7 @@ fn kernel_remark(report: &Report) -> String {
 /// Returns a text with the frames per second, if more than one frame was shown, and with the rays per second, if they
 /// are known. Returns `None` if neither is the case.
 fn speed(report: &Report) -> Option<String> {
-    let frames = (report.frames > 1).then(|| format!("{:.1} frames/s", report.frames_per_s));
+    let frames = report.frames_per_s.map(|rate| format!("{rate:.1} frames/s"));
     let rays = report.rays_per_s.map(|rate| crate::words::rate(rate, "rays"));
     let rates: Vec<String> = frames.into_iter().chain(rays).collect();
     (!rates.is_empty()).then(|| rates.join(", "))
@@ -199,7 +199,7 @@ mod tests {
             image_size: [48, 30],
             frames,
             seconds: 1.0,
-            frames_per_s: 2.0,
+            frames_per_s: (frames > 1).then_some(2.0),
             timed_frames,
             frame_ms: is_timed.then_some(1.5),
             rays_per_s: is_timed.then_some(4e6),

@@ -49,8 +49,9 @@ struct Folder {
 }
 
 impl Watched {
-    /// Watches all files of `inputs`, and the files in `folders` whose extension is in `SOURCES`. If a folder's mode is
-    /// recursive, the files in its subfolders are watched too. Files of `written` are not watched.
+    /// Watches all files of `inputs` (the files that raycl has read), and the files in `folders` whose extension is in
+    /// `SOURCES`. If a folder's mode is recursive, the files in its subfolders are watched too. The files of `written`,
+    /// which the command itself writes, are not watched.
     pub fn new(
         folders: &[(PathBuf, RecursiveMode)],
         written: &[PathBuf],
@@ -100,8 +101,8 @@ impl Watched {
                 self.changed_at = Some(Instant::now());
             }
         }
-        // The folders of `inputs` are a set without duplicates, so each new folder is compared with the given folders
-        // only.
+        // A new folder could be watched already only through one of the given folders, since the folders of `inputs`
+        // are a set without duplicates. Each new folder is therefore compared with the given folders only.
         let of_inputs = self.inputs.folders();
         for path in of_inputs.difference(&self.of_inputs) {
             if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {
@@ -136,7 +137,7 @@ impl Folder {
 
     /// Begins to watch the folder that has the path now.
     fn watch(&mut self, watcher: &mut notify::RecommendedWatcher) -> notify::Result<()> {
-        // If the folder is replaced after this line, the next comparison of identities finds that.
+        // If the folder is replaced after this line, the next comparison of identities detects the replacement.
         self.identity = identity(&self.path);
         watcher.watch(&self.path, self.depth)
     }
@@ -206,8 +207,8 @@ pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Resu
     }
 }
 
-/// Returns whether an event changes a source of the picture. The files of `written`, such as the picture itself,
-/// do not count.
+/// Returns whether an event changes a file from which the picture is made. The files of `written`, such as the picture
+/// itself, do not count.
 fn matters(event: &notify::Event, written: &[PathBuf], inputs: &Inputs) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
     let source = |path: &PathBuf| !written.contains(path) && (is_source(path) || inputs.contains(path));

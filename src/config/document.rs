@@ -12,11 +12,22 @@ use crate::toml_error::in_plain_words;
 use crate::toml_read::from_table;
 use crate::words::counted;
 
-/// The default remedy for a mistake.
+/// The help in an error message about a mistake for which there is no more specific help.
 const KEYS: &str =
     "docs/experiments.md lists every key of an experiment, and configs/quick.toml is an example";
 /// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
+/// Keys whose values are lists, each with an example of a list.
+const LISTS: [(&str, &str); 8] = [
+    ("scenes", r#"["scenes/teapot.toml"]"#),
+    ("scene", r#"[{ file = "scenes/teapot.toml" }]"#),
+    ("devices", r#"["cpu"]"#),
+    ("image_sizes", "[[800, 500]]"),
+    ("local_sizes", "[8]"),
+    ("strategies", r#"["naive"]"#),
+    ("strategy", r#"[{ preset = "naive" }]"#),
+    ("baselines", r#"["serial"]"#),
+];
 
 /// The text of a config file, and the overrides (`--set` options of the command line). A span is a range of bytes.
 /// Spans up to the file's length lie in the file. Each override has its own range of bytes after the file's end.
@@ -63,8 +74,8 @@ impl Document {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for over in &self.overrides {
             let layer = DeTable::parse(&over.line).map_err(|error| self.syntax(&error, over.start))?;
-            merge_tables(table.get_mut(), moved_table(layer.into_inner(), over.start))
-                .map_err(|(span, message)| self.error(span, message, "no such index"))?;
+            merge_tables("", table.get_mut(), moved_table(layer.into_inner(), over.start))
+                .map_err(|no_index| self.no_such_index(no_index))?;
         }
         from_table(table).map_err(|error| self.misfit(&error))
     }
@@ -74,6 +85,21 @@ impl Document {
         let (name, text, start) = self.part(&span);
         Error::in_file(name, text, span.start - start..span.end.saturating_sub(start), message, label)
             .with_help(KEYS)
+    }
+
+    /// Returns the error for an index that a list does not have.
+    fn no_such_index(&self, NoIndex { span, list, count }: NoIndex) -> Error {
+        let indices = match count {
+            0 => "there is no index".to_owned(),
+            1 => "the only index is 0".to_owned(),
+            _ => format!("the indices are 0 to {}", count - 1),
+        };
+        let message = format!("'{list}' has {}; {indices}", counted(count, "element"));
+        let error = self.error(span, message, "no such index");
+        match example_of(&list).filter(|_| count == 0) {
+            Some(whole) => error.with_help(format!("set the whole list: --set {list}='{whole}'")),
+            None => error,
+        }
     }
 
     /// Returns `FILE:LINE` of `span`; for a span in an override, `--set:1`.
@@ -95,7 +121,7 @@ impl Document {
         }
     }
 
-    /// Adds the location `span` to an input error that has no location.
+    /// Adds the location `span` to an input error (a mistake of the user) that has no location.
     pub fn located(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
@@ -214,12 +240,21 @@ fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
 }
 
 /// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are replaced.
-/// [`merge`] also merges a table into an array if the table's keys are indices.
-fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
+/// [`merge`] also merges a table into an array if the table's keys are indices. A list that the file lacks has no
+/// elements. `path` is the dotted path of the tables; it is empty for the whole file.
+fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     for (key, value) in above {
+        let name = match path {
+            "" => key.get_ref().to_string(),
+            _ => format!("{path}.{}", key.get_ref()),
+        };
         match below.get_mut(key.get_ref().as_ref()) {
-            Some(old) => merge(key.get_ref(), old, value)?,
+            Some(old) => merge(&name, old, value)?,
             None => {
+                let span = first_index(value.get_ref());
+                if let Some(span) = span.filter(|_| example_of(&name).is_some()) {
+                    return Err(NoIndex { span, list: name, count: 0 });
+                }
                 below.insert(key, value);
             }
         }
@@ -227,19 +262,29 @@ fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     Ok(())
 }
 
-/// The result of merging an override. The error is the span of an index that a list does not have, and the message
-/// about this index.
-type Merged = std::result::Result<(), (Range<usize>, String)>;
+/// The result of merging an override.
+type Merged = std::result::Result<(), NoIndex>;
 
-/// Merges `above` into `below`, the value of the key `name`.
+/// An index that a list does not have.
+struct NoIndex {
+    /// The span of the index.
+    span: Range<usize>,
+    /// The list's dotted path.
+    list: String,
+    /// The number of the list's elements.
+    count: usize,
+}
+
+/// Merges `above` into `below`, the value with the dotted path `name`.
 fn merge<'i>(name: &str, below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) -> Merged {
     match (below.get_mut(), above.get_ref()) {
-        (DeValue::Table(old), DeValue::Table(new)) => return merge_tables(old, new.clone()),
+        (DeValue::Table(old), DeValue::Table(new)) => return merge_tables(name, old, new.clone()),
         (DeValue::Array(old), DeValue::Table(new)) if has_indices(new) => {
             let count = old.len();
             for (key, value) in new.clone() {
                 let index = key.get_ref().parse().unwrap_or(usize::MAX);
-                let item = old.get_mut(index).ok_or_else(|| (key.span(), no_index(name, count)))?;
+                let no_index = || NoIndex { span: key.span(), list: name.to_owned(), count };
+                let item = old.get_mut(index).ok_or_else(no_index)?;
                 merge(&format!("{name}.{index}"), item, value)?;
             }
         }
@@ -248,19 +293,21 @@ fn merge<'i>(name: &str, below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValu
     Ok(())
 }
 
+/// Returns an example of a list with this dotted path; `None` if the path is not that of a list.
+fn example_of(path: &str) -> Option<&'static str> {
+    let key = path.rsplit('.').next().unwrap_or(path);
+    LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
+}
+
 /// Returns whether every key of `table` is an index, as 0 is in `strategy.0.width = 8`.
 fn has_indices(table: &DeTable<'_>) -> bool {
     !table.is_empty() && table.keys().all(|key| key.get_ref().parse::<usize>().is_ok())
 }
 
-/// Returns the message for an index that the list `name` does not have.
-fn no_index(name: &str, count: usize) -> String {
-    let indices = match count {
-        0 => "there is no index".to_owned(),
-        1 => "the only index is 0".to_owned(),
-        _ => format!("the indices are 0 to {}", count - 1),
-    };
-    format!("'{name}' has {}; {indices}", counted(count, "element"))
+/// Returns the span of the first index, if `value` is a table whose keys are indices.
+fn first_index(value: &DeValue<'_>) -> Option<Range<usize>> {
+    let DeValue::Table(table) = value else { return None };
+    table.keys().next().filter(|_| has_indices(table)).map(Spanned::span)
 }
 
 #[cfg(test)]

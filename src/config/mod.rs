@@ -1,5 +1,7 @@
-//! Reads experiments. The TOML file of an experiment, here called a config, is read into the types of `wire`. These
-//! values are checked and become an [`Experiment`]. Every mistake is reported with its line.
+//! Reads experiments. The TOML file of an experiment, here called a config, is read into the types of the module
+//! `wire`. The module `validate` checks the values that were read from the file and from `--set`, and makes an
+//! [`Experiment`] of them. A mistake in the file is reported with its line, unless the file is empty. A mistake in a
+//! value of `--set` has no line of the file, so it is reported with this value.
 
 mod document;
 mod lists;
@@ -15,7 +17,9 @@ mod validate;
 mod wire;
 
 pub use document::with_absolute_paths;
-pub use types::{Baseline, Emulate, Experiment, NamedStrategy, SceneChoice, Timing};
+pub use types::{
+    Baseline, DeviceWord, Emulate, Experiment, NamedStrategy, SceneChoice, Timing, have_one_shape,
+};
 
 use std::path::Path;
 
@@ -33,8 +37,9 @@ pub fn schema() -> serde_json::Value {
 ///
 /// An override's value that is valid TOML is read as TOML, any other value as a string. An array in the file is
 /// replaced by the override's array, and a table is merged with the override's table. A key may contain the index of an
-/// element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file. Any mistake is an
-/// input error that names the file or `--set`, the line and the remedy.
+/// element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file. Any mistake is
+/// returned as an input error (a mistake of the user), which contains a remedy. The error names the file and, unless
+/// the file is empty, the mistake's line; for a mistake in an override, it names `--set` and quotes the override.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \

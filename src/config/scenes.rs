@@ -104,8 +104,9 @@ fn below(path: String, value: &Value) -> Vec<(String, Vec<&Value>)> {
     }
 }
 
-/// Returns a copy of the choice with one more changed value. `location` is the location of the key in the config. The
-/// suffix of the scene's name gets `+key=value`, with only the last part of the dotted key.
+/// Returns a copy of `choice` (a scene file and the values to change in it) with one more changed value. `location` is
+/// the location of the key in the config. The suffix of the scene's name gets `+key=value`, with only the last part of
+/// the dotted key.
 fn with(choice: &SceneChoice, location: &str, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);

@@ -13,7 +13,7 @@ use crate::error::Result;
 /// Range of an image's width and height in pixels.
 pub(super) const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
 /// Range of a work-group's width and height in work-items; a device may allow fewer.
-pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
+pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=4096;
 /// Largest number of work-items in a work-group.
 const LOCAL_ITEMS: u64 = 4096;
 

@@ -121,7 +121,7 @@ fn product(
     drafts.into_iter().map(finish).collect()
 }
 
-/// Combines each draft with each value of one axis.
+/// Combines each draft (a strategy that is being made) with each value of one axis.
 fn vary(
     document: &Document,
     axis: &str,

@@ -224,8 +224,11 @@ fn a_wrong_type_says_what_was_expected() {
 fn sizes_out_of_range_say_the_range() {
     refuses(
         &GOOD.replace("[64, 1]", "[64, -1]"),
-        &["local size -1 is out of range", "5:24", "from 1 to 1024"],
+        &["local size -1 is out of range", "5:24", "from 1 to 4096"],
     );
+    // All work-items of the largest work-group may be in one row, as with `raycl render --local-size`.
+    let row = load_with(&GOOD.replace("[64, 1]", "[4096, 1]"), &[]).unwrap();
+    assert!(row.strategies[0].local_sizes.contains(&[4096, 1]));
     refuses(
         &GOOD.replace("[64, 1]", "[128, 64]"),
         &["128 x 64 is too large", "5:19", "at most 4096 work-items"],
@@ -413,12 +416,28 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(
         refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
     );
-    assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("wrong type: table, expected a list"));
+    for (key, whole) in [
+        ("strategy.5.width", r#"--set strategy='[{ preset = "naive" }]'"#),
+        ("scene.0.file", r#"--set scene='[{ file = "scenes/teapot.toml" }]'"#),
+        ("baselines.0", r#"--set baselines='["serial"]'"#),
+    ] {
+        let report = refusal(GOOD, &[(key, "3")]);
+        let (list, _) = key.split_once('.').unwrap();
+        for words in [&*format!("'{list}' has 0 elements; there is no index"), "--set:1:", whole] {
+            assert!(report.contains(words), "{words:?} is not in\n{report}");
+        }
+    }
+    assert!(refusal(GOOD, &[("fruit.0", "3")]).contains("unknown key 'fruit'"));
     let with_one = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n");
     for (text, [key, value], message) in [
         (&*with_one, ["strategy.1.width", "8"], "'strategy' has 1 element; the only index is 0"),
         (GOOD, ["local_sizes.3", "8"], "'local_sizes' has 3 elements; the indices are 0 to 2"),
         (GOOD, ["local_sizes.1.2", "8"], "'local_sizes.1' has 2 elements; the indices are 0 to 1"),
+        (
+            &*with_one,
+            ["strategy.0.local_sizes.0", "8"],
+            "set the whole list: --set strategy.0.local_sizes='[8]'",
+        ),
         (
             &GOOD.replace("[8, [64, 1], 8]", "[]"),
             ["local_sizes.0", "8"],
@@ -502,7 +521,8 @@ fn every_key_reaches_its_own_setting() {
     let experiment = load_with(&text, &[]).unwrap();
     assert_eq!((experiment.question.as_str(), experiment.expectation.as_str()), ("Which?", "This."));
     assert!(experiment.compare_scenes && !load_with(GOOD, &[]).unwrap().compare_scenes);
-    assert_eq!(experiment.devices, ["nvidia", "pocl"]);
+    let devices = experiment.devices.iter().map(|device| device.text.as_str());
+    assert!(devices.eq(["nvidia", "pocl"]));
     assert_eq!(experiment.baselines, [Baseline::SerialF64, Baseline::Parallel, Baseline::Serial]);
     let emulate = Emulate { local_bytes: Some(1024), constant_bytes: Some(2048) };
     assert_eq!(experiment.emulate, emulate);
@@ -519,6 +539,17 @@ fn every_key_reaches_its_own_setting() {
     assert_eq!(experiment.path.file_name().unwrap(), "test.toml");
     assert_eq!(experiment.path.parent(), Some(experiment.scenes[0].named_in.as_path()));
     assert!(experiment.scenes[0].path.ends_with("scenes/teapot.toml"));
+}
+
+#[test]
+fn a_word_for_devices_has_its_location() {
+    let text = format!("devices = [\n  \"nvidia\",\n  \"pthred\",\n]\n{GOOD}");
+    let locations = |overrides: &[(&str, &str)]| -> Vec<String> {
+        load_with(&text, overrides).unwrap().devices.into_iter().map(|device| device.location).collect()
+    };
+    let of_file = locations(&[]);
+    assert!(of_file[0].ends_with("test.toml:2") && of_file[1].ends_with("test.toml:3"), "{of_file:?}");
+    assert_eq!(locations(&[("devices", "[\"nosuch\"]")]), ["--set:1"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::{DeviceKind, DeviceLimits};
 use crate::error::Result;
-use crate::scene::{Loaded, Setting, load_scene_named_in};
+use crate::scene::{Loaded, Setting, Shot, load_scene_named_in};
 use crate::strategy::Strategy;
 
 /// A question, and the scenes, devices, image sizes and strategies whose combinations are measured to answer it.
@@ -27,7 +27,7 @@ pub struct Experiment {
     /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable device. Empty if the config names none.
-    pub devices: Vec<String>,
+    pub devices: Vec<DeviceWord>,
     /// Image sizes in pixels: across, down.
     pub image_sizes: Vec<[u32; 2]>,
     /// The strategies to compare; no two names are equal.
@@ -61,6 +61,37 @@ impl Experiment {
         self.scenes.retain(|_| index.next().is_none_or(|index| !indices.contains(&index)));
         self.left_out = indices;
     }
+
+    /// Returns the first image size of each shape (ratio of width to height).
+    pub fn shapes(&self) -> Vec<[u32; 2]> {
+        let mut shapes: Vec<[u32; 2]> = Vec::new();
+        for &size in &self.image_sizes {
+            if !shapes.iter().any(|&known| have_one_shape(known, size)) {
+                shapes.push(size);
+            }
+        }
+        shapes
+    }
+}
+
+/// Returns whether images of two sizes have the same ratio of width to height.
+pub fn have_one_shape([width, height]: [u32; 2], [other_width, other_height]: [u32; 2]) -> bool {
+    u64::from(width) * u64::from(other_height) == u64::from(other_width) * u64::from(height)
+}
+
+/// A word that selects devices. Two words are equal if their texts are equal.
+#[derive(Clone, Debug)]
+pub struct DeviceWord {
+    /// The word itself.
+    pub text: String,
+    /// The word's location for messages: `FILE:LINE`, or `--set:1` if the option `--set` contains the word.
+    pub location: String,
+}
+
+impl PartialEq for DeviceWord {
+    fn eq(&self, other: &Self) -> bool {
+        self.text == other.text
+    }
 }
 
 /// A scene file, and values to change in it.
@@ -74,14 +105,16 @@ pub struct SceneChoice {
     pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
-    /// The largest number of triangles that a tree can index. Loading fails if the scene has more. `None` unless the
-    /// scene is the config's only scene, every strategy needs a tree, and there is no baseline.
+    /// The largest number of triangles that a tree can index. Loading fails if the scene has more. The limit is set
+    /// only if the scene is the config's only scene, every strategy needs a tree, and there is no baseline; otherwise
+    /// it is `None`.
     pub most_triangles: Option<u64>,
     /// The scene's name in results, which differs from the names of the experiment's other scenes; `None` before the
     /// scenes are loaded.
     pub name: Option<String>,
-    /// The hash of the scene's content; `None` before the scenes are loaded.
-    pub hash: Option<String>,
+    /// The hashes of the scene's content: if raycl places the camera, one hash for each shape of the images, otherwise
+    /// a single hash. Empty before the scenes are loaded.
+    pub hashes: Vec<String>,
     /// Notes on other scenes of the config with the same content.
     pub notes: Vec<String>,
 }
@@ -96,19 +129,21 @@ impl SceneChoice {
             suffix: String::new(),
             most_triangles: None,
             name: None,
-            hash: None,
+            hashes: Vec::new(),
             notes: Vec::new(),
         }
     }
 
-    /// Loads the scene with the changed values.
+    /// Loads the scene with the changed values, for images of this size: if raycl places the camera, the camera depends
+    /// on the shape of the images, as in the pictures of `raycl render`.
     ///
     /// # Errors
     ///
     /// The same as those of [`load_scene_named_in`].
-    pub fn load(&self) -> Result<Loaded> {
-        let mut loaded =
-            load_scene_named_in(&self.named_in, &self.path, &self.overrides, self.most_triangles)?;
+    pub fn load(&self, [width, height]: [u32; 2]) -> Result<Loaded> {
+        let aspect = f64::from(width) / f64::from(height);
+        let shot = Shot { aspect, most_triangles: self.most_triangles, ..Shot::SQUARE };
+        let mut loaded = load_scene_named_in(&self.named_in, &self.path, &self.overrides, shot)?;
         loaded.scene.name.push_str(&self.suffix);
         loaded.notes.extend_from_slice(&self.notes);
         Ok(loaded)
@@ -228,7 +263,8 @@ pub struct Timing {
     pub max_samples: u32,
     /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,
-    /// Seed for the order of launches (worker processes) and rounds.
+    /// Seed for two random orders: that of the groups' launches (worker processes), and that of the points in each
+    /// round.
     pub seed: u64,
     /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
     /// the launch, divided by their mean, is below this value.
@@ -272,16 +308,16 @@ mod tests {
         let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
         std::fs::write(&path, object).unwrap();
         let choice = SceneChoice { suffix: "+crease=40".to_owned(), ..SceneChoice::file(&path) };
-        assert_eq!(choice.load().unwrap().scene.name, "dots+crease=40");
+        assert_eq!(choice.load([8, 5]).unwrap().scene.name, "dots+crease=40");
         assert_eq!(choice.label(), "dots+crease=40");
-        assert_eq!(SceneChoice::file(&path).load().unwrap().scene.name, "dots");
+        assert_eq!(SceneChoice::file(&path).load([8, 5]).unwrap().scene.name, "dots");
     }
 
     #[test]
     fn a_shape_of_more_triangles_than_can_be_cast_is_not_made() {
         let terrain = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain.toml");
         let choice = SceneChoice { most_triangles: Some(10), ..SceneChoice::file(terrain) };
-        let error = choice.load().expect_err("it has more");
+        let error = choice.load([8, 5]).expect_err("it has more");
         assert!(error.to_string().contains("expected at most 10"), "{error}");
     }
 

@@ -1,4 +1,4 @@
-//! Checks the values that were read into the types of `wire`, and makes an experiment from them.
+//! Checks the values that were read into the types of the module `wire`, and makes an experiment from them.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -9,7 +9,7 @@ use super::document::Document;
 use super::lists::{distinct, not_empty};
 use super::numbers::{real, whole};
 use super::sizes::{image_sizes, local_sizes};
-use super::types::{Baseline, Emulate, Experiment, Timing};
+use super::types::{Baseline, DeviceWord, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::accel::WideBvh;
 use crate::error::{Error, Result, meant};
@@ -69,13 +69,17 @@ pub(super) fn sentence(document: &Document, text: &Spanned<String>, key: &str) -
     Ok(trimmed.to_string())
 }
 
-fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<String>> {
+fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<DeviceWord>> {
     let Some(list) = list else { return Ok(Vec::new()) };
     not_empty(document, &list, "devices", "one word: \"all\", a kind or a part of a device's name")?;
     for device in list.get_ref() {
         sentence(document, device, "device")?;
     }
-    Ok(distinct(list.into_inner().into_iter().map(Spanned::into_inner).collect()))
+    let word = |device: Spanned<String>| DeviceWord {
+        location: document.location_of(device.span()),
+        text: device.into_inner(),
+    };
+    Ok(distinct(list.into_inner().into_iter().map(word).collect()))
 }
 
 fn baselines(document: &Document, list: &[Spanned<String>]) -> Result<Vec<Baseline>> {

@@ -1,4 +1,4 @@
-//! The types that a config's TOML is read into. Numbers have wide types and sizes are unchecked, so that
+//! The types that a config's TOML is read into. Numbers have wide types and sizes are unchecked, so that the module
 //! `validate` can report every mistake with its location.
 
 use std::collections::BTreeMap;
@@ -123,7 +123,8 @@ pub struct Timing {
     /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// Seed for the order of launches (worker processes) and rounds [default: 1].
+    /// Seed of two random orders: that of the groups' launches (worker processes), and that of the points in each round
+    /// [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
     /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in

@@ -101,7 +101,7 @@ impl Asked {
     }
 }
 
-/// Returns the 4-byte number or the 8-byte numbers in an answer; none if its length fits neither.
+/// Returns the 4-byte number or the 8-byte numbers in an answer; none if the answer has another length.
 fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
     if let Ok(word) = <[u8; 4]>::try_from(bytes) {
         return vec![u64::from(u32::from_ne_bytes(word))];

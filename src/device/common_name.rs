@@ -1,5 +1,5 @@
-//! Devices' names as people know them: "AMD EPYC 9B45, PoCL" for the device that PoCL calls
-//! "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files for other programs keep the driver's names.
+//! Finds devices' names as people know them, such as "AMD EPYC 9B45, PoCL" for the device that PoCL calls
+//! "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files that raycl writes for other programs keep the driver's names.
 
 use std::collections::HashMap;
 
@@ -9,13 +9,21 @@ const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-
 /// Returns the name under which people know a device. The name is derived from the driver's name alone, so that it can
 /// be derived from stored records. If the driver's name has no known form, it is returned as it is.
 pub fn common_name(name: &str) -> String {
-    // In a merged folder, a text in brackets distinguishes devices of the same name. It stays at the end.
+    // In the results that `raycl merge` writes, a text in brackets distinguishes devices of the same name. This text
+    // stays at the end.
     let brackets = name.find(" (").filter(|_| name.ends_with(')')).unwrap_or(name.len());
     let (name, brackets) = name.split_at(brackets);
     match POCL.iter().find_map(|start| name.strip_prefix(start)) {
         Some(rest) => format!("{}, PoCL{brackets}", plain(&model(rest))),
         None => format!("{}{brackets}", plain(name)),
     }
+}
+
+/// Returns the common name of a device and, if it differs, the driver's name in brackets. Other devices can have the
+/// same common name.
+pub fn both_names(name: &str) -> String {
+    let common = common_name(name);
+    if common == name { common } else { format!("{common} ({name})") }
 }
 
 /// Returns the common name of each device. If several devices have the same common name, each of them keeps its
@@ -39,7 +47,7 @@ fn model(rest: &str) -> String {
     parts[first..].join("-")
 }
 
-/// Returns a model's name without marks, clock rate and number of cores.
+/// Returns a model's name without trademark signs, clock rate and number of cores.
 fn plain(name: &str) -> String {
     let without_marks = ["(R)", "(r)", "(TM)", "(tm)", "®", "™"]
         .iter()
@@ -65,13 +73,13 @@ mod tests {
             ("cpu-x86-64-v3-Common KVM processor", "Common KVM processor, PoCL"),
             ("pthread-cortex-a72", "cortex-a72, PoCL"),
             ("cpu-alderlake-13th Gen Intel(R) Core(TM) i7-1360P", "13th Gen Intel Core i7-1360P, PoCL"),
-            // Intel's driver for the same processors, and GPUs.
+            // Names that Intel's driver gives to the same processors, and names of GPUs.
             ("Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", "Intel Xeon Platinum 8481C"),
             ("Intel(R) UHD Graphics 770", "Intel UHD Graphics 770"),
             ("NVIDIA H200", "NVIDIA H200"),
             ("gfx90a:sramecc+:xnack-", "gfx90a:sramecc+:xnack-"),
             ("host", "host"),
-            // Devices of a merged folder.
+            // Devices in results that `raycl merge` wrote: a text in brackets distinguishes devices of the same name.
             ("cpu-znver4-AMD EPYC 9B45 96-Core Processor (driver 5)", "AMD EPYC 9B45, PoCL (driver 5)"),
             ("Intel(R) Xeon(R) CPU @ 2.70GHz (driver 5)", "Intel Xeon (driver 5)"),
         ] {

@@ -65,7 +65,7 @@ fn with_devices(survey: Survey) -> Result<Survey> {
     Ok(survey)
 }
 
-/// PoCL's environment variable for the devices that PoCL lists.
+/// PoCL's environment variable that names the devices that PoCL lists.
 const CHOSEN: &str = "POCL_DEVICES";
 
 /// Returns advice if PoCL is one of the platforms without devices, and an environment variable or PoCL's cache folder
@@ -101,7 +101,7 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
 
 fn survey_untested() -> Result<Survey> {
     let _turn = turn();
-    let _patience = Patience::of_guarded();
+    let _patience = Patience::of_guarded()?;
     let mut survey = Survey::default();
     for platform in platforms()? {
         let devices = devices_of(platform);
@@ -138,11 +138,12 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
 }
 
 /// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its properties have
-/// changed. Changes of its lane operations, its label and the number of its earlier twins are not noticed, since these
-/// three are copied from `known`. Only the driver of the device's platform is started.
+/// changed. Changes of its lane operations (how work-items exchange values), of its label and of its `twins_before`
+/// (the number of earlier devices with the same name) are not noticed, since these three are copied from `known`. Only
+/// the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
-    let _patience = Patience::of_guarded();
+    let _patience = Patience::of_guarded().ok()?;
     let name = |platform: &ocl::Platform| platform.name().unwrap_or_default().trim().to_owned();
     let namesakes = platforms().ok()?.filter(|platform| name(platform) == known.platform);
     let devices =
@@ -184,7 +185,7 @@ fn no_platform(limit_bytes: Option<u64>) -> Error {
 /// Returns the number of platforms. The number must be queried before the `ocl` crate is used: without platforms, each
 /// enumeration of that crate sleeps 10 seconds, and some enumerations panic.
 fn platform_count() -> Result<u32> {
-    /// CL_PLATFORM_NOT_FOUND_KHR.
+    /// The status CL_PLATFORM_NOT_FOUND_KHR of OpenCL's loader.
     const NOT_FOUND: i32 = -1001;
     let mut count = 0;
     // SAFETY: with zero entries the list may be null, and `count` outlives the call.
@@ -197,7 +198,7 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Counts, for each device, the earlier devices with the same platform and name.
+/// Sets each device's `twins_before`: the number of earlier devices with the same platform and name.
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {

@@ -13,6 +13,16 @@ const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The environment variable that names the libraries of further drivers.
 pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
+/// The remedy if a driver crashes or hangs, and there are other drivers.
+const USE_OTHERS: &str = "if a driver crashes or hangs, set the environment variable OCL_ICD_VENDORS to a folder that contains only the .icd files of the other drivers";
+/// The remedy if the only driver crashes or hangs.
+const CORRECT_DRIVER: &str = "check the environment variables that the driver reads (those of PoCL begin with POCL_), update the driver, or install it again";
+
+/// Returns the remedy if a driver crashes or hangs. `others` is the number of other drivers.
+pub fn crash_advice(others: usize) -> &'static str {
+    if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
+}
+
 /// A driver, as a loader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {

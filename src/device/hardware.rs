@@ -1,5 +1,6 @@
-//! Further properties of a device's hardware: compute capability, clock, timer, PCI bus, UUID. Most of them are
-//! reported only with an extension. The device is usable even if some of these properties are missing.
+//! Further properties of a device's hardware: compute capability, clock, timer, PCI bus, UUID. Drivers report most of
+//! these properties only with an extension of OpenCL. The device is usable even if some of these properties are
+//! missing.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,13 +8,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Hardware {
-    /// Compute capability such as "9.0" (cl_nv_device_attribute_query).
+    /// Compute capability, such as "9.0", which is queried with the extension cl_nv_device_attribute_query.
     pub compute_capability: Option<String>,
     /// The highest clock that the driver reports.
     pub max_clock_mhz: Option<u64>,
     /// Resolution of the timer that profiling reads.
     pub timer_resolution_ns: Option<u64>,
-    /// Domain, bus, device and function, such as "0000:1b:00.0".
+    /// The device's PCI address: domain, bus, device and function, such as "0000:1b:00.0".
     pub pci_bus: Option<String>,
     /// The 16 bytes of the UUID as hexadecimal digits.
     pub uuid: Option<String>,

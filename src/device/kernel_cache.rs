@@ -20,7 +20,7 @@ pub fn cache_variables() -> Vec<(&'static str, String)> {
     folder.and_then(|folder| folder.to_str().map(|name| (FOLDER, name.to_owned()))).into_iter().collect()
 }
 
-/// Returns advice if PoCL cannot write its folder, and therefore lists no device.
+/// Returns advice if PoCL cannot write to its folder for compiled kernels, and therefore lists no device.
 pub fn cache_advice() -> Option<String> {
     let folder = folder().filter(|folder| !can_be_written(folder))?;
     Some(format!(
@@ -30,8 +30,8 @@ pub fn cache_advice() -> Option<String> {
     ))
 }
 
-/// Returns advice if the disk of PoCL's folder is full: PoCL then says that the build of a program has failed, or it
-/// ends the process.
+/// Returns advice if the disk with PoCL's folder for compiled kernels is full: PoCL then says that the build of a
+/// program has failed, or it ends the process.
 pub fn full_disk_advice() -> Option<String> {
     let folder = folder()?;
     advice_for(free_bytes(&folder)?, &folder)

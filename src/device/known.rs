@@ -22,11 +22,11 @@ const KIND: &str = "devices";
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
-/// A note on an accelerator that this process may not use.
+/// The note that is added to the name of an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
 /// Platforms whose drivers list every accelerator of a vendor, with the start of the names under which the system shows
-/// these accelerators. The drivers of other platforms list only devices that the user names (as rusticl does), or have
-/// no platform without a device.
+/// these accelerators. The drivers of other platforms list only devices that the user names (as rusticl does), or list
+/// no platform if they have no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
 /// A stored list of devices that may soon change is used for this long. If such a list were not used at all, every
 /// process would start all drivers and query all devices, even while another process measures.
@@ -34,7 +34,7 @@ const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
 const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 
-/// What the cache stores.
+/// An entry of the cache: a list of devices.
 #[derive(Serialize, Deserialize)]
 struct Entry {
     devices: Vec<DeviceInfo>,
@@ -69,8 +69,8 @@ pub fn pick_one(
     chosen(devices, sources, lane_test, choose)
 }
 
-/// Returns the device whose index `choose` returns. If its lane operations should be tested now but their test failed,
-/// the test is repeated, and its error is returned.
+/// Returns the device whose index `choose` returns. If the device's lane operations (how work-items exchange values)
+/// should be tested now but their test failed, the test is repeated, and its error is returned.
 fn chosen(
     devices: Vec<Device>,
     sources: &Sources,
@@ -86,8 +86,8 @@ fn chosen(
 }
 
 /// Lists all devices, and stores the list for [`pick_one`] in this and other processes. The lane operations of a device
-/// stay untested if a kernel file of the user causes an error on this device; [`Device::test_lanes`] then returns the
-/// error.
+/// (how its work-items exchange values) stay untested if a kernel file of the user causes an error on this device;
+/// [`Device::test_lanes`] then returns the error.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources, LaneTest::Now)
 }
@@ -104,7 +104,8 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 
 /// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
 /// with untested lane operations, since later runs would treat the assumed operations as tested ones. A list that may
-/// soon change is stored with the current time, since its key may stay the same when the list changes.
+/// soon change is stored with the current time, because such a change need not change the key under which the list is
+/// stored.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -150,9 +151,9 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
 
 /// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
 /// files, the hardware that the system shows and that this process may use, the drivers' variables, the number of cores
-/// that the process may use, and the kernel that tests lane operations. The key also contains an identifier of the
-/// system's latest start, since a driver that fails may list its devices after the next start: after an update,
-/// NVIDIA's driver fails until the system is started again.
+/// that the process may use, and the kernel that tests how work-items exchange values. The key also contains an
+/// identifier of the system's latest start, since a driver that fails may list its devices after the next start: after
+/// an update, NVIDIA's driver fails until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));

@@ -41,13 +41,13 @@ const LANES: usize = GROUP_LANES as usize;
 const GROUPS: usize = 4;
 /// Number of values that the test's kernel writes per lane.
 const ANSWERS: usize = 8;
-/// A mask with one bit per lane. The test computes each lane's rank among the lanes whose bits are set.
+/// A word with one bit per lane. The test computes each lane's rank among the lanes whose bits are set in this word.
 const AMONG: u32 = 0x0f0f_00ff;
 /// The value of every answer before the kernel runs. No right answer has this value, so an answer that the kernel does
 /// not write counts as wrong.
 const NO_ANSWER: u32 = u32::MAX;
 
-/// The file of the kernel that tests the operations.
+/// The file of the kernel that tests how work-items exchange values.
 const PROBE: &str = "probe/lanes.cl";
 
 /// The result of trying an implementation out on a device.
@@ -65,8 +65,8 @@ enum Trial {
 }
 
 impl LaneOperations {
-    /// Returns the fastest number of tiles per work-group: several, if the work-items of one tile need not wait for
-    /// those of another tile, and otherwise one.
+    /// Returns the number of tiles per work-group with which kernels are fastest. This number is above one if the
+    /// work-items of one tile need not wait for those of another tile.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
@@ -81,7 +81,7 @@ impl LaneOperations {
         }
     }
 
-    /// Returns the fastest implementation that a device's extensions suggest.
+    /// Returns the fastest implementation of lane operations that a device's extensions suggest.
     pub(super) fn assumed(info: &DeviceInfo) -> Self {
         hinted(info).first().copied().unwrap_or_default()
     }
@@ -113,7 +113,7 @@ impl LaneOperations {
     }
 }
 
-/// Returns the source of the kernel that tests the operations, and the names of its files.
+/// Returns the source of the kernel that tests how work-items exchange values, and the names of the source's files.
 pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
     let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
     let (text, files) = sources.read_joined(PROBE)?;
@@ -185,7 +185,8 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Tries out whether a kernel with this implementation builds, runs and produces the right answers.
+/// Tries out whether the test's kernel, built with this implementation of lane operations, compiles, runs and produces
+/// the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,
@@ -201,7 +202,7 @@ fn try_out(
     }
 }
 
-/// Returns the answers of a kernel with this implementation.
+/// Returns the answers of the test's kernel, built with this implementation of lane operations.
 fn ask(
     operations: LaneOperations,
     source: &str,
@@ -240,7 +241,7 @@ fn ask(
     Ok(values)
 }
 
-/// Returns the right answers of every lane of every group.
+/// Returns the answers that the test's kernel must give for every lane of every group of 32 lanes.
 fn expected() -> Vec<u32> {
     let lanes = (0..GROUPS as u32).flat_map(|group| (0..LANES as u32).map(move |lane| (group, lane)));
     lanes.flat_map(|(group, lane)| answers(group, lane)).collect()
@@ -400,8 +401,8 @@ mod tests {
         }
     }
 
-    /// The expected answers of lane 2 of group 1 were computed by hand. In this group, lane n has the number (7 n + 1)
-    /// mod 32.
+    /// The expected answers of lane 2 of group 1 are written out as arithmetic. In this group, lane n has the number (7
+    /// n + 1) mod 32.
     #[test]
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, _, _, _, mirrored, own] = answers(1, 2);

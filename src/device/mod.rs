@@ -20,7 +20,7 @@ mod threads;
 pub mod variables;
 
 pub use alike::check_alike;
-pub(crate) use common_name::{common_name, common_names};
+pub(crate) use common_name::{both_names, common_name, common_names};
 pub(crate) use compiling::compile;
 pub use discover::{Survey, discover, no_device_advice, survey};
 pub(crate) use errors::{compiler_log, lacks_resources, may_pass};
@@ -200,7 +200,8 @@ impl DeviceInfo {
         format!("{}{twin}", self.model())
     }
 
-    /// Returns the identity without the parts that distinguish the device from others of its model.
+    /// Returns the text that [`Self::identity`] returns, but without the number that distinguishes the device from
+    /// others with the same name.
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")
@@ -280,8 +281,8 @@ pub struct Device {
     pub platform: ocl::Platform,
     /// The device's own handle.
     pub device: ocl::Device,
-    /// False if `info.limits.lane_operations` is not the result of a test: it is assumed or, if the device could not be
-    /// tested, barriers.
+    /// False if `info.limits.lane_operations` is not the result of a test. The value is then assumed from the device's
+    /// extensions or, if the device could not be tested, `Barriers`.
     pub lanes_are_tested: bool,
 }
 
@@ -292,17 +293,18 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// Fails if a kernel file of the user is wrong.
+    /// Fails if a kernel file of the user is wrong, or if no thread can be started.
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
-            let _patience = patience::Patience::of_guarded();
+            let _patience = patience::Patience::of_guarded()?;
             let operations = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
             self.take_lanes(operations);
         }
         Ok(())
     }
 
-    /// Sets the lane operations to those that the test found; `None` if the device could not be tested.
+    /// Sets the lane operations (how work-items exchange values) to those that the test found. `None` means that the
+    /// device could not be tested.
     fn take_lanes(&mut self, operations: Option<LaneOperations>) {
         self.info.limits.lane_operations = operations.unwrap_or(LaneOperations::Barriers);
         self.lanes_are_tested = operations.is_some();

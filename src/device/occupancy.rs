@@ -7,15 +7,16 @@ pub use table::{Multiprocessor, capabilities, multiprocessor};
 
 /// Threads per warp.
 const WARP: u64 = 32;
-/// Largest number of threads in a group, on every capability here.
+/// Largest number of threads in a work-group, on every compute capability in `table.rs`.
 const MAX_GROUP_THREADS: u32 = 1024;
-/// Bytes of `__local` memory that a group may have. CUDA programs can ask the driver for more; OpenCL programs cannot.
+/// Bytes of `__local` memory that a work-group may have. CUDA programs can ask the driver for more; OpenCL programs
+/// cannot.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
-/// Largest number of registers of a group from capability 3.0 on. Below 3.0, a group may use all registers of the
-/// multiprocessor.
+/// Largest number of registers of a work-group from compute capability 3.0 on. Below 3.0, a work-group may use all
+/// registers of the multiprocessor.
 const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 
-/// The limit that prevents a multiprocessor from holding one more group.
+/// The limit that prevents a multiprocessor from holding one more work-group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Limiter {
     /// The largest number of resident groups.
@@ -26,7 +27,7 @@ pub enum Limiter {
     Registers,
     /// `__local` memory.
     Local,
-    /// Not even one group fits; contains the arithmetic that shows why.
+    /// Not even one work-group fits; contains the arithmetic that shows why.
     CannotLaunch(String),
 }
 
@@ -42,7 +43,7 @@ impl std::fmt::Display for Limiter {
     }
 }
 
-/// The groups and warps that a multiprocessor holds at the same time.
+/// The work-groups and warps that a multiprocessor holds at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     /// Resident groups.
@@ -53,12 +54,12 @@ pub struct Occupancy {
     pub threads: u64,
     /// Resident warps divided by the largest possible number, 0 to 1.
     pub fraction: f64,
-    /// The limit that prevents more groups; the first one if there are several.
+    /// The limit that prevents more work-groups. If several limits prevent them, the first one in [`Limiter`].
     pub limiter: Limiter,
 }
 
-/// Returns how many groups of `threads_per_group` threads the multiprocessor `sm` holds. Each thread has
-/// `registers_per_thread` registers, and each group has `local_bytes_per_group` bytes of `__local` memory.
+/// Returns how many work-groups of `threads_per_group` threads the multiprocessor `sm` holds. Each thread has
+/// `registers_per_thread` registers, and each work-group has `local_bytes_per_group` bytes of `__local` memory.
 pub fn occupancy(
     sm: &Multiprocessor,
     registers_per_thread: u32,
@@ -90,10 +91,11 @@ pub fn occupancy(
     }
 }
 
-/// A result for groups that fit, or the arithmetic that shows why not even one group fits.
+/// A result for work-groups that fit on a multiprocessor, or the arithmetic that shows why not even one work-group
+/// fits.
 type Fits<T> = std::result::Result<T, String>;
 
-/// Refuses a group that exceeds a limit for a single group or thread.
+/// Refuses a work-group that exceeds a limit for a single work-group or thread.
 fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) -> Fits<()> {
     if threads == 0 {
         return Err("a group needs threads".into());
@@ -110,9 +112,9 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
     Ok(())
 }
 
-/// Returns the number of groups that the registers allow. Registers are allocated to whole warps, in units of 64
-/// registers on compute capability 2.x and of 256 registers from 3.0 on. A group's number of warps is rounded up to a
-/// multiple of `warp_granularity`.
+/// Returns the number of work-groups for which a multiprocessor has enough registers. Registers are allocated to whole
+/// warps, in units of 64 registers on compute capability 2.x and of 256 registers from 3.0 on. The number of warps of a
+/// work-group is rounded up to a multiple of `warp_granularity`.
 fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
     let wanted = WARP * u64::from(registers.max(1));
     let granularity = sm.warp_granularity;
@@ -141,7 +143,8 @@ fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
     sm.local_bytes.checked_div(taken).unwrap_or(u64::MAX)
 }
 
-/// Returns the bytes of `__local` memory that the system reserves in each group: 1 KiB from compute capability 8.0 on.
+/// Returns the bytes of `__local` memory that the system reserves in each work-group: 1 KiB from compute capability 8.0
+/// on.
 fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
     if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
 }
@@ -209,7 +212,7 @@ mod tests {
             assert!(limiter.to_string().contains(part), "{limiter}");
         }
         // A multiprocessor of compute capability 3.7 has 128 Ki registers in total. This is twice the number that one
-        // group may have.
+        // work-group may have.
         assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
     }
 

@@ -1,8 +1,10 @@
 //! A time limit for drivers that never answer.
 
+use crate::error::{Error, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 /// The environment variable that marks a process that does a command's work for another process. The other process
@@ -12,29 +14,37 @@ pub const GUARDED: &str = "RAYCL_GUARDED";
 pub const HUNG: i32 = 124;
 /// The time limit; drivers start in much less time.
 const LIMIT: Duration = Duration::from_secs(60);
-/// An environment variable for tests: the limit in milliseconds.
+/// An environment variable with which tests set the time limit, in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 
-/// The time between two checks for an answer.
+/// The time between two checks whether the driver has answered.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
-/// Ends the process with [`HUNG`], unless this value is dropped within the limit.
+/// Ends the process with the exit code [`HUNG`], unless this value is dropped within the time limit.
 pub struct Patience {
     answered: Arc<AtomicBool>,
 }
 
 impl Patience {
     /// Starts the time limit if another process handles the exit of this process.
-    pub(super) fn of_guarded() -> Option<Self> {
-        std::env::var_os(GUARDED).is_some().then(Self::begin)
+    ///
+    /// # Errors
+    ///
+    /// Fails if no thread can be started.
+    pub(super) fn of_guarded() -> Result<Option<Self>> {
+        std::env::var_os(GUARDED).map(|_| Self::begin()).transpose()
     }
 
     /// Starts the time limit.
-    pub fn begin() -> Self {
+    ///
+    /// # Errors
+    ///
+    /// Fails if no thread can be started.
+    pub fn begin() -> Result<Self> {
         let answered = Arc::new(AtomicBool::new(false));
         let (seen, limit) = (Arc::clone(&answered), limit());
         let (ready, is_ready) = channel();
-        std::thread::spawn(move || {
+        let wait = move || {
             let message = format!("a driver has not answered for {} s\n", limit.as_secs());
             let start = Instant::now();
             let _ = ready.send(());
@@ -45,12 +55,13 @@ impl Patience {
                 }
             }
             end(&message)
-        });
+        };
+        Builder::new().spawn(wait).map_err(|error| Error::no_thread(&error))?;
         // A driver that hangs while it is loaded holds the lock of the system's dynamic linker. Starting a thread takes
         // the same lock, and so does the thread's first use of thread-local values. The thread must therefore have
         // started, and have used such values, before the driver is loaded.
         let _ = is_ready.recv();
-        Self { answered }
+        Ok(Self { answered })
     }
 }
 

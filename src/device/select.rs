@@ -78,8 +78,8 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         "" => false,
         "all" => true,
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
-        // Of several devices with the same name, the first one's label is the beginning of the others' labels. So only
-        // a whole label selects a device.
+        // Of several devices with the same name, the label of the first is the beginning of the labels of the others. A
+        // part of a label could thus mean several devices, so only a whole label selects one.
         _ => {
             let names = names(info).map(str::to_lowercase).into_iter();
             let mut names = names.chain([common_name(&info.name).to_lowercase()]);
@@ -88,8 +88,8 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of one of them, or
-/// of the device's common name.
+/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of one of these
+/// texts, or of the device's common name.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }
@@ -109,6 +109,9 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let kinds = KINDS.into_iter().filter(|kind| infos.iter().any(|info| info.kind.name() == *kind));
     let kinds = kinds.chain(["all"]).map(str::to_owned);
     let words = infos.iter().flat_map(|info| names(info)).flat_map(str::split_whitespace);
+    // The parts of a word match too, such as "pthread" of the name "pthread-skylake".
+    let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
+    let words = words.chain(parts);
     let mut candidates: Vec<_> = words.map(str::to_lowercase).chain(kinds).collect();
     candidates.retain(|word| word.len() > 2);
     nearest(&pattern, candidates.iter().map(String::as_str)).map(str::to_owned)
@@ -218,6 +221,14 @@ mod tests {
         assert!(remedy("cpuu").starts_with("did you mean 'cpu'?"));
         assert!(remedy("al").starts_with("did you mean 'all'?"));
         assert!(message(&["gpus"]).contains("did you mean 'gpu'?"));
+    }
+
+    #[test]
+    fn a_part_of_a_misspelt_name_is_answered_with_that_part() {
+        for (pattern, meant) in [("pthred", "pthread"), ("pthread-skilake", "pthread-skylake")] {
+            let message = message(&[pattern]);
+            assert!(message.contains(&format!("did you mean '{meant}'")), "{message}");
+        }
     }
 
     #[test]

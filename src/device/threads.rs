@@ -4,12 +4,15 @@
 
 use super::{DeviceKind, is_pocl};
 
-/// PoCL's environment variables for the number of its threads: the one of version 5 and later, and the older
-/// one, which all versions read.
+/// PoCL's environment variables for the number of its threads: the variable of version 5 and later, and the older
+/// variable, which all versions read.
 const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
 /// The environment variable for the number of compute units of all of PoCL's drivers. PoCL 6 reads this variable if
 /// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
+/// PoCL's environment variables for the smallest number of its threads, which prevails over the number in `COUNTS`: the
+/// newer variable, and the older one.
+const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
 /// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may run
 /// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of
@@ -22,11 +25,23 @@ pub fn thread_variables() -> Vec<(&'static str, String)> {
 const PINNED: &str = "POCL_AFFINITY";
 
 /// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Returns no variables if the
-/// user has set `POCL_AFFINITY`, if the processors of the process are not the first processors of the machine, or if
-/// the process may use them only for part of the time.
+/// user has set `POCL_AFFINITY`, if the processors of the process are not the first processors of the machine, if the
+/// process may use them only for part of the time, or if the user asks for more threads than there are processors.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
-    let is_set = std::env::var_os(PINNED).is_some();
-    if is_set || !are_the_first(&processors(), allowed()) {
+    let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
+    pinning(value_of, &processors(), allowed())
+}
+
+fn pinning(
+    value_of: impl Fn(&str) -> Option<String>,
+    processors: &[usize],
+    threads: usize,
+) -> Vec<(&'static str, String)> {
+    // PoCL aborts if it has to pin a thread to a processor that does not exist.
+    let has_room = |count: &str| count.trim().parse::<usize>().is_ok_and(|count| count <= threads);
+    let mut counts = COUNTS.into_iter().chain([OF_ALL_DRIVERS]).chain(LEAST_COUNTS);
+    let have_room = counts.all(|name| value_of(name).is_none_or(|count| has_room(&count)));
+    if value_of(PINNED).is_some() || !have_room || !are_the_first(processors, threads) {
         return Vec::new();
     }
     vec![(PINNED, "1".to_owned())]
@@ -89,6 +104,20 @@ mod tests {
         assert!(!are_the_first(&[0, 1, 2], 2), "a control group allows two processors' time");
         assert!(!are_the_first(&[1, 2], 2) && !are_the_first(&[0, 2], 2), "PoCL would use processor 0 and 1");
         assert!(!are_the_first(&[], 1), "nothing is known");
+    }
+
+    #[test]
+    fn threads_are_pinned_unless_the_user_pins_them_or_asks_for_more_than_there_are_processors() {
+        let is_pinned = |set: &str, value: &str| {
+            let value_of = |name: &str| (name == set).then(|| value.to_owned());
+            pinning(value_of, &[0, 1], 2) == [(PINNED, "1".to_owned())]
+        };
+        assert!(is_pinned("PATH", "4") && !is_pinned(PINNED, "0"));
+        for name in COUNTS.into_iter().chain([OF_ALL_DRIVERS]).chain(LEAST_COUNTS) {
+            assert!(is_pinned(name, "1") && is_pinned(name, " 2 "), "{name}");
+            assert!(!is_pinned(name, "3") && !is_pinned(name, "4") && !is_pinned(name, "many"), "{name}");
+        }
+        assert!(pinning(|_| None, &[1, 2], 2).is_empty(), "the processors are not the first ones");
     }
 
     #[test]

@@ -1,5 +1,7 @@
-//! Environment variables that drivers read. A run stores all of them. Variables that affect times or pictures are also
-//! part of the keys under which measured points are stored.
+//! Lists the environment variables that drivers read. A run stores all of these variables that are set. Variables that
+//! affect times or pictures are also part of the keys under which measured points are stored.
+
+use std::sync::OnceLock;
 
 /// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
 /// kernels. A name that ends in `*` stands for all names that begin with the part before the `*`.
@@ -79,6 +81,18 @@ const DRIVERS: [Driver; 6] = [
     Driver { platform: "oclgrind", deciding: &["OCLGRIND_BUILD_OPTIONS"] },
 ];
 
+/// Further variables without which a repeated command may measure on other devices, or with another number of threads.
+/// Variables that schedulers set for each job, such as `CUDA_VISIBLE_DEVICES`, are left out.
+const SELECTING: [&str; 7] = [
+    "OCL_ICD_FILENAMES",
+    "OCL_ICD_VENDORS",
+    "POCL_CPU_MIN_CU_COUNT",
+    "POCL_DEVICES",
+    "POCL_MAX_COMPUTE_UNITS",
+    "RAYON_NUM_THREADS",
+    "RUSTICL_ENABLE",
+];
+
 /// Variables that match a pattern in `DRIVERS`, but only make the driver print or write more.
 const LOGS: [&str; 4] =
     ["IGC_DumpToCurrentDir", "IGC_DumpToCustomDir", "IGC_ShaderDumpEnable", "POCL_VECTORIZER_REMARKS"];
@@ -128,6 +142,23 @@ pub fn compiles(setting: &Setting) -> bool {
 pub fn all() -> Vec<Setting> {
     let known = |name: &str| FAMILIES.iter().any(|family| name.starts_with(family));
     settings(variables(), known)
+}
+
+/// The user's own variables, from before raycl has set any.
+static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
+
+/// Returns the variables with which a command of the user must be repeated, sorted by name: those that the user had set
+/// when this function was first called. The first call must be before raycl sets variables of drivers.
+pub fn of_user() -> &'static [Setting] {
+    OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
+}
+
+/// Returns whether a repeated command needs the variable with this name. If it does, the name is one that shells can
+/// assign a value to.
+pub fn is_to_be_repeated(name: &str) -> bool {
+    let mut deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
+    name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        && (SELECTING.contains(&name) || deciding.any(|pattern| matches(pattern, name)))
 }
 
 /// Returns all environment variables that are set, with invalid UTF-8 replaced.
@@ -187,6 +218,16 @@ mod tests {
     }
 
     #[test]
+    fn a_command_is_repeated_with_the_variables_that_decide_or_select_and_no_others() {
+        for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_VECTORIZER_X", "POCL_DEVICES", "OCL_ICD_VENDORS"] {
+            assert!(is_to_be_repeated(name), "{name}");
+        }
+        for name in ["PATH", "POCL_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "POCL_VECTORIZER_$(id)"] {
+            assert!(!is_to_be_repeated(name), "{name}");
+        }
+    }
+
+    #[test]
     fn caches_logs_and_masks_decide_nothing() {
         let recorded = [
             "AMD_LOG_LEVEL",
@@ -221,6 +262,7 @@ mod tests {
         let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));
         assert!(recorded.iter().all(known), "each is stored in the environment of a run");
         let deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
+        assert!(SELECTING.iter().all(known), "each variable of a repeated command is stored there too");
         assert!(
             deciding.clone().all(known),
             "each variable that affects compilation or launches is stored there too"

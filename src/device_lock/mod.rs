@@ -168,8 +168,8 @@ impl Locks {
         tells: &mut dyn FnMut(Waiting<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
-        devices.sort_by(|one, other| one.file().cmp(other.file()));
-        devices.dedup_by(|a, b| a.file() == b.file());
+        devices.sort();
+        devices.dedup();
         devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
 

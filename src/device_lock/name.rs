@@ -1,15 +1,37 @@
 //! Names of device locks.
 
 use crate::device::{DeviceInfo, DeviceKind};
+use std::cmp::Ordering;
 use std::fmt;
 
 /// The name of a lock. All drivers for the host's processors, and the casters on the host, share one lock. Two drivers
 /// of another device share a lock if both report the same UUID or, if neither reports a UUID, the same PCI address.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// Names of the same lock are equal, whatever their labels are.
+#[derive(Clone, Debug)]
 pub struct LockName {
     file: String,
     /// The name in messages. Drivers that share a lock may give the device different names.
     label: String,
+}
+
+impl PartialEq for LockName {
+    fn eq(&self, other: &Self) -> bool {
+        self.file == other.file
+    }
+}
+
+impl Eq for LockName {}
+
+impl PartialOrd for LockName {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for LockName {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.file.cmp(&other.file)
+    }
 }
 
 impl LockName {
@@ -59,5 +81,19 @@ mod tests {
         assert_eq!(file(&gpu), "pci-0000-1b-00-0");
         gpu.hardware.uuid = Some("00ff".into());
         assert_eq!(file(&gpu), "uuid-00ff");
+    }
+
+    #[test]
+    fn names_of_one_lock_are_equal_whatever_label_a_driver_gives_the_device() {
+        let listed = |label: &str, uuid: &str| {
+            let mut gpu = example("Intel", "Arc", DeviceKind::Gpu, 32);
+            gpu.label = label.to_owned();
+            gpu.hardware.uuid = Some(uuid.to_owned());
+            LockName::of(Some(&gpu))
+        };
+        let (first, second) = (listed("Arc (Intel)", "00ff"), listed("Arc (rusticl)", "00ff"));
+        assert_ne!(first.to_string(), second.to_string());
+        assert_eq!((first.cmp(&second), &first), (Ordering::Equal, &second));
+        assert_ne!(first, listed("Arc (Intel)", "00fe"), "another GPU of the same model");
     }
 }

@@ -57,7 +57,7 @@ pub struct Order {
     pub program: Program,
     /// The point's index in the plan.
     pub point: usize,
-    /// How many builders with the point's scene fit into memory.
+    /// How many builders (processes that compile programs, and hold the point's scene meanwhile) fit into memory.
     pub room: Room,
 }
 
@@ -65,7 +65,8 @@ pub struct Order {
 pub trait Needs {
     /// Returns the program. Returns `None` for a caster on the host, or if the point does not fit on the device.
     fn order(&self) -> Option<Order>;
-    /// Receives the result of building the program, if it was built for this point.
+    /// Receives the result of building the program; `None` if the program was not built, or was built for another
+    /// point.
     fn hears(&mut self, built: Option<Built>);
 }
 
@@ -115,17 +116,17 @@ impl Tally {
 /// The programs of a run: the run requests them, and builders build those that no earlier run has stored.
 #[derive(Default)]
 pub struct Ahead {
-    /// The stored programs of each job's device.
+    /// For each job (the task of the workers of one device): the stored programs of its device.
     stored: Vec<ProgramCache>,
-    /// The lock of each job's device. A process holds this lock while it measures on the device. Builders may always
-    /// use a device that has no lock here.
+    /// The lock of the device of each job (the task of the workers of one device). A process holds this lock while it
+    /// measures on the device. Builders may always use a device that has no lock here.
     locks: Vec<LockName>,
     state: Mutex<State>,
     changed: Condvar,
     tally: Mutex<Tally>,
 }
 
-/// Ends the builders when a run ends, for whatever reason.
+/// Ends the builders when a run ends, also after an error or an interruption.
 struct Closing<'a>(&'a Ahead);
 
 impl Drop for Closing<'_> {
@@ -146,20 +147,26 @@ impl Ahead {
     }
 
     /// Calls `work` while builders run in parallel. `limit` is the longest time for building a program.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a thread for a builder cannot be started. In this case, `work` is not called.
     pub fn beside<R>(
         &self,
         builders: Vec<Builder>,
         limit: Duration,
         interrupted: &AtomicBool,
         work: impl FnOnce() -> R,
-    ) -> R {
+    ) -> Result<R> {
         std::thread::scope(|scope| {
             let _closing = Closing(self);
             let count = builders.len();
             for (number, builder) in builders.into_iter().enumerate() {
-                scope.spawn(move || self.serve([number, count], builder, &Patience { limit, interrupted }));
+                let serve = move || self.serve([number, count], builder, &Patience { limit, interrupted });
+                let started = std::thread::Builder::new().spawn_scoped(scope, serve);
+                started.map_err(|error| Error::no_thread(&error))?;
             }
-            work()
+            Ok(work())
         })
     }
 
@@ -188,7 +195,7 @@ impl Ahead {
                 continue;
             }
             if self.is_stored(&order.program) {
-                // Nothing has to be built: each worker takes the program from the cache.
+                // The program is in the cache, from which each worker takes it, so no builder has to build it.
                 self.counted(|tally| tally.from_cache += 1);
                 state.done.insert(order.program, None);
             } else {
@@ -218,9 +225,9 @@ impl Ahead {
         Ok(())
     }
 
-    /// Does the work of one builder: builds programs until the run ends. If a process dies or hangs, its program stays
-    /// unbuilt. The worker that measures the point then builds the program itself, and reports any error. `number` is
-    /// the builder's number, and `count` the number of builders.
+    /// Does the work of one builder: builds programs until the run ends. If a process of the builder dies or hangs, the
+    /// program that it was building stays unbuilt. The worker that measures the point then builds the program itself,
+    /// and reports any error. `number` is the builder's number, and `count` the number of builders.
     fn serve(&self, [number, count]: [usize; 2], builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);

@@ -1,6 +1,6 @@
 //! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames. With such
 //! workers, tests on one machine can imitate many machines, and processes that are killed. No device is opened, and no
-//! lock is taken.
+//! lock of a device is taken.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -61,7 +61,7 @@ pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }
 
-/// Answers requests by waiting.
+/// Answers a run's requests about points by waiting instead of casting frames.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
@@ -94,9 +94,13 @@ impl<'a> Asleep<'a> {
 
     fn check(&mut self, number: usize) -> Result<Reply> {
         let point: Point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
+        let is_loaded = self
+            .scene
+            .as_ref()
+            .is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size));
+        if !is_loaded {
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
-            self.scene = Some((point.scene, choice.load()?.into()));
+            self.scene = Some((point.scene, Hashed::load(choice, point.image_size)?));
         }
         let (_, at) = self.scene.as_ref().ok_or_else(no_such_point)?;
         let mut record = self.drafter.draft(&point, point.device.map(|_| &self.device), at)?;

@@ -42,8 +42,8 @@ type Priced = (f64, Block);
 /// The limits that [`cut`] tries for the expected times of the pieces of a group, largest first. A limit is a fraction
 /// of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// With smaller pieces, control points are measured more often. Smaller pieces are therefore used only if they shorten
-/// the time of the shard that takes longest by more than this fraction.
+/// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces are
+/// therefore used only if they shorten the time of the shard that takes longest by more than this fraction.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal
@@ -80,8 +80,9 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // A point's time may lie across the border of two pieces. The point goes to the piece that contains the middle
-        // of this time.
+        // The points' times, one after another, fill the group's time, which is divided into equal parts, one for each
+        // piece. A point's time may lie across the border of two parts. The point goes to the piece whose part contains
+        // the middle of the point's time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -105,8 +106,8 @@ fn control(group: &[Cost]) -> Option<&Cost> {
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
-/// Assigns blocks to shards, the longest first, each to the shard with the least work. Returns the work of
-/// the longest shard.
+/// Assigns blocks to shards, the longest first, each to the shard whose blocks have the least expected time so far.
+/// Returns the expected time of the shard that takes longest.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -145,7 +146,8 @@ mod tests {
         costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
-    /// Returns the work of each shard, including borrowed control points.
+    /// Returns the expected time of each shard, including the control points that its blocks measure only for
+    /// comparison.
     fn loads(costs: &[Vec<f64>], blocks: &[Block], shards: u32) -> Vec<f64> {
         let costs: Vec<f64> = costs.concat();
         let of = |block: &Block| {
@@ -233,7 +235,8 @@ mod tests {
         let pieces = pieces(group, 5.0);
         let points: Vec<_> = pieces.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
-        // The control point, of cost 3, is one of the first piece's own points.
+        // The control point, of cost 3, is one of the first piece's own points. The second piece measures it too, which
+        // adds its cost.
         assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

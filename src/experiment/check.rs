@@ -128,6 +128,8 @@ impl<'a> Checker<'a> {
         record.max_difference = verdict.max_difference.filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
         record.uncertain_pixels = Some(verdict.uncertain_pixels as u64);
+        record.hits = Some(expected.hits as u64);
+        record.uncertain_hits = Some(expected.uncertain_hits() as u64);
         record.unexplained_pixels = Some(verdict.unexplained_pixels as u64);
         if verdict.ok {
             return Ok(Ok(()));
@@ -213,7 +215,7 @@ mod tests {
         verified: Option<&str>,
     ) -> (Record, std::result::Result<(), PointFailure>, Option<Built>) {
         let drafter = Drafter { experiment, sources: &Sources::Embedded };
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
         let point = *Plan::new(experiment, 1).points.last().unwrap();
         let mut record = drafter.draft(&point, Some(&device.info), &at).unwrap();
         std::fs::create_dir_all(folder.join("images")).unwrap();
@@ -234,7 +236,7 @@ mod tests {
         );
         let (record, outcome, built) = checked(&experiment, &device, folder.path(), None);
         outcome.unwrap();
-        let scene = experiment.scenes[0].load().unwrap().scene;
+        let scene = experiment.scenes[0].load([8, 5]).unwrap().scene;
         let needs = Requirements::of(
             &experiment.strategies[0].strategy,
             &Workload::of(&scene, record.image_size, [4, 2]),
@@ -252,6 +254,8 @@ mod tests {
         assert!(record.worst_pixel.is_none_or(|[x, y]| x < 8 && y < 5));
         assert!(record.max_difference.is_some_and(|difference| difference < 1e-3));
         assert_eq!(record.uncertain_pixels, Some(expected.doubts.len() as u64));
+        let hits = [expected.hits, expected.uncertain_hits()].map(|count| Some(count as u64));
+        assert_eq!([record.hits, record.uncertain_hits], hits);
         assert!(record.build_from_cache.is_some());
         assert!(
             record.build_ms.is_some_and(|ms| ms > 0.0) && built.is_some_and(|built| built.build_ms > 0.0)

@@ -1,8 +1,8 @@
 //! Completes a point's record from its frames.
 
 use crate::launch::FrameTimes;
-use crate::measure::{StopReason, Summary, median_of, utilization, without_preempted};
-use crate::record::{Outcome, Record, significant};
+use crate::measure::{StopReason, StoppingRule, Summary, median_of, utilization, without_preempted};
+use crate::record::{LaunchEnd, Outcome, Record, significant};
 use crate::sensor::SensorReading;
 use std::collections::BTreeSet;
 
@@ -26,14 +26,38 @@ impl Taken {
     }
 }
 
-/// Returns the launches in which each point has at least `least` samples. `points` has the samples of each point.
-pub fn complete_launches(points: &[impl AsRef<[Taken]>], least: usize) -> BTreeSet<u32> {
-    let has =
-        |taken: &[Taken], launch: u32| taken.iter().filter(|sample| sample.launch == launch).count() >= least;
-    let samples = points.iter().flat_map(|taken| taken.as_ref());
-    let mut launches: BTreeSet<u32> = samples.map(|sample| sample.launch).collect();
-    launches.retain(|launch| points.iter().all(|taken| has(taken.as_ref(), *launch)));
-    launches
+/// Returns the numbers of the complete launches in ascending order, each with the reason why the launch ended. `points`
+/// has the key of each point, and its samples in all launches. `end_of` returns the stored end of a launch, which has
+/// the number of samples of each point. A launch is complete if `points` has exactly these numbers of samples. In two
+/// cases, no suitable end is stored: the folder is of an earlier version of raycl, or samples were lost. The launch is
+/// then complete if its samples are enough according to `rule`. In no case is a launch complete if a point has fewer
+/// samples in it than `rule.least()`.
+pub fn complete_launches(
+    points: &[(&str, &[Taken])],
+    end_of: impl Fn(u32) -> Option<LaunchEnd>,
+    rule: &StoppingRule,
+) -> Vec<(u32, StopReason)> {
+    let reason = |launch: u32| {
+        let samples: Vec<Vec<&Taken>> = points
+            .iter()
+            .map(|(_, taken)| taken.iter().filter(|one| one.launch == launch).collect())
+            .collect();
+        if samples.iter().any(|samples| samples.len() < rule.least()) {
+            return None;
+        }
+        let has_all = |end: &LaunchEnd| {
+            points.iter().zip(&samples).all(|((key, _), own)| end.samples.get(*key) == Some(&own.len()))
+        };
+        let stored = end_of(launch).filter(has_all).map(|end| end.stop_reason);
+        stored.or_else(|| {
+            let ms = |samples: &Vec<&Taken>| samples.iter().map(|one| one.times.frame_ms).collect();
+            let elapsed_ms: f64 = samples.iter().flatten().map(|one| one.times.elapsed_ms()).sum();
+            rule.stop(&samples.iter().map(ms).collect::<Vec<Vec<f64>>>(), elapsed_ms)
+        })
+    };
+    let all = points.iter().flat_map(|(_, taken)| taken.iter());
+    let launches: BTreeSet<u32> = all.map(|sample| sample.launch).collect();
+    launches.into_iter().filter_map(|launch| Some((launch, reason(launch)?))).collect()
 }
 
 /// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all
@@ -68,7 +92,7 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
     record.warning = warning(record, &frames);
 }
 
-/// Returns a warning about the record's times, if there is one.
+/// Returns a warning about the record's times, if there is a reason to distrust them.
 fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     let throttled = record
         .throttled_samples
@@ -153,6 +177,45 @@ mod tests {
         assert_eq!((record.outcome, record.stop_reason.as_deref()), (Outcome::Measured, Some("precise")));
     }
 
+    /// Returns why a launch of two points ended; `None` if it is not complete. `counts` has the points' numbers of
+    /// samples, each of which took 1 ms. If the launch has a stored end, `end` has the numbers of samples that this end
+    /// states.
+    fn reason_of(counts: [usize; 2], end: Option<[usize; 2]>) -> Option<StopReason> {
+        let rule =
+            StoppingRule { min_samples: 10, max_samples: 40, relative_sigma: 0.0, time_limit_ms: 30.0 };
+        let sample = Taken { launch: 3, ..taken(FrameTimes::whole(1.0, 1.0)) };
+        let samples = counts.map(|count| vec![sample; count]);
+        let points = [("a", &samples[0][..]), ("b", &samples[1][..])];
+        let end_of = |launch: u32| {
+            let samples = ["a", "b"].map(str::to_owned).into_iter().zip(end?).collect();
+            Some(LaunchEnd { launch, stop_reason: StopReason::NoiseSettled, samples })
+        };
+        let complete = complete_launches(&points, end_of, &rule);
+        assert!(complete.iter().all(|(launch, _)| *launch == 3), "{complete:?}");
+        complete.first().map(|(_, reason)| *reason)
+    }
+
+    #[test]
+    fn a_launch_without_a_stored_end_is_complete_if_its_samples_are_enough_by_the_rule() {
+        let reason = |counts| reason_of(counts, None);
+        assert_eq!(reason([20, 20]), None, "the launch was interrupted");
+        // The samples of both points take 60 ms together, which is the time limit of two points.
+        assert_eq!([reason([30, 30]), reason([5, 55])], [Some(StopReason::TimeLimit); 2]);
+        assert_eq!(reason([5, 40]), None, "only one point has the largest number of samples");
+        assert_eq!(reason([4, 60]), None, "a launch has at least five samples of each point");
+    }
+
+    #[test]
+    fn a_launch_with_all_samples_of_its_stored_end_is_complete() {
+        let reason = |counts, end| reason_of(counts, Some(end));
+        assert_eq!(reason([20, 21], [20, 21]), Some(StopReason::NoiseSettled));
+        assert_eq!(reason([4, 4], [4, 4]), None, "a launch has at least five samples of each point");
+        // The stored end states one more sample of the second point than there is: a sample was lost, so the stopping
+        // rule decides whether the launch is complete.
+        assert_eq!(reason([20, 20], [20, 21]), None);
+        assert_eq!(reason([30, 30], [30, 31]), Some(StopReason::TimeLimit));
+    }
+
     #[test]
     fn a_frame_shorter_than_its_launch_is_warned_of() {
         let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
@@ -160,7 +223,7 @@ mod tests {
         assert!(warning.contains("batches of 13"), "{warning}");
         assert_eq!(completed(0.004, 0.0075, None).warning, None);
         assert_eq!(completed(5.0, 5.1, None).warning, None);
-        // A caster on the host starts no kernels, so its record has no such warning.
+        // A caster on the host starts no kernels, so its record has no warning about the time for starting kernels.
         let mut host = Record { device: crate::record::HOST.into(), image_size: [8, 5], ..Record::default() };
         complete(&mut host, &[taken(FrameTimes::whole(0.004, 0.03)); 5], Some(StopReason::Precise));
         assert_eq!(host.warning, None);

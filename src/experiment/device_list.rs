@@ -6,6 +6,7 @@ use super::protocol::{DeviceList, Listed};
 use crate::cache::Cache;
 use crate::child::output_within;
 use crate::device;
+use crate::device::drivers::{crash_advice, installed};
 use crate::device::patience::Patience;
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
@@ -29,10 +30,8 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<Listed>> {
 }
 
 fn failed(why: impl std::fmt::Display) -> Error {
-    Error::run(format!("the devices could not be listed: {why}")).with_help(
-        "if a driver crashes or hangs, set the environment variable OCL_ICD_VENDORS to a folder that contains only \
-         the .icd files of the other drivers",
-    )
+    Error::run(format!("the devices could not be listed: {why}"))
+        .with_help(crash_advice(installed().len().saturating_sub(1)))
 }
 
 /// Returns why a child process with these environment variables sends no valid answer; `None` if it sends one.
@@ -61,8 +60,10 @@ fn ask_with(
         command.arg("--cl-dir").arg(folder);
     }
     command.stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
-    let child = command.spawn().map_err(failed)?;
-    let output = output_within(child, LIMIT).map_err(failed)?;
+    let not_started =
+        |error: std::io::Error| Error::not_started("the process that lists the devices", &error);
+    let child = command.spawn().map_err(not_started)?;
+    let output = output_within(child, LIMIT).map_err(not_started)?;
     let Some(output) = output else {
         return Ok(Err(format!("a driver has not answered for {} s", LIMIT.as_secs())));
     };
@@ -82,10 +83,12 @@ fn last_line(text: &str) -> Option<&str> {
 
 /// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
-    let _patience = Patience::begin();
+    serde_json::to_string(&DeviceList::from(listed(sources))).map_err(|error| Error::fault(error.to_string()))
+}
+
+fn listed(sources: &Sources) -> Result<Vec<Listed>> {
+    let _patience = Patience::begin()?;
     // The list is stored in the user's cache, where the run's other processes find it.
-    let devices = device::list(&Cache::of_user(), sources);
-    let listed: Result<Vec<Listed>> =
-        devices.map(|devices| devices.into_iter().map(|device| Listed::of(device, sources)).collect());
-    serde_json::to_string(&DeviceList::from(listed)).map_err(|error| Error::fault(error.to_string()))
+    let devices = device::list(&Cache::of_user(), sources)?;
+    Ok(devices.into_iter().map(|device| Listed::of(device, sources)).collect())
 }

@@ -4,7 +4,7 @@ use super::host::Identity;
 use super::key::{KeyParts, key};
 use super::{Point, Work};
 use crate::accel;
-use crate::config::{Experiment, SceneChoice};
+use crate::config::{Experiment, SceneChoice, have_one_shape};
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::peak::describe_test;
@@ -31,11 +31,21 @@ pub struct Hashed {
     pub notes: Vec<String>,
     /// [`Scene::content_hash`].
     pub hash: String,
+    /// The image size for whose shape raycl placed the camera; `None` if the camera suits images of all shapes.
+    pub framed_for: Option<[u32; 2]>,
 }
 
-impl From<Loaded> for Hashed {
-    fn from(Loaded { scene, notes, .. }: Loaded) -> Self {
-        Self { hash: scene.content_hash(), scene: Arc::new(scene), notes }
+impl Hashed {
+    /// Loads a scene for images of this size.
+    pub fn load(choice: &SceneChoice, image_size: [u32; 2]) -> Result<Self> {
+        let Loaded { scene, notes, is_framed, .. } = choice.load(image_size)?;
+        let framed_for = is_framed.then_some(image_size);
+        Ok(Self { hash: scene.content_hash(), scene: Arc::new(scene), notes, framed_for })
+    }
+
+    /// Returns whether the scene's camera suits images of this size.
+    pub fn suits(&self, image_size: [u32; 2]) -> bool {
+        self.framed_for.is_none_or(|size| have_one_shape(size, image_size))
     }
 }
 
@@ -144,7 +154,7 @@ mod tests {
         );
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
         let experiment = config::parse(&config, text, &[]).unwrap();
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
         let point = Plan::new(&experiment, 1).points[0];
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         drafter.draft(&point, Some(device), &at).unwrap().key
@@ -182,9 +192,9 @@ mod tests {
              [[strategy]]\nname = 'mine'\npreset = 'naive'\nlocal_sizes = [[4, 2]]\n"
         );
         let experiment = config::parse(&folder.path().join("a.toml"), text, &[]).unwrap();
-        let loaded = experiment.scenes[0].load().unwrap();
-        let hash = loaded.scene.content_hash();
-        let at = Hashed { notes: vec!["a note".into()], ..Hashed::from(loaded) };
+        let hash = experiment.scenes[0].load([8, 5]).unwrap().scene.content_hash();
+        let loaded = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
+        let at = Hashed { notes: vec!["a note".into()], ..loaded };
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let device = DeviceInfo { label: "a device".into(), threads: Some(3), ..asleep::device(1.0) };
         let points = Plan::new(&experiment, 1).points;
@@ -220,7 +230,7 @@ mod tests {
         let experiment = super::super::fixtures::experiment_of(&format!(
             "{scene}[[strategy]]\npreset = 'naive'\nlocal_sizes = [4]"
         ));
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], [8, 5]).unwrap();
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let point = Plan::new(&experiment, 1).points[0];
         let record = drafter.draft(&point, Some(&asleep::device(1.0)), &at).unwrap();

@@ -83,6 +83,7 @@ mod tests {
     use super::super::pending::PendingPoint;
     use super::super::{asleep, fixtures};
     use super::*;
+    use crate::device::{DeviceInfo, DeviceLimits};
     use crate::program::Sources;
     use crate::record::{Outcome, Record};
 
@@ -146,6 +147,31 @@ mod tests {
         };
         assert_eq!(done(&run), [true, true]);
         assert_eq!(done(&Run { retry_failed: true, ..run }), [false, true]);
+    }
+
+    #[test]
+    fn a_point_that_exceeded_global_memory_is_done_until_it_fits() {
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (large, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let done = |device: &DeviceInfo, reason: &str| {
+            let devices = [device];
+            let run = fixtures::run(&experiment, &devices, &locks);
+            let pending = run.pending_points(&run.plan(), &run.plan().whole()).unwrap();
+            let (outcome, reason) = (Outcome::Infeasible, Some(reason.to_owned()));
+            let record = Record { outcome, reason, ..pending[0][0].record.clone() };
+            dry_run(&run, &Past { records: vec![record], ..Past::default() }).unwrap()[0].done
+        };
+        let small_buffers = DeviceLimits { allocation_bytes: 1, ..large.limits };
+        let small_memory = DeviceLimits { global_bytes: 1, ..large.limits };
+        for limits in [small_buffers, small_memory] {
+            let small = DeviceInfo { limits, ..asleep::device(1.0) };
+            let devices = [&small];
+            let run = fixtures::run(&experiment, &devices, &locks);
+            let refused = dry_run(&run, &Past::default()).unwrap()[0].refused.clone().unwrap();
+            assert_eq!([done(&small, &refused), done(&large, &refused)], [true, false], "{refused}");
+        }
+        let beside = "global memory: 2 B > 1 B, in addition to 3 B that other points hold";
+        assert!(done(&large, beside) && done(&large, "__local memory: 2 B > 1 B"));
     }
 
     #[test]

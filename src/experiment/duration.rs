@@ -71,14 +71,15 @@ impl Run<'_> {
         let done = self.done(groups.iter().flatten(), past);
         for group in &groups {
             let (own, again) = left(group, &done);
-            let known = |drafts: &[&Record]| -> Vec<Known> {
-                drafts.iter().filter_map(|draft| self.known(draft, earlier.of_same(draft)?)).collect()
+            let known = |points: &[&PendingPoint]| -> Vec<Known> {
+                points.iter().filter_map(|pending| self.known_before(pending, &earlier)).collect()
             };
             let timed = known(&own);
             expected.points += own.len();
             expected.known += timed.len();
             let timed = [timed, known(&again)].concat();
-            let launches = self.launches_left(own.iter().chain(&again).copied(), &past.samples);
+            let records = own.iter().chain(&again).map(|pending| &pending.record);
+            let launches = self.launches_left(records, past);
             expected.least_frames = expected.least_frames.min(launches * self.stopping_rule().least());
             let is_on_host = group.iter().all(|pending| pending.record.is_baseline());
             all.add(is_on_host, self.group_ms(&timed, launches));
@@ -107,7 +108,7 @@ impl Run<'_> {
         let earlier = ByName::of(earlier);
         let cost = |pending: &PendingPoint| {
             let before = earlier.of_same(&pending.record);
-            let known = before.and_then(|earlier| self.known(&pending.record, earlier));
+            let known = self.known_before(pending, &earlier);
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
             let known = known.unwrap_or_else(|| guessed(&pending.record));
             let ms = self.group_ms(&[known], self.experiment.timing.launches as usize);
@@ -122,9 +123,16 @@ impl Run<'_> {
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 
+    /// Returns a point's times in an earlier record; `None` if there is no such record, or if the point did not fit on
+    /// its device then but fits now: such a record says nothing about this session.
+    fn known_before(&self, pending: &PendingPoint, earlier: &ByName<'_>) -> Option<Known> {
+        let before = earlier.of_same(&pending.record).filter(|before| !pending.fits_meanwhile(before));
+        self.known(&pending.record, before?)
+    }
+
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
-        // If a point did not fit only because too little memory was free during the earlier run, it may fit now, and
-        // then takes time.
+        // A point that does not fit on its device takes no time. If it did not fit only because too little memory was
+        // free during the earlier run, its record is not final: the point may fit now, and then takes time.
         if earlier.outcome == Outcome::Infeasible && earlier.is_final() && point(earlier) == point(draft) {
             return Some(Known::default());
         }
@@ -142,14 +150,12 @@ impl Run<'_> {
 
     /// Returns the number of launches in which these points of a group still have to be measured. It is never 0, since
     /// a group without a record is checked once more, even if earlier sessions have taken all its samples.
-    fn launches_left<'r>(
-        &self,
-        points: impl Iterator<Item = &'r Record>,
-        samples: &HashMap<String, Vec<Taken>>,
-    ) -> usize {
-        let of = |record: &Record| samples.get(&record.key).map(Vec::as_slice).unwrap_or_default();
-        let taken: Vec<&[Taken]> = points.map(of).collect();
-        let complete = complete_launches(&taken, self.stopping_rule().least()).len();
+    fn launches_left<'r>(&self, points: impl Iterator<Item = &'r Record>, past: &Past) -> usize {
+        let samples = |key: &str| past.samples.get(key).map(Vec::as_slice).unwrap_or_default();
+        let points: Vec<(&str, &[Taken])> =
+            points.map(|record| (record.key.as_str(), samples(&record.key))).collect();
+        let end_of = |launch: u32| past.ends.get(&launch).cloned();
+        let complete = complete_launches(&points, end_of, &self.stopping_rule()).len();
         (self.experiment.timing.launches as usize).saturating_sub(complete).max(1)
     }
 
@@ -226,11 +232,15 @@ impl Together {
 /// Returns two lists. The first has the points of a group that have to be measured. The second has the group's control
 /// point, if this point is finished and is only measured again together with the points of the first list. Points whose
 /// keys are in `done` are finished.
-fn left<'a>(group: &'a [PendingPoint], done: &HashSet<String>) -> (Vec<&'a Record>, Vec<&'a Record>) {
-    let meant = group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
-    let is_finished = |record: &&Record| record.is_control || done.contains(&record.key);
-    let (finished, own): (Vec<_>, Vec<_>) = meant.partition(is_finished);
-    let is_again = |record: &&Record| !own.is_empty() && record.control.as_ref() == Some(&record.key);
+fn left<'a>(
+    group: &'a [PendingPoint],
+    done: &HashSet<String>,
+) -> (Vec<&'a PendingPoint>, Vec<&'a PendingPoint>) {
+    let is_finished = |record: &Record| record.is_control || done.contains(&record.key);
+    let is_control = |record: &Record| record.control.as_ref() == Some(&record.key);
+    let meant = group.iter().filter(|pending| pending.not_for.is_none());
+    let (finished, own): (Vec<_>, Vec<_>) = meant.partition(|pending| is_finished(&pending.record));
+    let is_again = |pending: &&PendingPoint| !own.is_empty() && is_control(&pending.record);
     let again = finished.into_iter().filter(is_again).collect();
     (own, again)
 }
@@ -253,7 +263,8 @@ impl<'a> ByName<'a> {
         Self(by_name)
     }
 
-    /// Returns the earlier record of the draft's point or, if there is none, of its scene, device and strategy.
+    /// Returns the earlier record of the point of `draft`, a record that does not have a time yet. If there is none,
+    /// returns an earlier record of the same scene, device and strategy.
     fn of_same(&self, draft: &Record) -> Option<&'a Record> {
         self.0.get(&point(draft)).or_else(|| self.0.get(&strategy(draft))).copied()
     }
@@ -339,6 +350,8 @@ mod tests {
     use super::*;
     use crate::experiment::fixtures;
     use crate::launch::FrameTimes;
+    use crate::measure::StopReason;
+    use crate::record::LaunchEnd;
 
     /// The earlier times of three points. The first two points were sampled four times per launch. The third has no
     /// known number of rounds, so the estimate assumes four rounds for it too.
@@ -358,7 +371,8 @@ mod tests {
     #[test]
     fn every_launch_checks_its_points_and_only_the_first_compares_them_with_the_reference() {
         // A launch consists of the start of a worker, the checks of the points, and four rounds of 20 ms each. The
-        // value `launch_ms` leaves out the checks. They take 800 ms in the first launch, and 100 ms in each later one.
+        // value `launch_ms` leaves out the checks. The checks take 800 ms in the first launch, and 100 ms in each later
+        // one.
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
@@ -439,7 +453,7 @@ mod tests {
         assert_eq!(expected(2, 15), format!("2 points in 3 launches: at least 15 frames {unknown}"));
     }
 
-    /// The device in this test is a GPU.
+    /// The device in this test is a GPU, and the preset `wide` is meant for CPUs.
     #[test]
     fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
         let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
@@ -480,7 +494,7 @@ mod tests {
         let keys = |group: &[PendingPoint], done: &[&str]| {
             let done: HashSet<String> = done.iter().map(|key| (*key).to_owned()).collect();
             let (own, again) = left(group, &done);
-            [own, again].map(|records| records.iter().map(|one| one.key.as_str()).collect::<String>())
+            [own, again].map(|points| points.iter().map(|one| one.record.key.as_str()).collect::<String>())
         };
         let lends = [pending("c", false), pending("a", false)];
         assert_eq!([keys(&lends, &[]), keys(&lends, &["c"])], [["ca", ""], ["a", "c"]]);
@@ -557,9 +571,32 @@ mod tests {
         let (half_s, frames_of_half) = expected(&[3, 5, 6]);
         assert!((half_s / all_s - 0.5).abs() < 1e-6, "{half_s} of {all_s} s");
         assert_eq!([frames, frames_of_half], [20, 10]);
-        // Even if no sample is missing, the points are checked in one launch.
+        // Even if no sample is missing, the points are checked once more, in one launch.
         let (least_s, _) = expected(&[0, 1, 2, 3, 4, 5, 6]);
         assert!((least_s / all_s - 0.25).abs() < 1e-6, "{least_s} of {all_s} s");
+    }
+
+    #[test]
+    fn a_launch_that_was_interrupted_is_expected_again() {
+        let timing = "timing = { launches = 4, min_samples = 400, max_samples = 400, time_limit_ms = 10000 }";
+        let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let [(_, _, point)] = &run.planned_points().unwrap()[..] else { panic!("one point") };
+        let times = FrameTimes::whole(1.0, 1.0);
+        let taken = Taken { launch: 0, at_ms: 0.0, core_to_core_ns: None, times };
+        let samples = |count| HashMap::from([(point.key.clone(), vec![taken; count])]);
+        let frames = |past: &Past| run.expected(&[], past).unwrap().least_frames;
+        let interrupted = Past { samples: samples(20), ..Past::default() };
+        let complete = Past { samples: samples(100), ..Past::default() };
+        assert_eq!([frames(&interrupted), frames(&complete)], [20, 15]);
+        let end = LaunchEnd {
+            launch: 0,
+            stop_reason: StopReason::TimeLimit,
+            samples: [(point.key.clone(), 20)].into(),
+        };
+        assert_eq!(frames(&Past { ends: HashMap::from([(0, end)]), ..interrupted }), 15);
     }
 
     #[test]
@@ -618,7 +655,7 @@ mod tests {
         assert_eq!(size(16), Some([4; 2]), "only this one has a time");
     }
 
-    /// 10 x 10 pixels with two lights make 300 rays.
+    /// 10 x 10 pixels with two lights make 300 rays: a primary ray and two shadow rays for each pixel.
     #[test]
     fn a_guess_counts_rays_and_the_tests_of_each_ray() {
         let draft = |strategy: &str| Record {

@@ -4,8 +4,8 @@
 use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
 use crate::printer;
-use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, Lines, Record, RoundLoad, Sample, read_lines_if_any};
+use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
+use crate::record::{AnchorSample, LaunchEnd, Lines, Record, RoundLoad, Sample, read_lines_if_any};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
@@ -16,12 +16,14 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Default)]
 pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
-    /// [rank](Record::rank) is used, as `raycl merge` does.
+    /// [rank](Record::rank) is used, as in `raycl merge`.
     pub records: Vec<Record>,
     /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it was
     /// taken. Samples that do not count, because their core-to-core latency is far from the attempt's usual latency,
     /// are left out.
     pub samples: Vec<Sample>,
+    /// The ends of these launches, with the launches' new numbers and the numbers of samples in `samples`.
+    pub ends: Vec<LaunchEnd>,
     /// The times of the anchor in these launches, with the launches' new numbers.
     pub anchors: Vec<AnchorSample>,
     /// The load during the rounds of these launches, with the launches' new numbers.
@@ -30,7 +32,8 @@ pub struct Before {
 
 /// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
 /// core-to-core latency. Points with a record are finished. If `retry_failed` is true, points whose record is not final
-/// are unfinished too, since they are measured again.
+/// ([`Record::is_final`]: a failure, or a lack of memory that may be temporary) are unfinished too, since they are
+/// measured again.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let finished = before.records.iter().filter(|record| !retry_failed || record.is_final());
@@ -45,8 +48,11 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         // What an attempt copied from an earlier attempt is dropped, since the earlier attempt's folder contains it
         // too.
         samples.retain(|sample| sample.origin.is_none());
-        // Only the latencies of the attempt itself show which of its samples count.
-        samples.retain(|sample| is_near(sample.core_to_core_ns, near_ns));
+        // Whether one of the attempt's samples counts depends only on the latencies that this attempt measured.
+        let counts = |sample: &Sample| is_near(sample.core_to_core_ns, near_ns);
+        let mut ends = lines::<LaunchEnd>(&folder.join(LAUNCHES))?;
+        count_again(&mut ends, &samples, counts);
+        samples.retain(counts);
         // If a block measures a control point only for comparison with other blocks, the record is in a separate
         // journal.
         let controls = lines::<Record>(&folder.join(CONTROLS))?;
@@ -64,6 +70,7 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
             sample.core_to_core_ns = None;
             &mut sample.launch
         }));
+        before.ends.extend(renumbered(ends, &numbers, |end| &mut end.launch));
         let anchors = lines::<AnchorSample>(&folder.join(ANCHORS))?;
         before.anchors.extend(renumbered(anchors, &numbers, |line| &mut line.launch));
         before.rounds.extend(renumbered(rounds, &numbers, |line: &mut RoundLoad| {
@@ -74,8 +81,8 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
     Ok(before)
 }
 
-/// Returns one record of each point of which attempts have records: the record with the lowest rank or, if several
-/// records have this rank, the record of the first folder.
+/// Returns one record of each point of which attempts have records: the record with the lowest rank ([`Record::rank`])
+/// or, if several records have this rank, the record of the first folder.
 fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
     let mut indices: HashMap<String, usize> = HashMap::new();
@@ -90,6 +97,26 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
         }
     }
     Ok(records)
+}
+
+/// The stored end of a launch has the number of samples of each point. Replaces this number by the number of the
+/// point's samples that count. If a sample of a point was lost, the point is removed from the end of the sample's
+/// launch, which is not complete.
+fn count_again(ends: &mut [LaunchEnd], samples: &[Sample], counts: impl Fn(&Sample) -> bool) {
+    let mut numbers: HashMap<(u32, &str), [usize; 2]> = HashMap::new();
+    for sample in samples {
+        let [all, counted] = numbers.entry((sample.launch, sample.key.as_str())).or_default();
+        *all += 1;
+        *counted += usize::from(counts(sample));
+    }
+    for LaunchEnd { launch, samples, .. } in ends {
+        samples.retain(|key, number| {
+            let [all, counted] = numbers.get(&(*launch, key.as_str())).copied().unwrap_or_default();
+            let has_all = *number == all;
+            *number = counted;
+            has_all
+        });
+    }
 }
 
 /// Returns the new number of each launch. The launches get consecutive numbers from `next` on, in the order in which
@@ -135,6 +162,7 @@ pub(super) fn intact_lines<T>(read: Lines<T>, name: impl Display) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::StopReason;
     use crate::record::{JsonLines, Outcome};
 
     fn attempt(folder: &Path, record: &str, samples: &[(&str, u32, Option<&str>)]) -> PathBuf {
@@ -228,6 +256,30 @@ mod tests {
         };
         assert_eq!(launches(false), [0, 0, 1, 1]);
         assert_eq!(launches(true), [0, 0, 0, 1, 1, 1]);
+    }
+
+    #[test]
+    fn the_end_of_a_launch_is_taken_over_with_the_number_of_samples_that_count() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = attempt(parent.path(), "done", &[]);
+        let load = RoundLoad { core_to_core_ns: Some(57.0), ..RoundLoad::default() };
+        JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
+        let of = |key: &str, ns: [f64; 3]| {
+            let sample =
+                |ns| Sample { key: key.into(), launch: 6, core_to_core_ns: Some(ns), ..Sample::default() };
+            ns.map(sample)
+        };
+        let samples = [of("a", [57.0, 131.0, 57.0]), of("b", [57.0; 3])].concat();
+        JsonLines::append_to(&folder.join(SAMPLES)).unwrap().append_all(&samples).unwrap();
+        // A sample of the point "b" was lost, and launch 7 has no samples.
+        let end = |launch: u32, samples: &[(&str, usize)]| {
+            let samples = samples.iter().map(|(key, number)| ((*key).to_owned(), *number)).collect();
+            LaunchEnd { launch, stop_reason: StopReason::Precise, samples }
+        };
+        let ends = [end(6, &[("a", 3), ("b", 4)]), end(7, &[("c", 5)])];
+        JsonLines::append_to(&folder.join(LAUNCHES)).unwrap().append_all(&ends).unwrap();
+        let before = read(&[folder], false, false).unwrap();
+        assert_eq!((before.samples.len(), before.ends), (5, vec![end(0, &[("a", 2)])]));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests;
 
-use super::group::OpenGroup;
+use super::group::{OpenGroup, device_of};
 use super::launches::{Waiting, serve};
 use super::pending::PendingPoint;
 use super::result_sink::{FolderSink, ResultSink as _};
@@ -88,8 +88,10 @@ impl Run<'_> {
 
     /// Returns the names of the experiment's scenes, by the hashes of their contents.
     fn scene_names(&self) -> HashMap<String, String> {
-        let named = |choice: &SceneChoice| choice.hash.clone().map(|hash| (hash, choice.label()));
-        self.experiment.scenes.iter().filter_map(named).collect()
+        let named = |choice: &SceneChoice| {
+            choice.hashes.iter().map(|hash| (hash.clone(), choice.label())).collect::<Vec<_>>()
+        };
+        self.experiment.scenes.iter().flat_map(named).collect()
     }
 
     /// Returns whether programs of later groups are built while earlier groups are timed. This is
@@ -115,17 +117,29 @@ impl Run<'_> {
 
     /// Returns whether a point is not measured again, since it has this record. If the run retries failed points, a
     /// failure is measured again, and so is a point that did not fit only because too little memory was free when it
-    /// was tried. The record of a skipped point (its preset is meant for another kind of device) does not count if this
-    /// run is to measure the point.
+    /// was tried. A record does not count in three cases: the point was skipped (its preset is meant for another kind
+    /// of device), but this run is to measure it; the point did not fit into the device's memory, but fits now; or
+    /// another device than the point's own measured it.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
-        !asked_for && (!self.retry_failed || record.is_final())
+        let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
+        counts && (!self.retry_failed || record.is_final())
+    }
+
+    /// Returns whether the point's own device measured a record. If an earlier session distributed points over several
+    /// devices, all its records name the first of them, whichever device measured them. If this run distributes points
+    /// too, each of its devices counts as each point's own.
+    fn is_of_own_device(&self, record: &Record, pending: &PendingPoint) -> bool {
+        let device = device_of(self, pending).filter(|_| !self.spread);
+        let measured_on = record.measured_on.as_ref();
+        device.zip(measured_on).is_none_or(|(own, measured_on)| own.slug() == *measured_on)
     }
 }
 
-/// Finds the points that have no record yet. A measurement that a plan contains twice is made once.
+/// Finds the points that have no record yet. If several points of the plan have the same key, only one of them is
+/// measured.
 struct Missing {
-    /// The keys of the points that have a record, and of those that this value has already returned.
+    /// The keys of the points that have a record, and of the points that [`Self::of`] has already returned.
     taken: HashSet<String>,
 }
 

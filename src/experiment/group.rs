@@ -20,8 +20,8 @@ use crate::device_lock::{Held, LockName, Waiting};
 use crate::error::Result;
 use crate::load::Watch;
 use crate::measure::StopReason;
-use crate::record::{Record, judge};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use crate::record::{LaunchEnd, Record, judge};
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timed::{Latency, Timed};
@@ -55,7 +55,7 @@ impl OpenGroup {
         Self { visits, ..Self::new(points) }
     }
 
-    /// Returns the number of visits.
+    /// Returns how often this session has visited the group. A visit measures one launch of the group.
     pub fn visits(&self) -> u32 {
         self.visits
     }
@@ -91,7 +91,7 @@ impl OpenGroup {
     pub fn return_to_device(&mut self, run: &Run<'_>, sink: &impl ResultSink) {
         let (_, launches) = self.past(run, sink);
         let named = unnamed_device(run);
-        let there = launches.last().and_then(|launch| sink.measured_on(*launch).or(named));
+        let there = launches.last().and_then(|(launch, _)| sink.measured_on(*launch).or(named));
         self.home = there.and_then(|there| run.devices.iter().position(|device| there.may_be(device)));
     }
 
@@ -135,8 +135,7 @@ impl OpenGroup {
                 sink.says(&format!("{}: {ADDITIONAL}", scene.unwrap_or_default()));
             }
             match self.time(run, supervisor, sink)? {
-                End::Enough(reason) => {
-                    self.reason = Some(reason);
+                End::Enough(_) => {
                     if self.whole.len() <= launches {
                         sink.advances(self.points.len());
                     }
@@ -152,12 +151,14 @@ impl OpenGroup {
         if self.has_enough(run, sink) { self.finish(run, sink) } else { Ok(()) }
     }
 
-    /// Returns the samples of each point from earlier sessions, and the launches in which every point has enough
-    /// samples.
-    fn past(&self, run: &Run<'_>, sink: &impl ResultSink) -> (Vec<Vec<Taken>>, BTreeSet<u32>) {
-        let past: Vec<Vec<Taken>> =
-            self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
-        let launches = complete_launches(&past, run.stopping_rule().least());
+    /// Returns the samples of each point from earlier sessions, and the complete launches, each with the reason why it
+    /// ended.
+    fn past(&self, run: &Run<'_>, sink: &impl ResultSink) -> (Vec<Vec<Taken>>, Vec<(u32, StopReason)>) {
+        let keys = || self.points.iter().map(|pending| pending.record.key.as_str());
+        let past: Vec<Vec<Taken>> = keys().map(|key| sink.past(key)).collect();
+        let points: Vec<(&str, &[Taken])> = keys().zip(past.iter().map(Vec::as_slice)).collect();
+        let end_of = |launch| sink.past_end(launch);
+        let launches = complete_launches(&points, end_of, &run.stopping_rule());
         (past, launches)
     }
 
@@ -169,14 +170,15 @@ impl OpenGroup {
         sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| there.may_be(device)))
     }
 
-    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
-    /// dropped, since the same worker processes must measure a whole launch, and those of the earlier session have
-    /// ended. Launches of another device of the same model are dropped too.
+    /// Takes over the complete launches of earlier sessions. Incomplete launches are dropped, since the same worker
+    /// processes must measure a whole launch, and those of the earlier session have ended. Launches of another device
+    /// of the same model are dropped too.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let (past, launches) = self.past(run, sink);
-        for launch in launches {
+        for (launch, reason) in launches {
             if !self.has_enough(run, sink) && self.is_of_own_device(launch, run, sink) {
                 self.whole.push(Launch::of(launch, past.iter().map(Vec::as_slice)));
+                self.reason = Some(reason);
             }
         }
         for (pending, taken) in self.points.iter_mut().zip(past) {
@@ -207,8 +209,8 @@ impl OpenGroup {
             ahead.order(&self.points);
         }
         for mut pending in std::mem::take(&mut self.points) {
-            // A check needs no lock, but it would disturb the process that holds the lock, so it waits until
-            // the device is free.
+            // A check takes no lock of a device, but it would disturb another process that measures on the device and
+            // therefore holds the lock. The check thus waits until the device is free.
             let interrupted = supervisor.interrupted();
             drop(take_locks(run, devices.clone(), sink, interrupted)?);
             if let Some(ahead) = ahead {
@@ -219,8 +221,8 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|checked| named(checked, &pending.record)) {
                 Ok((record, true)) => {
-                    // Only the first launch's record is used. The picture of a later launch is either the same, or was
-                    // also compared with the reference.
+                    // Only the record of the check in the first launch is used. The picture of a check in a later
+                    // launch is either the same, or was also compared with the reference.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -286,14 +288,30 @@ impl OpenGroup {
             }
             self.points.push(pending);
         }
-        if is_whole {
-            let samples = self.points.iter().map(|pending| pending.taken.as_slice());
-            self.whole.push(Launch::of(launch, samples));
+        if let End::Enough(reason) = end {
+            self.add_complete(launch, reason, sink)?;
         }
         Ok(end)
     }
 
-    /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
+    /// Adds a launch that has just ended to the complete launches, and stores its end.
+    fn add_complete(
+        &mut self,
+        launch: u32,
+        stop_reason: StopReason,
+        sink: &mut impl ResultSink,
+    ) -> Result<()> {
+        let count = |taken: &[Taken]| taken.iter().filter(|sample| sample.launch == launch).count();
+        let samples = self.points.iter().map(|pending| (pending.record.key.clone(), count(&pending.taken)));
+        sink.launch_end(&LaunchEnd { launch, stop_reason, samples: samples.collect() })?;
+        let samples = self.points.iter().map(|pending| pending.taken.as_slice());
+        self.whole.push(Launch::of(launch, samples));
+        self.reason = Some(stop_reason);
+        Ok(())
+    }
+
+    /// Completes the records of the group's points. All points of a group stop together, so the same reason for
+    /// stopping is stored in all their records.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
@@ -321,7 +339,7 @@ fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
 }
 
 /// Returns the device that a point is measured on; `None` for a caster on the host.
-fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
+pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
     let device = run.devices.get(pending.job % run.devices.len().max(1));
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
@@ -344,8 +362,9 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Takes locks of devices. While other processes hold these locks, the sink is told that the run waits, and builders
-/// begin no programs for these devices: the work of builders would disturb the measurements of the other processes.
+/// Takes locks of devices. While other processes hold these locks, the sink (the receiver of results and messages) is
+/// told that the run waits, and builders (processes that compile programs) begin no programs for these devices. The
+/// work of builders would disturb the measurements of the other processes.
 fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,
@@ -360,15 +379,15 @@ fn take_locks(
         Waiting::Still => sink.waits(),
     };
     let held = run.locks.take_all_telling(devices.clone(), &mut tells, interrupted);
-    // Builders go on even if the locks could not be taken. The run ends only when the threads of its other devices have
-    // ended, and such a thread may be waiting for a program that a builder has to build for a device with the same
-    // lock.
+    // Builders (processes that compile programs) may begin programs again, even if the locks could not be taken. With
+    // `--spread`, each device has a thread of its own, and the run ends only when all these threads have ended. The
+    // thread of another device with the same lock may be waiting for a program that a builder has to build.
     run.ahead.into_iter().for_each(|ahead| ahead.go_on(&devices));
     held
 }
 
-/// Copies a draft's names, notes, folder of kernels and block to its checked record, since workers do not know these
-/// values.
+/// Copies the names, the notes, the folder of kernels and the block from a point's draft (its record before the point
+/// was tried) to the record that the point's check returned, since workers do not know these values.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -6,7 +6,7 @@
 pub struct KeyParts<'a> {
     /// [`Scene::content_hash`](crate::scene::Scene::content_hash).
     pub scene_hash: &'a str,
-    /// Platform, version, device and driver; "host" and the processor's model for a baseline.
+    /// The platform, its version, the device and the driver. For a baseline: the word "host" and the processor's model.
     pub device: &'a str,
     /// The number of compute units, the numbers of usable cores and of threads if they are known, and the environment
     /// variables of the driver. For a baseline, only the numbers of usable cores and of threads.
@@ -14,7 +14,8 @@ pub struct KeyParts<'a> {
     /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), in the form in which raycl displays
     /// it.
     pub emulate: &'a str,
-    /// All axes with their values, or [`Baseline::strategy`](crate::config::Baseline::strategy).
+    /// All axes of the strategy with their values. For a baseline:
+    /// [`Baseline::strategy`](crate::config::Baseline::strategy).
     pub strategy: &'a str,
     /// Local size, such as "16x16"; empty for a baseline.
     pub local_size: &'a str,

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::measure::round_order;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Groups that still have to be visited.
+/// Groups that still have to be visited; a visit measures one launch of a group.
 pub struct Waiting {
     groups: Mutex<Vec<OpenGroup>>,
     seed: u64,
@@ -49,8 +49,8 @@ impl Waiting {
     }
 }
 
-/// Visits all groups, or those that may be measured on one device, until they are finished. After an error, no
-/// other group is visited.
+/// Visits groups, each visit measuring one launch of a group, until the groups are finished. These are all groups, or
+/// those that may be measured on one device. After an error, no other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -31,7 +31,7 @@ const SHARED: f64 = 0.65;
 const PAUSE: Duration = Duration::from_millis(50);
 /// All waits of a launch together take at most this part of the time for its samples, plus [`PATIENCE`].
 pub(super) const WAITS: f64 = 0.5;
-/// How long a launch may wait before its first sample.
+/// How long a launch may wait for near processors before its first sample.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A complete launch of a group.
@@ -39,7 +39,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) struct Launch {
     /// The launch's number in the folder of results.
     pub number: u32,
-    /// The latency of each sample of each point, in nanoseconds; `None` if it is unknown.
+    /// The core-to-core latency around each sample of each point, in nanoseconds; `None` if it is unknown.
     latencies_ns: Vec<Vec<Option<f64>>>,
 }
 
@@ -64,9 +64,10 @@ impl Launch {
 }
 
 /// Returns the latency of near processors: the 20th percentile of all latencies of the run, which are in ascending
-/// order; infinity if there are none. The smallest latency is no suitable value: it may come from a moment in which
-/// two processors of the virtual machine shared a core, and all other samples would then be treated as far. The median
-/// is no suitable value either: in some runs, processors are far apart for most of the time.
+/// order; infinity if there are none. The smallest latency is no suitable value: it may come from a moment in which two
+/// processors of the virtual machine shared a core, and all other samples would then be treated as samples of
+/// processors that are far apart. The median is no suitable value either: in some runs, the processors run on cores far
+/// from each other for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
@@ -203,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_launch_waits_until_processors_are_near() {
-        // This is far longer than the waits take, even on a busy machine.
+        // A minute is far longer than the waits in this test take, even on a busy machine.
         let minute = Duration::from_secs(60);
         assert_eq!(waits(&[164.0, 14.0, 32.0, 164.0], minute, false), (Some(32.0), 2));
         assert_eq!(waits(&[31.0, 164.0], 3 * PAUSE, false), (Some(31.0), 0));
@@ -263,8 +264,8 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // Both launches count if near processors have a latency of 180 ns. They do not count if near processors have 20
-        // ns, because another group of the run had samples with this latency.
+        // Both launches count if near processors have a latency of 180 ns. Both do not count if near processors have a
+        // latency of 20 ns, because another group of the run had samples with this latency.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }

@@ -14,7 +14,7 @@ use crate::memory::Available;
 use crate::program::Sources;
 use crate::record::{Outcome, PlannedPoint, Record};
 use crate::scene::Scene;
-use crate::strategy::{Requirements, Values, Workload};
+use crate::strategy::{Infeasible, Requirements, Values, Workload};
 use std::collections::HashMap;
 
 /// A point that still has to be measured.
@@ -31,10 +31,10 @@ pub struct PendingPoint {
     pub record: Record,
     /// The reason, if the point is not measured because its preset is meant for another kind of device.
     pub not_for: Option<String>,
-    /// True if the point fits on the device, as far as that is known before a tree is built. If false, the point's
-    /// program is not built, and the point's check reports the reason.
+    /// True if the point fits on the device, as far as that is known before a tree is built. If it does not fit, its
+    /// program is not built, and its check reports the reason.
     pub fits: bool,
-    /// How many builders with the point's scene fit into memory.
+    /// How many builders (processes that compile programs, and hold the point's scene meanwhile) fit into memory.
     pub room: Room,
     /// The result of building the point's program, if the program was built for this point.
     pub built: Option<Built>,
@@ -45,7 +45,8 @@ pub struct PendingPoint {
 }
 
 impl PendingPoint {
-    /// Makes a point from its label, the draft of its record, and the numbers of the point, its job and its scene.
+    /// Makes a point from three numbers (the point, its job and its scene), from its name as shown to the observer, and
+    /// from its record before it is tried.
     pub fn new([point, job, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,
@@ -66,6 +67,13 @@ impl PendingPoint {
     pub fn task(&self) -> Task<'_> {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
         Task { point: self.point, job: self.job, scene: self.scene, key, verified }
+    }
+
+    /// Returns whether, according to an earlier record, the point exceeded a limit of the device that may differ in
+    /// each session, but fits now. Such a record says nothing about this session.
+    pub fn fits_meanwhile(&self, earlier: &Record) -> bool {
+        let lacked = earlier.reason.as_deref().is_some_and(Infeasible::is_of_the_session);
+        self.fits && lacked && earlier.outcome == Outcome::Infeasible
     }
 
     /// Returns the record of the point, which cannot be cast now. A point that has been cast before does not exceed a
@@ -126,7 +134,8 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
-    /// Returns how many builders with a point's scene fit into memory, if the host has this much available memory.
+    /// Returns how many builders (processes that compile programs, and hold the point's scene meanwhile) fit into
+    /// memory, if the host has this much available memory.
     fn room(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene, available_bytes: u64) -> Room {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {
             return Room::UNLIMITED;
@@ -147,9 +156,9 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the points of these pieces, one list per piece. The lists also contain points that already have a
-    /// result, and points that will not be measured (their `not_for` or `fits` says so). The function loads one scene
-    /// at a time.
+    /// Returns the points of these pieces (parts of the plan whose points are measured together), one list per piece.
+    /// The lists also contain points that already have a result, and points that will not be measured (their `not_for`
+    /// or `fits` says so). The function loads one scene at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let kernels = self.kernels()?;
         let available_bytes = self.ahead.map(|_| Available::read().bytes);
@@ -160,8 +169,8 @@ impl Run<'_> {
             for number in piece.point_indices() {
                 let point = &plan.points[number];
                 let at = match held.take() {
-                    Some((scene, at)) if scene == point.scene => at,
-                    _ => self.experiment.scenes[point.scene].load()?.into(),
+                    Some((scene, at)) if scene == point.scene && at.suits(point.image_size) => at,
+                    _ => Hashed::load(&self.experiment.scenes[point.scene], point.image_size)?,
                 };
                 let device = point.device.map(|device| self.devices[device]);
                 for (folder_index, kernels) in of_point(&kernels, point).iter().enumerate() {
@@ -175,7 +184,8 @@ impl Run<'_> {
                     record.is_control = piece.borrows(number);
                     let of = kernels.label_of(point);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
-                    // Casters on the host have no device, so any worker can run them.
+                    // Casters on the host have no device, so any worker can run them; if there are devices, the first
+                    // device's worker is chosen.
                     let job = point.device.unwrap_or(0) + folder_index * self.devices.len().max(1);
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
@@ -199,7 +209,7 @@ impl Run<'_> {
 pub(super) struct Kernels<'a> {
     drafter: Drafter<'a>,
     /// If two folders are compared: the folder's label, and the values of axes that the headers of its kernel files
-    /// define. The workers of a folder read only that folder's headers.
+    /// define. Workers that cast with the kernels of a folder read only that folder's headers.
     compared: Option<(String, Values)>,
 }
 
@@ -247,7 +257,8 @@ impl Kernels<'_> {
     }
 }
 
-/// Returns the labels of two folders of kernels.
+/// Returns the labels of two folders of kernels that are compared; a label distinguishes a folder from the other one in
+/// the names of points.
 fn labels(sources: [&Sources; 2]) -> [String; 2] {
     let name = |sources: &Sources| match sources {
         Sources::Embedded => "built in".to_owned(),
@@ -289,7 +300,7 @@ mod tests {
         };
         let groups = run.pending_points(&run.plan(), &[piece(1, [0, 1]), piece(2, [2, 3])]).unwrap();
         let records: Vec<&Record> = groups.iter().flatten().map(|pending| &pending.record).collect();
-        // The second block also measures the control point, so it has three points.
+        // The second block also measures the control point, whose local size is 2, so it has three points.
         let sides: Vec<_> = records.iter().map(|record| record.local_size.unwrap()[0]).collect();
         assert_eq!(sides, [2, 1, 2, 4, 8]);
         let control = Some(&records[0].key);
@@ -398,8 +409,8 @@ mod tests {
             let records = groups.into_iter().flatten().map(|pending| pending.record);
             records.map(|record| (record.key, record.operations_per_test)).collect()
         };
-        // A worker reads the headers of one folder only. Its drafts must nevertheless equal those of the run, which
-        // reads both folders.
+        // A worker reads the headers of one folder of kernels only. The drafts (records of points that are not tried
+        // yet) that it makes must nevertheless equal the drafts of the run, which reads both folders.
         let of_worker = |sources: &Sources| {
             sources.values().unwrap().during(|| drafts(&Run { sources, ..run })).remove(0)
         };

@@ -167,7 +167,7 @@ mod tests {
             scenes: (0..scenes).map(|scene| SceneChoice::file(format!("scenes/s{scene}.toml"))).collect(),
             left_out: Vec::new(),
             compare_scenes: false,
-            devices: vec!["all".into()],
+            devices: Vec::new(),
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),
             baselines: Baseline::ALL[..baselines].to_vec(),

@@ -8,10 +8,10 @@ use crate::own_program::own_worker;
 use crate::program::CACHE_DISABLE;
 use serde::Serialize;
 use std::ffi::OsString;
-use std::io::{BufRead as _, BufReader, Read, Write as _};
+use std::io::{BufRead as _, BufReader, Read, Result as IoResult, Write as _};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// The number of bytes that are stored from the end of a worker's standard error.
@@ -28,7 +28,8 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Makes a value that starts workers; `jobs[i]` is the job of the workers that `spawn(i)` starts.
+    /// Makes a value that starts workers; `jobs[i]` is the job (the device and the folder of kernels) of the workers
+    /// that `spawn(i)` starts.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
         Self { jobs, driver_cache: false }
@@ -51,8 +52,8 @@ impl Processes {
         // long.
         command.env("RUST_BACKTRACE", "0");
         // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
-        // `driver_cache` is set. If the user has set the driver's variable, for example to 0 to enable the cache,
-        // raycl leaves the variable unchanged.
+        // `driver_cache` is set. If the user has set the environment variable that disables this cache, for example to
+        // 0 to enable the cache, raycl leaves the variable unchanged.
         if !self.driver_cache && disabled.is_none() {
             command.env(CACHE_DISABLE, "1");
         }
@@ -62,17 +63,15 @@ impl Processes {
 
 impl Spawner for Processes {
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
-        let failed = |error: std::io::Error| {
-            Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "check that enough memory is free and that `ulimit -u` allows more processes, then repeat the \
-                 command with --resume",
-            )
-        };
-        let mut child = self.command(std::env::var_os(CACHE_DISABLE))?.spawn().map_err(failed)?;
+        let not_started = |error: std::io::Error| Error::not_started("a worker process", &error);
+        let mut child = self.command(std::env::var_os(CACHE_DISABLE))?.spawn().map_err(not_started)?;
+        let no_thread = |error: std::io::Error| Error::no_thread(&error);
+        let replies = child.stdout.take().map(read_replies).transpose().map_err(no_thread)?;
+        let last_words = child.stderr.take().map(read_last_words).transpose().map_err(no_thread)?;
         let mut worker = WorkerProcess {
             requests: child.stdin.take(),
-            replies: child.stdout.take().map_or_else(|| channel().1, read_replies),
-            last_words: child.stderr.take().map(read_last_words),
+            replies: replies.unwrap_or_else(|| channel().1),
+            last_words,
             uses_pocl: self.jobs.get(job).and_then(|job| job.device.as_deref()).is_some_and(is_pocl),
             child,
         };
@@ -97,9 +96,9 @@ struct WorkerProcess {
 }
 
 /// Reads replies until the worker closes its standard output. Lines that a driver writes there are skipped.
-fn read_replies(out: impl Read + Send + 'static) -> Receiver<Reply> {
+fn read_replies(out: impl Read + Send + 'static) -> IoResult<Receiver<Reply>> {
     let (sender, replies) = channel();
-    std::thread::spawn(move || {
+    Builder::new().spawn(move || {
         for line in BufReader::new(out).split(b'\n').map_while(std::result::Result::ok) {
             if let Ok(reply) = serde_json::from_slice(&line)
                 && sender.send(reply).is_err()
@@ -107,12 +106,12 @@ fn read_replies(out: impl Read + Send + 'static) -> Receiver<Reply> {
                 break;
             }
         }
-    });
-    replies
+    })?;
+    Ok(replies)
 }
 
-fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
-    std::thread::spawn(move || {
+fn read_last_words(mut err: impl Read + Send + 'static) -> IoResult<JoinHandle<String>> {
+    Builder::new().spawn(move || {
         let (mut words, mut piece) = (Vec::new(), [0; 4096]);
         while let Ok(length @ 1..) = err.read(&mut piece) {
             words.extend_from_slice(&piece[..length]);
@@ -123,7 +122,8 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 }
 
 impl WorkerProcess {
-    /// Writes a line. If the worker has ended, the later wait for its reply reports that.
+    /// Writes a line to the worker. If the worker has ended, the write fails unnoticed, and the later wait for the
+    /// worker's reply reports its end.
     fn write(&mut self, line: &impl Serialize) {
         // Serializing never fails: only paths might not be valid text, and `raycl run` refuses such paths.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
@@ -133,7 +133,7 @@ impl WorkerProcess {
         }
     }
 
-    /// Waits for the end of a process that has closed its standard output.
+    /// Waits for the end of a worker that has closed its standard output, and returns how it died.
     fn death(&mut self) -> Death {
         if !self.ends_within(FAREWELL) {
             let _ = self.child.kill();
@@ -230,14 +230,14 @@ mod tests {
 
     #[test]
     fn replies_are_read_between_a_drivers_lines() {
-        let replies = read_replies(&b"{\"star\n\n\"started\"\nready\n{\"built\":null}"[..]);
+        let replies = read_replies(&b"{\"star\n\n\"started\"\nready\n{\"built\":null}"[..]).unwrap();
         let next = || replies.recv_timeout(Duration::from_secs(120)).ok();
         assert_eq!([next(), next(), next()], [Some(Reply::Started), Some(Reply::Built(None)), None]);
     }
 
     #[test]
     fn last_words_are_the_end_of_what_was_said() {
-        let said = |text: String| read_last_words(std::io::Cursor::new(text)).join().unwrap();
+        let said = |text: String| read_last_words(std::io::Cursor::new(text)).unwrap().join().unwrap();
         assert_eq!(said(" oh\n".into()), "oh");
         let long: String = (0..3000).map(|n| char::from(b'a' + (n % 26) as u8)).collect();
         assert_eq!(said(long.clone()), long[1000..]);

@@ -192,7 +192,7 @@ impl Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reply {
-    /// Reply to the job: the device is open.
+    /// Reply to the job, the first line that the run sends: the worker's device is open.
     Started,
     /// Reply to a build; `None` if the program cannot be built. The point's check will report the error.
     Built(Option<Built>),

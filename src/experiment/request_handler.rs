@@ -40,8 +40,8 @@ pub struct RequestHandler<'a> {
     /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
     /// sensors. Always `None` in a worker without a device.
     watch: Option<Watch>,
-    /// If points are distributed over several devices of the same model: the device that the records of kernels name.
-    /// It may be the worker's own device.
+    /// If points are distributed over several devices of the same model: the device whose name is in the records of
+    /// points that kernels cast. It may be the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -97,7 +97,8 @@ impl<'a> RequestHandler<'a> {
         if record.key != key {
             return Err(changed(device));
         }
-        // A control point is checked in each of its blocks. The buffers of its earlier check are freed first.
+        // A control point is checked in each block that measures it. The buffers of its earlier check are freed before
+        // this check.
         self.entries.remove(&number);
         let ready = match self.checker.check(&point, &at.scene, verified, &mut record)? {
             Ok(ready) => {
@@ -112,19 +113,24 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Prepares for requests about a point: drops the entries of the previous group if the point is in another group,
-    /// and loads the point's scene unless it is loaded already.
+    /// Prepares for requests about a point: drops the entries (the points that can be cast) of the previous group if
+    /// the point is in another group, and loads the point's scene, with the camera of the point's images, unless it is
+    /// loaded already.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
-        if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
+        let is_loaded = self
+            .scene
+            .as_ref()
+            .is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size));
+        if !is_loaded {
             // The old scene is dropped first, since two large scenes may not fit into memory together.
             self.scene = None;
             self.checker.leave_scene();
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
-            self.scene = Some((point.scene, choice.load()?.into()));
+            self.scene = Some((point.scene, Hashed::load(choice, point.image_size)?));
         }
         Ok(())
     }
@@ -236,7 +242,7 @@ mod tests {
         let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
         let own = drafter.draft(&plan.points[0], None, &at).unwrap().key;
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
@@ -298,7 +304,7 @@ mod tests {
         change(&mut device.info);
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 1);
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
         let named = plan.points[0].device.map(|_| stands_for.as_ref().unwrap_or(&device.info));
         let key = drafter.draft(&plan.points[0], named, &at).unwrap().key;
         let folder = tempfile::tempdir().unwrap();
@@ -348,7 +354,7 @@ mod tests {
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
         let key = |index: usize| {
-            let at = Hashed::from(experiment.scenes[index].load().unwrap());
+            let at = Hashed::load(&experiment.scenes[index], plan.points[index].image_size).unwrap();
             drafter.draft(&plan.points[index], None, &at).unwrap().key
         };
         let keys = [key(0), key(1)];
@@ -365,11 +371,31 @@ mod tests {
     }
 
     #[test]
+    fn a_worker_places_the_camera_for_the_shape_of_each_points_images() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        std::fs::write(folder.path().join("bar.obj"), "v 0 0 0\nv 9 0 0\nv 0 1 2\nf 1 2 3\n").unwrap();
+        let text = "question = '?'\nexpectation = '!'\nscenes = ['bar.obj']\nbaselines = ['serial']\n\
+                    image_sizes = [[8, 20], [20, 8], [8, 8]]\n";
+        let experiment = config::parse(&folder.path().join("test.toml"), text.to_owned(), &[]).unwrap();
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 0);
+        let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        let mut handler = RequestHandler::new(drafter, plan.clone(), checker, None);
+        for (point, of) in plan.points.iter().enumerate() {
+            let at = Hashed::load(&experiment.scenes[0], of.image_size).unwrap();
+            let key = drafter.draft(of, None, &at).unwrap().key;
+            let checked = handler.answer(&Request::Check { point, key, verified: None });
+            assert!(matches!(checked, Ok(Reply::Checked { ready: true, .. })), "{checked:?}");
+        }
+    }
+
+    #[test]
     fn a_control_point_that_is_checked_again_in_another_block_can_be_cast() {
         let experiment = fixtures::experiment_of("scenes = ['scenes/triangle.toml']\nbaselines = ['serial']");
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 0);
-        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let at = Hashed::load(&experiment.scenes[0], plan.points[0].image_size).unwrap();
         let key = drafter.draft(&plan.points[0], None, &at).unwrap().key;
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();

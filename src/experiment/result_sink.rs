@@ -5,7 +5,7 @@ use super::results::MeasuredOn;
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::peak::Peak;
-use crate::record::{AnchorSample, Record, RoundLoad, Sample};
+use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample};
 use std::collections::HashMap;
 
 /// Receives the results of measurements.
@@ -22,6 +22,8 @@ pub trait ResultSink {
     /// same model, `measured_by` is the UUID or the PCI address of the point's device, as far as it is known.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
+    /// Stores the end of a launch whose points had enough samples.
+    fn launch_end(&mut self, end: &LaunchEnd) -> Result<()>;
     /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
@@ -33,12 +35,15 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;
+    /// Returns the end of a launch of an earlier session or attempt; `None` if it is not stored.
+    fn past_end(&self, launch: u32) -> Option<LaunchEnd>;
     /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
     /// several devices of the same model. Returns `None` if points were not distributed, so that each record names the
     /// device that measured it, or if the launch measured only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
-    /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds.
+    /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds,
+    /// `rounds.jsonl`.
     fn near_ns(&self) -> f64;
 }
 
@@ -48,8 +53,8 @@ pub struct FolderSink<'a> {
     pub results: &'a mut Results,
     /// The observer.
     pub observer: &'a mut dyn Observer,
-    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. These names differ,
-    /// whereas scenes of different files may have the same name in their records.
+    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Any two of these
+    /// names differ, whereas the records of two scenes may contain the same name.
     pub names: HashMap<String, String>,
     /// Number of finished points, including those of earlier sessions.
     pub done: usize,
@@ -66,6 +71,10 @@ impl ResultSink for FolderSink<'_> {
 
     fn waits(&mut self) {
         self.observer.waits();
+    }
+
+    fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
+        self.results.launch_end(end)
     }
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
@@ -86,6 +95,10 @@ impl ResultSink for FolderSink<'_> {
 
     fn past(&self, key: &str) -> Vec<Taken> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
+    }
+
+    fn past_end(&self, launch: u32) -> Option<LaunchEnd> {
+        self.results.past().ends.get(&launch).cloned()
     }
 
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {
@@ -145,8 +158,11 @@ impl ResultSink for FolderSink<'_> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
+    use super::super::asleep;
     use super::*;
+    use crate::device::DeviceInfo;
     use crate::launch::FrameTimes;
+    use crate::measure::StopReason;
     use crate::peak::Figure;
     use crate::record::{Environment, read_lines};
     use crate::sensor::SensorReading;
@@ -200,6 +216,9 @@ mod tests {
         let of_second = Record { measured_on: Some("the second".into()), ..record.clone() };
         sink.sample(&of_second, 1, Some("a UUID"), &taken).unwrap();
         sink.sample(&record, 2, None, &plain).unwrap();
+        let samples = [("a".to_owned(), 1)].into();
+        let end = LaunchEnd { launch: 12, stop_reason: StopReason::TimeLimit, samples };
+        sink.launch_end(&end).unwrap();
         for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
             sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
         }
@@ -212,17 +231,44 @@ mod tests {
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
         let second = MeasuredOn { slug: "the second".into(), hardware: Some("a UUID".into()) };
         assert_eq!((sink.measured_on(9), sink.measured_on(3)), (Some(second), None));
-        assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
+        assert_eq!((sink.past_end(12), sink.past_end(9)), (Some(end), None));
+        assert_eq!([sink.next_launch(), sink.next_launch()], [13, 14]);
+    }
+
+    /// The device has one thread. The rates were measured with one thread or with two.
+    #[test]
+    fn a_record_states_no_share_of_the_rates_of_its_device_in_another_state() {
+        let with = |threads| DeviceInfo { threads: Some(threads), ..asleep::device(1.0) };
+        let share = |threads| {
+            let DeviceInfo { label, platform, driver, .. } = with(threads);
+            let (fma_per_s, state) = (Figure::of(&[3e12]), Some(with(threads).state()));
+            let peak = Peak { device: label.clone(), platform, driver, state, fma_per_s, ..Peak::default() };
+            let folder = tempfile::tempdir().unwrap();
+            let mut results = Results::create(folder.path(), &Environment::default()).unwrap();
+            let left_out = results.keep_peak(vec![peak], &[&with(1)]).unwrap();
+            let mut sink =
+                FolderSink { results: &mut results, observer: &mut (), names: HashMap::new(), done: 0 };
+            sink.keep(Record {
+                device: label,
+                tests_per_s: Some(1e9),
+                operations_per_test: Some(3),
+                threads: Some(1),
+                ..Record::default()
+            })
+            .unwrap();
+            (left_out.len(), records(folder.path(), "records.jsonl")[0].limit_fraction)
+        };
+        assert_eq!([1, 2].map(share), [(0, Some(1e9 * 3.0 / 3e12)), (1, None)]);
     }
 
     #[test]
     fn a_record_is_stored_with_its_host_its_date_and_its_share_of_the_peak() {
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("attempt");
-        let peak = Peak { device: "gpu".into(), fma_per_s: Figure::of(&[3e12]), ..Peak::default() };
+        let peak = Peak { device: "gpu".into(), ..crate::peak::fixtures::rates() };
         let mut results =
             Results::of_attempt(&folder, &Environment::default(), "node7", &[], false, false).unwrap();
-        results.keep_peak(vec![peak.clone()]).unwrap();
+        results.keep_peak(vec![peak.clone()], &[]).unwrap();
         let mut counting = Counting::default();
         let names = HashMap::from([("content".to_owned(), "a/tri".to_owned())]);
         let mut sink = FolderSink { results: &mut results, observer: &mut counting, names, done: 4 };

@@ -8,23 +8,27 @@ use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
-use crate::record::journals::{ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, RECORDS, ROUNDS, SAMPLES};
+use crate::record::journals::{
+    ANCHORS, CONTROLS, ENVIRONMENT, IMAGES, LAUNCHES, RECORDS, ROUNDS, SAMPLES, earlier_environment,
+};
 use crate::record::{
-    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, cannot_make,
-    own_folder, read_lines_if_any, read_records, refuse_closed, remove_leftovers, renew_intervals,
-    sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, LaunchEnd, Record, RoundLoad, Sample,
+    cannot_make, own_folder, read_lines_if_any, read_records, refuse_closed, remove_leftovers,
+    renew_intervals, sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A folder of results: the plan, the journals, the pictures, the environment, and at the end the summaries, the
-/// report and the plots. docs/format.md documents each file.
+/// A folder of results: the plan, the journals (files to which a run appends lines, such as records), the pictures, the
+/// environment, and, at the end of the run, the summaries, the report and the plots. docs/format.md documents each
+/// file.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
+    launch_ends: JsonLines<LaunchEnd>,
     rounds: JsonLines<RoundLoad>,
     anchors: JsonLines<AnchorSample>,
     /// The journal of control points, if there are any.
@@ -49,8 +53,9 @@ pub struct MeasuredOn {
 }
 
 impl MeasuredOn {
-    /// Returns whether this is the device, as far as that is known. Equal names are not enough: they only number the
-    /// devices that a session sees, and other sessions may see other devices, or see them in another order.
+    /// Returns whether the launch may have been measured on `device`, as far as that is known. Equal names are not
+    /// enough: they only number the devices that a session sees, and other sessions may see other devices, or see them
+    /// in another order.
     pub fn may_be(&self, device: &DeviceInfo) -> bool {
         let known = self.hardware.as_deref().zip(device.hardware.id());
         self.slug == device.slug() && known.is_none_or(|(one, other)| one == other)
@@ -65,6 +70,8 @@ pub struct Past {
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
+    /// The ends of launches whose points had enough samples, by the launches' numbers.
+    pub ends: HashMap<u32, LaunchEnd>,
     /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
     pub devices: HashMap<u32, MeasuredOn>,
     /// The load of other processes while rounds were timed.
@@ -73,7 +80,8 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// Reads a journal, and reports damaged lines. Returns no lines if the file is missing.
+/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns no lines if the
+/// file is missing.
 fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
     Ok(intact_lines(read_lines_if_any(&folder.join(name))?, name))
 }
@@ -82,8 +90,7 @@ fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
 const ELSEWHERE: &str = "choose another folder with --out DIR";
 
 impl Results {
-    /// Makes the folder. A folder that already contains records is refused: no measurement is ever
-    /// overwritten.
+    /// Makes the folder. A folder that already contains records is refused: no measurement is ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join(RECORDS).exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
@@ -96,7 +103,8 @@ impl Results {
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
     /// attempts ended. Points with a record in an earlier attempt count as finished; if `retry_failed` is true, only
-    /// points with a final record do. If a launch has samples of unfinished points, all its samples that count, the
+    /// points with a final record ([`Record::is_final`]) do: one that is neither a failure nor due to a lack of memory
+    /// that may be temporary. If a launch has samples of unfinished points, all its samples that count, its end, the
     /// anchor's times and the load of its rounds are copied. Each copied sample names the attempt and launch that took
     /// it. Unless `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual
     /// latency do not count. The earlier folders are not changed.
@@ -112,9 +120,11 @@ impl Results {
         results.host = Some(host.to_owned());
         let before = earlier::read(earlier, keeps_moved_samples, retry_failed)?;
         results.samples.append_all(&before.samples)?;
+        results.launch_ends.append_all(&before.ends)?;
         results.anchors.append_all(&before.anchors)?;
         results.rounds.append_all(&before.rounds)?;
-        results.past = Past::of(before.records, before.samples);
+        let ends = by_launch(before.ends);
+        results.past = Past { ends, ..Past::of(before.records, before.samples) };
         Ok(results)
     }
 
@@ -126,8 +136,8 @@ impl Results {
             cannot_make(if folder.is_dir() { &images } else { folder }, &error, ELSEWHERE)
         })?;
         let lock = Lock::take(folder)?;
-        let [records, samples, rounds, anchors] =
-            [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
+        let [records, samples, launch_ends, rounds, anchors] =
+            [RECORDS, SAMPLES, LAUNCHES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         // No other run writes to the folder while this one holds the lock.
         remove_leftovers(folder, Duration::ZERO);
         keep_environment(folder, environment)?;
@@ -135,6 +145,7 @@ impl Results {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
+            launch_ends: JsonLines::append_to(&launch_ends)?,
             rounds: JsonLines::append_to(&rounds)?,
             anchors: JsonLines::append_to(&anchors)?,
             controls: None,
@@ -161,12 +172,19 @@ impl Results {
         &self.peak
     }
 
-    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain.
-    pub fn keep_peak(&mut self, mut peak: Vec<Peak>) -> Result<()> {
-        Peak::add_new(&mut peak, self.peak.clone());
-        Peak::write(&peak, &self.folder.join(peak::FILE))?;
-        self.peak = peak;
-        Ok(())
+    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain. Neither
+    /// stores nor keeps rates of the run's `devices` with another driver or in another state, since these rates are not
+    /// those of the run's points. Returns the rates that are left out.
+    pub fn keep_peak(&mut self, peak: Vec<Peak>, devices: &[&DeviceInfo]) -> Result<Vec<Peak>> {
+        let all = peak.into_iter().chain(self.peak.clone());
+        let (left_out, usable): (Vec<Peak>, Vec<Peak>) = all.partition(|peak| peak.are_outdated(devices));
+        let mut kept = Vec::new();
+        Peak::add_new(&mut kept, usable);
+        if kept != self.peak {
+            Peak::write(&kept, &self.folder.join(peak::FILE))?;
+            self.peak = kept;
+        }
+        Ok(left_out)
     }
 
     /// Stores a record.
@@ -198,6 +216,11 @@ impl Results {
         self.samples.append(sample)
     }
 
+    /// Stores the end of a launch whose points had enough samples.
+    pub fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
+        self.launch_ends.append(end)
+    }
+
     /// Stores the load of other processes while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.latencies_ns.extend(load.core_to_core_ns);
@@ -206,7 +229,8 @@ impl Results {
     }
 
     /// Returns the core-to-core latency of near processors in nanoseconds, from all lines of the folder's journal of
-    /// rounds; infinity if it is unknown. Near processors run on cores at their usual distance.
+    /// rounds, `rounds.jsonl`; infinity if the latency is unknown. Near processors run on cores at their usual
+    /// distance.
     pub fn near_ns(&self) -> f64 {
         near_ns(&self.latencies_ns)
     }
@@ -226,7 +250,7 @@ impl Results {
     /// In the peak rates, replaces the devices' names by the names that the plan uses. A device's name depends on the
     /// machine's other devices, so an earlier session may have used another name.
     fn rename_peak(&mut self, plan: &CurrentPlan) -> Result<()> {
-        // An earlier plan that cannot be read names nothing; the new plan replaces it.
+        // If the folder's earlier plan cannot be read, it is treated as empty, since the new plan replaces it.
         let earlier = CurrentPlan::read(&self.folder).ok().flatten().unwrap_or_default();
         let of_records = self.past.records.iter().map(|record| (record.key.as_str(), record.device.as_str()));
         let points = || earlier.devices().into_iter().chain(of_records.clone());
@@ -268,13 +292,15 @@ impl Past {
         let controls = lines_of::<Record>(folder, CONTROLS)?;
         let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
         let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
+        let ends = lines_of::<LaunchEnd>(folder, LAUNCHES)?;
         // A launch's number is never used again, even if a journal was lost or damaged: records whose launches have the
         // same numbers are compared as if they had been measured together.
         let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
         let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
-        let next = of_records.chain(of_lines).max().map_or(0, |last| last.saturating_add(1));
+        let of_ends = ends.iter().map(|end| end.launch);
+        let next = of_records.chain(of_lines).chain(of_ends).max().map_or(0, |last| last.saturating_add(1));
         let past = Self::of(records, samples);
-        Ok(Self { rounds, next_launch: past.next_launch.max(next), ..past })
+        Ok(Self { rounds, ends: by_launch(ends), next_launch: past.next_launch.max(next), ..past })
     }
 
     fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
@@ -312,11 +338,16 @@ impl Past {
     }
 }
 
+/// Returns the ends of launches by the launches' numbers.
+fn by_launch(ends: Vec<LaunchEnd>) -> HashMap<u32, LaunchEnd> {
+    ends.into_iter().map(|end| (end.launch, end)).collect()
+}
+
 /// Writes the environment; the file of the previous run is renamed and kept.
 fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     let path = folder.join(ENVIRONMENT);
     if path.exists() {
-        let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
+        let earlier = |number: usize| folder.join(earlier_environment(number));
         let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
         std::fs::rename(&path, &free).map_err(|error| Error::unwritable(&free, &error))?;
     }
@@ -326,6 +357,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::StopReason;
     use crate::record::Outcome;
 
     fn record(key: &str, outcome: Outcome) -> Record {
@@ -379,28 +411,66 @@ mod tests {
         let peak = |device: &str, driver: &str| Peak {
             device: device.into(),
             driver: driver.into(),
-            ..Peak::default()
+            ..crate::peak::fixtures::rates()
         };
         let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
-        first.keep_peak(vec![peak("cpu", "1"), peak("gpu", "1")]).unwrap();
+        first.keep_peak(vec![peak("cpu", "1"), peak("gpu", "1")], &[]).unwrap();
         drop(first);
         let mut second = Results::resume(folder.path(), &Environment::default()).unwrap();
-        second.keep_peak(vec![peak("gpu", "2")]).unwrap();
+        second.keep_peak(vec![peak("gpu", "2")], &[]).unwrap();
         let expected = [peak("gpu", "2"), peak("cpu", "1")];
         assert_eq!(second.peak(), expected);
         assert_eq!(Peak::stored_in(folder.path()).unwrap(), expected);
+    }
+
+    /// The folder's rates are from an earlier session, in which the device had another driver or other settings.
+    #[test]
+    fn rates_of_a_device_with_another_driver_or_in_another_state_are_left_out() {
+        let device = super::super::asleep::device(1.0);
+        let peak = |driver: &str, state: Option<String>| Peak {
+            device: device.label.clone(),
+            platform: device.platform.clone(),
+            driver: driver.into(),
+            state,
+            ..crate::peak::fixtures::rates()
+        };
+        let now = device.driver.as_str();
+        let other = Peak { device: "another".into(), ..peak("another", None) };
+        for (own, is_usable) in [
+            (peak(now, Some(device.state())), true),
+            (peak(now, None), true),
+            (peak(now, Some("9 compute units".into())), false),
+            (peak("another", None), false),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
+            first.keep_peak(vec![own.clone(), other.clone()], &[]).unwrap();
+            drop(first);
+            let mut second = Results::resume(folder.path(), &Environment::default()).unwrap();
+            let left_out = second.keep_peak(Vec::new(), &[&device]).unwrap();
+            let (usable, outdated): (Vec<Peak>, Vec<Peak>) = match is_usable {
+                true => (vec![own, other.clone()], Vec::new()),
+                false => (vec![other.clone()], vec![own]),
+            };
+            assert_eq!((second.peak(), &left_out), (&usable[..], &outdated));
+            assert_eq!(Peak::stored_in(folder.path()).unwrap(), usable);
+        }
     }
 
     #[test]
     fn rates_get_the_names_that_a_later_session_gives_to_their_devices() {
         let folder = tempfile::tempdir().unwrap();
         let peaks = |devices: &[&str]| -> Vec<Peak> {
-            devices.iter().map(|device| Peak { device: (*device).into(), ..Peak::default() }).collect()
+            devices
+                .iter()
+                .map(|device| Peak { device: (*device).into(), ..crate::peak::fixtures::rates() })
+                .collect()
         };
         let of = |key: &str, device: &str| Record { device: device.into(), ..record(key, Outcome::Measured) };
         let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
-        first.keep_peak(peaks(&["gpu", "cpu", "other"])).unwrap();
-        // The first session finished a point of the CPU, and none of the GPU. Its plan names the devices of all points.
+        first.keep_peak(peaks(&["gpu", "cpu", "other"]), &[]).unwrap();
+        // The first session finished a point of the CPU, and none of the GPU. The first session's plan names the
+        // devices of all points.
         first.record(&of("b", "cpu")).unwrap();
         first.plan(&CurrentPlan::of(&[of("a", "gpu"), of("b", "cpu")])).unwrap();
         assert_eq!(first.peak(), peaks(&["gpu", "cpu", "other"]));
@@ -423,10 +493,18 @@ mod tests {
         earlier.anchor(&AnchorSample { launch: 4, ms: 2.5, ..AnchorSample::default() }).unwrap();
         let load = RoundLoad { launch: 4, ms: 3.5, core_to_core_ns, ..RoundLoad::default() };
         earlier.load(&load).unwrap();
+        let end = |launch: u32| LaunchEnd {
+            launch,
+            stop_reason: StopReason::Precise,
+            samples: [("a".to_owned(), 1)].into(),
+        };
+        earlier.launch_end(&end(4)).unwrap();
         drop(earlier);
         let results =
             Results::of_attempt(&second, &Environment::default(), "node7", &[first], false, false).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
+        assert_eq!(results.past().ends, HashMap::from([(0, end(0))]));
+        assert_eq!(lines_of::<LaunchEnd>(&second, LAUNCHES).unwrap(), [end(0)]);
         // Latencies of the earlier attempt are not used, since it may have run on another machine.
         let taken = &results.past().samples["a"][0];
         assert_eq!((results.near_ns(), taken.core_to_core_ns), (f64::INFINITY, None));
@@ -447,7 +525,7 @@ mod tests {
             let results = Results::resume(folder.path(), &Environment::default()).unwrap();
             results.past().records.len()
         };
-        for name in [ANCHORS, ROUNDS, CONTROLS, SAMPLES] {
+        for name in [ANCHORS, ROUNDS, CONTROLS, LAUNCHES, SAMPLES] {
             std::fs::write(folder.path().join(name), "nonsense\n").unwrap();
             assert_eq!(resumed(), 1, "{name}");
         }
@@ -478,5 +556,7 @@ mod tests {
         assert_eq!(next(&|results| results.anchor(&anchor).unwrap()), 7);
         let sample = Sample { launch: 7, ..Sample::default() };
         assert_eq!(next(&|results| results.sample(&sample).unwrap()), 8);
+        let end = LaunchEnd { launch: 8, stop_reason: StopReason::Precise, samples: Default::default() };
+        assert_eq!(next(&|results| results.launch_end(&end).unwrap()), 9);
     }
 }

@@ -47,9 +47,9 @@ type Timed = (f64, bool);
 /// stands for a point that failed.
 type Samples = [Option<Vec<Timed>>];
 
-/// Returns a number that no other round of any launch has. Each launch has its own random orders of the points. An
-/// order affects a point's time, for example through the frame that was cast before, and this effect therefore differs
-/// from launch to launch and widens the intervals.
+/// Returns a number that no other round of any launch has. The random order of the points in a round depends on this
+/// number, so each launch has its own orders. An order affects a point's time, for example through the frame that was
+/// cast before, and this effect therefore differs from launch to launch and widens the intervals.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
@@ -254,7 +254,8 @@ mod tests {
     fn a_sample_that_does_not_count_is_taken_again_at_the_end_of_its_round() -> Result<()> {
         let mut fake = Fake { lost: vec![3], ..Fake::default() };
         assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
-        // The second round begins with the third cast.
+        // The second round begins with the third cast, whose sample does not count. The fifth cast repeats it at the
+        // end of the round.
         assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
         // The repeated sample replaces the one that does not count.
         let mut samples = [Some(Vec::new()), Some(Vec::new())];

@@ -5,7 +5,7 @@ use super::asleep;
 use super::piece::Piece;
 use super::protocol::Job;
 use super::{Block, Fault, Plan};
-use crate::config::{Experiment, SceneChoice};
+use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::error::Result;
@@ -87,9 +87,10 @@ impl Run<'_> {
         if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
 
-    /// Loads the experiment's scenes, in the experiment's order.
+    /// Loads the experiment's scenes for images of the first image size, in the experiment's order.
     pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
-        self.experiment.scenes.iter().map(SceneChoice::load).collect()
+        let first_size = self.experiment.image_sizes.first().copied().unwrap_or([1, 1]);
+        self.experiment.scenes.iter().map(|choice| choice.load(first_size)).collect()
     }
 
     /// Returns the jobs of the run's workers: one per device, or a single one for the host if there are no devices.

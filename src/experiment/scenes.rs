@@ -1,34 +1,38 @@
 //! Prepares the scenes of an experiment: only one of several scenes with the same content is measured, and scenes with
 //! different contents get different names.
 
-use super::draft::of_scene;
-use crate::config::Experiment;
+use super::draft::{Hashed, of_scene};
+use crate::config::{Experiment, SceneChoice};
 use crate::error::Result;
 use crate::record::{Record, tell_scenes_apart};
 
 /// Loads the scenes of an experiment, one at a time. Of several scenes with the same content, keeps only the first one,
-/// which gets a note for each of the others. Gives the scenes the names that they have in results. Points of scenes
-/// with the same content would have the same keys, so the plan would count a measurement several times although it is
-/// made only once.
+/// which gets a note for each scene that is left out. Gives the scenes the names that they have in results. Points of
+/// scenes with the same content would have the same keys, so the plan would count a measurement several times although
+/// it is made only once.
 ///
 /// # Errors
 ///
 /// Fails if a scene cannot be loaded.
 pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
-    let (mut originals, mut copies) = (Vec::<Record>::new(), Vec::new());
+    let (mut originals, mut contents) = (Vec::<Record>::new(), Vec::<Vec<String>>::new());
+    let (mut copies, shapes) = (Vec::new(), experiment.shapes());
     for (index, choice) in experiment.scenes.iter().enumerate() {
-        let scene = of_scene(choice, &choice.load()?.into());
-        match originals.iter().position(|other| other.scene_hash == scene.scene_hash) {
+        let (scene, hashes) = identified(choice, &shapes)?;
+        match contents.iter().position(|other| *other == hashes) {
             Some(original) => copies.push((index, original, scene)),
-            None => originals.push(scene),
+            None => {
+                originals.push(scene);
+                contents.push(hashes);
+            }
         }
     }
     let names: Vec<String> = copies.iter().map(|(.., copy)| name_of_copy(copy, &originals)).collect();
     tell_scenes_apart(&mut originals);
     experiment.leave_out(copies.iter().map(|(index, ..)| *index).collect());
-    for (choice, scene) in experiment.scenes.iter_mut().zip(&originals) {
+    for ((choice, scene), hashes) in experiment.scenes.iter_mut().zip(&originals).zip(contents) {
         choice.name = Some(scene.scene.clone());
-        choice.hash.clone_from(&scene.scene_hash);
+        choice.hashes = hashes;
     }
     for ((_, original, _), copy) in copies.into_iter().zip(names) {
         let name = &originals[original].scene;
@@ -36,6 +40,21 @@ pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
         experiment.scenes[original].notes.push(note);
     }
     Ok(experiment)
+}
+
+/// Returns a record that only identifies a scene, and the hashes of the scene's content: if raycl places the camera,
+/// one hash for images of each of the `shapes`, otherwise a single hash.
+fn identified(choice: &SceneChoice, shapes: &[[u32; 2]]) -> Result<(Record, Vec<String>)> {
+    let (mut scene, mut hashes) = (Record::default(), Vec::new());
+    for &shape in shapes {
+        let at = Hashed::load(choice, shape)?;
+        scene = of_scene(choice, &at);
+        hashes.push(at.hash);
+        if at.framed_for.is_none() {
+            break;
+        }
+    }
+    Ok((scene, hashes))
 }
 
 /// Returns the name of a scene that is left out. If a scene that is kept has the same name, returns the file of the
@@ -50,8 +69,10 @@ fn name_of_copy(copy: &Record, originals: &[Record]) -> String {
 mod tests {
     use super::super::{Past, Plan, asleep, dry_run, fixtures};
     use super::*;
-    use crate::config::{self, SceneChoice};
+    use crate::config;
     use crate::record::CurrentPlan;
+    use crate::scene::{Shot, load_scene_for};
+    use std::path::Path;
     use tempfile::TempDir;
 
     /// Returns an experiment with these scenes, and its folder. The folder has three files `tri.toml`, in `a`, `b` and
@@ -110,6 +131,34 @@ mod tests {
         assert_eq!(labels(&distinct), ["a/tri", "c/tri", "named"]);
         assert!(distinct.left_out.is_empty() && distinct.scenes.iter().all(|choice| choice.notes.is_empty()));
         assert_eq!(Plan::new(&distinct, 1).points[0].label(&distinct), "a/tri 8x5 naive 4x4");
+    }
+
+    #[test]
+    fn raycl_places_a_camera_for_the_shape_of_the_images_as_render_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, scene: &str| std::fs::write(folder.path().join(name), scene).unwrap();
+        of("bar.obj", "v 0 0 0\nv 9 0 0\nv 0 1 2\nf 1 2 3\n");
+        of("from-left.toml", "camera = { azimuth_degrees = -90 }\nobject = [{ mesh = 'bar.obj' }]\n");
+        of("placed.toml", "camera = { position = [0, 1, 9] }\nobject = [{ mesh = 'bar.obj' }]\n");
+        let text = "question = '?'\nexpectation = '!'\nimage_sizes = [[40, 100], [100, 40], [20, 50], 16]\n\
+                    scenes = ['bar.obj', 'from-left.toml', 'placed.toml']\nbaselines = ['serial']\n";
+        let all = config::parse(&folder.path().join("test.toml"), text.to_owned(), &[]).unwrap();
+        let (experiment, locks) = (distinct_scenes(all).unwrap(), fixtures::own_locks());
+        let run = fixtures::run(&experiment, &[], &locks);
+        let hash = |file: &str, [width, height]: [u32; 2]| {
+            let shot = Shot { aspect: f64::from(width) / f64::from(height), ..Shot::SQUARE };
+            load_scene_for(Path::new(file), &[], shot).unwrap().scene.content_hash()
+        };
+        for pending in run.pending_points(&run.plan(), &run.plan().whole()).unwrap().iter().flatten() {
+            let (size, file) = (pending.record.image_size, pending.record.scene_file.as_ref().unwrap());
+            assert_eq!(pending.record.scene_hash, Some(hash(file, size)), "{file} {size:?}");
+        }
+        let counts = experiment.scenes.iter().map(|choice| choice.hashes.len());
+        assert_eq!(counts.collect::<Vec<_>>(), [3, 3, 1], "one hash for each of the three shapes");
+        let mut hashes: Vec<&String> = experiment.scenes.iter().flat_map(|choice| &choice.hashes).collect();
+        hashes.sort();
+        hashes.dedup();
+        assert_eq!(hashes.len(), 7);
     }
 
     #[test]

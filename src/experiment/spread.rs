@@ -8,10 +8,11 @@ use super::launches::{Waiting, serve};
 use super::result_sink::{FolderSink, ResultSink};
 use super::results::MeasuredOn;
 use super::supervisor::{Spawner, Supervisor};
-use crate::error::Result;
-use crate::record::{AnchorSample, Record, RoundLoad};
+use crate::error::{Error, Result};
+use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::Builder;
 
 /// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of a
 /// group are measured on the same device. Groups of casters on the host are measured first, while no other group is
@@ -40,11 +41,15 @@ pub fn measure_spread(
         let (work, kernels) = (&work, &kernels);
         let threads: Vec<_> = spawners
             .into_iter()
-            .map(|(device, mut spawner)| scope.spawn(move || work(kernels, device, spawner.as_mut())))
+            .map(|(device, mut spawner)| {
+                Builder::new().spawn_scoped(scope, move || work(kernels, device, spawner.as_mut()))
+            })
             .collect();
-        let ended = threads.into_iter().map(|thread| match thread.join() {
-            Ok(end) => end,
-            Err(panic) => std::panic::resume_unwind(panic),
+        let ended = threads.into_iter().map(|thread| {
+            match thread.map_err(|error| Error::no_thread(&error))?.join() {
+                Ok(end) => end,
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
         });
         // Waits for all devices, even if one failed.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
@@ -55,7 +60,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A sink that receives the results of several devices.
+/// A sink (a receiver of results) that the threads of several devices use. It stores all results in one folder.
 struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut FolderSink<'k>>);
 
 impl ResultSink for Shared<'_, '_, '_> {
@@ -85,6 +90,10 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).sample(record, round, measured_by, taken)
     }
 
+    fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
+        locked(self.0).launch_end(end)
+    }
+
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
         locked(self.0).load(load)
     }
@@ -103,6 +112,10 @@ impl ResultSink for Shared<'_, '_, '_> {
 
     fn past(&self, key: &str) -> Vec<Taken> {
         locked(self.0).past(key)
+    }
+
+    fn past_end(&self, launch: u32) -> Option<LaunchEnd> {
+        locked(self.0).past_end(launch)
     }
 
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {

@@ -1,5 +1,5 @@
-//! Keeps a run going when workers fail. If a worker dies or hangs, at most its current point fails, and the next
-//! request goes to a new worker.
+//! Keeps a run going when workers (the processes that cast points for the run) fail. If a worker dies or hangs, at most
+//! its current point fails, and the next request goes to a new worker.
 
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
@@ -13,29 +13,30 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting run checks whether the user has interrupted it.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Number of workers that a point may kill before raycl gives up on it. The first worker may have died from an
-/// outside cause.
+/// Number of workers that may die while they serve requests about a point, before raycl gives up on the point and
+/// records it as crashed. The first worker may have died from an outside cause.
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
 
 /// Starts workers.
 pub trait Spawner {
-    /// Starts a worker for the job with this number. The worker's first reply is [`Reply::Started`].
+    /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
+    /// kernels. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
 }
 
 /// A worker serves requests one after another, until it dies or is dropped.
 pub trait Worker {
-    /// Sends a request. If the worker is dead, `wait` reports that.
+    /// Sends a request. If the worker is dead, the next call of `wait` reports the death.
     fn send(&mut self, request: &Request);
     /// Waits for the reply.
     fn wait(&mut self, limit: Duration) -> Wait;
-    /// Tells the worker that no request will follow, so that several workers can end at the same time.
+    /// Tells the worker to end, since no request will follow, so that several workers can end at the same time.
     fn dismiss(&mut self) {}
 }
 
-/// The result of waiting.
+/// The result of waiting for a worker's reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
     /// The reply.
@@ -82,7 +83,7 @@ impl Quiet {
     }
 }
 
-/// Why there was no reply.
+/// Why a worker did not reply: it died, or it did not reply within this time limit.
 enum Loss {
     Died(Death),
     HungFor(Duration),
@@ -116,27 +117,27 @@ struct Post {
     ready: HashSet<usize>,
 }
 
-/// The result of a check: the point's record, and whether the point can be cast. If it cannot be cast, the record says
-/// why.
+/// The result of a check, in which a worker casts a point once and compares its picture with the reference: the point's
+/// record, and whether the point can be cast. If it cannot be cast, the record says why.
 pub type Checked = (Box<Record>, bool);
 
 /// Sends requests to workers, and replaces workers that are lost.
 pub struct Supervisor<'a> {
     spawner: &'a mut dyn Spawner,
     interrupted: &'a AtomicBool,
-    /// The time limit for one step of a point.
+    /// The time limit for one step of a point: its check, or one of its samples.
     limit: Duration,
-    /// Workers by job and scene.
+    /// The running workers, by the numbers of their jobs and scenes.
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started early, and have not yet reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// The number of the current launch.
     launch: u32,
-    /// Number of workers that each point has killed, by the worker's job and the point.
+    /// For each job and point: the number of workers of the job that died while they served a request about the point.
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
-    /// Jobs on whose devices the anchor failed.
+    /// The numbers of the jobs on whose devices the anchor failed. The anchor is not run again for these jobs.
     without_anchor: HashSet<usize>,
 }
 
@@ -177,8 +178,8 @@ impl<'a> Supervisor<'a> {
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker keeps its scene if the scene is still needed. The job's other workers take over needed scenes that
-        // no worker has.
+        // A worker keeps its scene if the scene is still needed. If no worker has a needed scene, a worker of the same
+        // job whose scene is no longer needed takes this scene over.
         let (needed, mut free): (Vec<_>, Vec<_>) =
             self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(needed);
@@ -254,8 +255,8 @@ impl<'a> Supervisor<'a> {
 
     /// Runs the anchor of the device on which a point was cast. Returns `None` if the point has no worker, or if the
     /// anchor has already failed on the device: a failed anchor is not run again. If the anchor fails, returns the
-    /// reason, which does not end the run, and drops the worker: the context of a GPU may be unusable after a fault,
-    /// and every later point of this worker would fail too.
+    /// reason and drops the worker, but the run continues. The worker is dropped because the context of a GPU may be
+    /// unusable after a fault; every later point of this worker would then fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
         if self.without_anchor.contains(&task.job) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
@@ -272,9 +273,9 @@ impl<'a> Supervisor<'a> {
         Ok(Some(Err(error)))
     }
 
-    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
-    /// dropped. So is a worker that reports a failed launch, since the context of a GPU may be unusable after a fault:
-    /// every later point of this worker would then fail too.
+    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is dropped. A
+    /// worker is also dropped if it reports that its device refused or failed to run a kernel. The context of a GPU may
+    /// be unusable after a fault, and every later point of this worker would then fail too.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
@@ -295,8 +296,8 @@ impl<'a> Supervisor<'a> {
         Ok(answer)
     }
 
-    /// Starts a worker and waits until its device is open. An error ends the run. The run's remaining points do not
-    /// count as failed, and a later session measures them.
+    /// Starts a worker and waits until its device is open. If no worker can be started, the error ends the run. The
+    /// run's remaining points do not count as failed, and a later session measures them.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
         if let Some(mut worker) = self.starting.remove(&post)
             && self.opens(worker.as_mut())?.is_ok()
@@ -329,7 +330,8 @@ impl<'a> Supervisor<'a> {
         loop {
             match quiet.wait(worker) {
                 Wait::Reply(reply) => return Ok(Ok(reply)),
-                // An interruption may end workers too, and such a death is not the point's fault.
+                // Whatever interrupted the run may have ended the worker too, so its death does not count as a failure
+                // of the point.
                 Wait::Dead(death) => {
                     self.stop_if_interrupted()?;
                     return Ok(Err(Loss::Died(death)));
@@ -384,7 +386,7 @@ fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
 }
 
 impl Loss {
-    /// Formats the loss for a sentence whose subject is the worker: "was killed by SIGSEGV".
+    /// Formats the loss of a worker for a sentence whose subject is the worker: "was killed by SIGSEGV".
     fn describe(&self) -> String {
         match self {
             Self::Died(death) => death.describe(),

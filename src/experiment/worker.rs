@@ -22,7 +22,7 @@ use std::sync::mpsc::{Receiver, channel};
 /// Serves requests until standard input ends.
 pub fn serve() -> Result<()> {
     ignore_interrupts()?;
-    let lines = input_lines();
+    let lines = input_lines()?;
     let Ok(line) = lines.recv() else { return Ok(()) };
     let job: Job = parse(&line)?;
     match work(&job, &lines) {
@@ -31,7 +31,7 @@ pub fn serve() -> Result<()> {
     }
 }
 
-/// Opens the job's device and serves requests.
+/// Opens the device that the job (the worker's task) names, and serves requests.
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let sources = Sources::of(job.cl_dir.clone())?;
     let mut experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
@@ -77,17 +77,18 @@ fn ignore_interrupts() -> Result<()> {
 
 /// Reads standard input line by line. The end of standard input means that the run has ended. The process then ends at
 /// once, since a worker that hangs in a driver would otherwise never end.
-fn input_lines() -> Receiver<String> {
+fn input_lines() -> Result<Receiver<String>> {
     let (sender, lines) = channel();
-    std::thread::spawn(move || {
+    let read = move || {
         for line in std::io::stdin().lock().lines().map_while(std::result::Result::ok) {
             if sender.send(line).is_err() {
                 break;
             }
         }
         signal_hook::low_level::exit(0);
-    });
-    lines
+    };
+    std::thread::Builder::new().spawn(read).map_err(|error| Error::no_thread(&error))?;
+    Ok(lines)
 }
 
 /// Opens the device with this identity, unless it is another device than the one with which the run began.

@@ -5,7 +5,7 @@ use image::{Rgb, RgbImage};
 /// The colour of pixels with a value that is not finite, and of pixels that only one of two compared pictures has. This
 /// colour does not occur in the colour map.
 pub const WRONG: [u8; 3] = [255, 0, 0];
-/// Height in pixels of the scale below a picture.
+/// Height in pixels of the colour scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;
 
 /// Nine evenly spaced colours of the colour map viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose lightness
@@ -89,7 +89,7 @@ fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
     }
 }
 
-/// Returns a character's five rows of three dots.
+/// Returns a character's five rows of three dots; the lowest three bits of a byte are the dots of a row.
 fn glyph(character: char) -> [u8; 5] {
     match character {
         '-' => [0, 0, 7, 0, 0],

@@ -9,7 +9,7 @@ use std::io::{Cursor, ErrorKind};
 const PNG_SIGNATURE_BYTES: usize = 8;
 /// Number of bytes of a PNG's chunk for its type and its checksum, beside those for its length and its data.
 const PNG_CHUNK_BYTES: usize = 8;
-/// Why a picture cannot be decoded whose last bytes are missing.
+/// The message about a picture whose last bytes are missing.
 const CUT_OFF: &str = "the file ends before the picture does";
 
 /// Returns a reader of a picture. The format follows from the picture's first bytes. If they fit no known format, it is
@@ -36,8 +36,8 @@ pub fn picture_reader(
 }
 
 /// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png` names a chunk
-/// in the form of Rust's debug output, of which only the chunk's type remains. Several decoders report a file that is
-/// cut off as an error of reading, which says nothing about the file.
+/// in the form of Rust's debug output; the returned text has only the chunk's type. Several decoders report a file that
+/// is cut off as an error of reading, which says nothing about the file.
 pub fn decoder_message(error: ImageError) -> String {
     if matches!(&error, ImageError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof) {
         return CUT_OFF.to_owned();

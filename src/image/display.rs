@@ -37,10 +37,10 @@ pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
     RgbaImage::from_raw(image.width, image.height, bytes.into_flattened())
 }
 
-/// Number of pixels that a thread transforms at a time.
+/// Number of pixels that a thread converts to displayed values at a time.
 pub const TOGETHER: usize = 1024;
 
-/// The display transform, as tables.
+/// The display transform (exposure, gamma and conversion to 8 bits), as tables.
 pub struct Shown(Thresholds);
 
 impl Shown {
@@ -67,14 +67,14 @@ impl Shown {
     }
 }
 
-/// Computes the transform of one channel.
-fn transform(radiance: f32, display: Display) -> u8 {
+/// Computes the display transform of one channel.
+pub fn transform(radiance: f32, display: Display) -> u8 {
     let exposed = (f64::from(display.exposure) * f64::from(radiance)).clamp(0.0, 1.0);
     (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // truncates; NaN is 0
 }
 
-/// The transform as tables. A power or a binary search for every channel would take longer than writing the
-/// file.
+/// The display transform of one channel, as tables. A power or a binary search for every channel would take longer than
+/// writing the file.
 struct Thresholds {
     /// For each value from 1 to 255, the smallest radiance that is shown as this value or a greater one; the first
     /// element is for the value 1. The last element is NaN, so that no radiance reaches it.

@@ -138,7 +138,20 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
+/// Turns a grey picture into one with three colour channels of as many bits. To make floats, the crate `image` divides
+/// the values of colour channels, but multiplies grey values by a rounded factor, so that equal values would differ.
+fn with_colour_channels(picture: DynamicImage) -> DynamicImage {
+    match picture {
+        DynamicImage::ImageLuma8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),
+        DynamicImage::ImageLumaA8(_) => DynamicImage::ImageRgba8(picture.into_rgba8()),
+        DynamicImage::ImageLuma16(_) => DynamicImage::ImageRgb16(picture.into_rgb16()),
+        DynamicImage::ImageLumaA16(_) => DynamicImage::ImageRgba16(picture.into_rgba16()),
+        coloured => coloured,
+    }
+}
+
 fn radiance(picture: DynamicImage, exposure: HdrExposure) -> Radiance {
+    let picture = with_colour_channels(picture);
     let (width, height) = (picture.width(), picture.height());
     if !picture.color().has_alpha() {
         let pixels = picture.into_rgb32f().pixels().map(|pixel| exposure.radiance(pixel.0)).collect();
@@ -295,7 +308,7 @@ mod tests {
         for (written, read) in image.pixels.iter().zip(&read.pixels) {
             let most = f64::from(written.iter().copied().fold(0.0, f32::max));
             let step = 2.0_f64.powi(most.log2().floor() as i32 - 7);
-            // 256 steps do not fit a byte, but 128 steps of twice the size do.
+            // A byte cannot hold 256 steps, but it can hold 128 steps of twice the size.
             let step = if most >= 255.5 * step { 2.0 * step } else { step };
             let errors = [0, 1, 2].map(|i| (f64::from(read[i]) - f64::from(written[i])) / step);
             assert!(errors.iter().all(|error| error.abs() < 0.500_1), "{written:?}: {read:?}");
@@ -334,7 +347,7 @@ mod tests {
         let (_folder, path) = saved("picture.jpg", &gradient(61, 37));
         let bytes = std::fs::read(path).unwrap();
         let begin = bytes.windows(2).position(|marker| marker == [0xff, 0xfe]).unwrap() + 2;
-        // The length counts its own two bytes. Another marker follows the comment.
+        // The length of the comment's segment counts its own two bytes. Another marker follows the comment.
         let after = begin + usize::from(u16::from_be_bytes([bytes[begin], bytes[begin + 1]]));
         assert!(bytes[begin + 2..after].starts_with(b"made by raycl"), "{:?}", &bytes[..after]);
         assert!(bytes[after] == 0xff && bytes[after + 1] != 0, "{:?}", &bytes[after..after + 2]);
@@ -412,15 +425,15 @@ mod tests {
         }
     }
 
-    /// Returns a file whose beginning, up to the end of the mark, comes from one picture, and whose rest comes from
-    /// another picture.
+    /// Returns a file whose beginning, up to the end of the mark by which raycl recognises its own files, comes from
+    /// one picture, and whose rest comes from another picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };
             let (_folder, path) = saved(name, &image);
             std::fs::read(path).unwrap()
         });
-        // Returns the offset of the mark's end: a hash of 64 digits follows the label.
+        // Returns the offset of the mark's end. A mark ends with this label and a hash of 64 digits.
         let mark = |bytes: &[u8]| {
             let label = b"blake3 of the rest: ";
             bytes.windows(label.len()).position(|window| window == label).unwrap() + label.len() + 64
@@ -548,6 +561,39 @@ mod tests {
             assert_eq!(read(name, [51, 255]), [0.2, 1.0], "{name}");
             assert!(read(name, [255, 255]).is_empty(), "{name}");
         }
+    }
+
+    #[test]
+    fn a_grey_picture_has_the_values_of_the_same_picture_in_colour() {
+        use image::{ImageBuffer, Luma, LumaA, Rgb, Rgba};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let read = |picture: DynamicImage| {
+            picture.save(&path).unwrap();
+            read_picture(&path).unwrap().0
+        };
+        let is_read_alike = |grey: DynamicImage, coloured: DynamicImage| {
+            let colour = grey.color();
+            let [grey, coloured] = [grey, coloured].map(read);
+            assert!(grey.pixels == coloured.pixels, "{colour:?}");
+            assert!(grey.coverage == coloured.coverage, "{colour:?}: alpha");
+        };
+        // Each picture has all values that its number of bits allows.
+        let grey = ImageBuffer::from_fn(256, 1, |x, _| Luma([x as u8]));
+        let coloured = ImageBuffer::from_fn(256, 1, |x, _| Rgb([x as u8; 3]));
+        is_read_alike(DynamicImage::ImageLuma8(grey), DynamicImage::ImageRgb8(coloured.clone()));
+        let opaque = ImageBuffer::from_fn(256, 1, |x, _| LumaA([x as u8, 255]));
+        is_read_alike(DynamicImage::ImageLumaA8(opaque), DynamicImage::ImageRgb8(coloured));
+        let grey = ImageBuffer::from_fn(256, 1, |x, _| LumaA([x as u8; 2]));
+        let coloured = ImageBuffer::from_fn(256, 1, |x, _| Rgba([x as u8; 4]));
+        is_read_alike(DynamicImage::ImageLumaA8(grey), DynamicImage::ImageRgba8(coloured));
+        let value = |x: u32, y: u32| (x + 256 * y) as u16;
+        let grey = ImageBuffer::from_fn(256, 256, |x, y| Luma([value(x, y)]));
+        let coloured = ImageBuffer::from_fn(256, 256, |x, y| Rgb([value(x, y); 3]));
+        is_read_alike(DynamicImage::ImageLuma16(grey), DynamicImage::ImageRgb16(coloured));
+        let grey = ImageBuffer::from_fn(256, 256, |x, y| LumaA([value(x, y); 2]));
+        let coloured = ImageBuffer::from_fn(256, 256, |x, y| Rgba([value(x, y); 4]));
+        is_read_alike(DynamicImage::ImageLumaA16(grey), DynamicImage::ImageRgba16(coloured));
     }
 
     #[test]

@@ -63,7 +63,7 @@ impl Encoding {
             let (rows, sender) = (rows.to_vec(), self.done.0.clone());
             let (number, width, quality) = (self.begun, self.cut.width, self.quality);
             self.begun += 1;
-            // If the receiver is gone, the band is no longer needed.
+            // If the receiver of encoded bands is gone, this band is no longer needed.
             rayon::spawn(move || drop(sender.send((number, band(&rows, width, quality)))));
         }
     }
@@ -79,7 +79,7 @@ impl Encoding {
     }
 }
 
-/// The division of a picture into bands.
+/// The division of a picture into bands: rows that are encoded as JPEGs of their own.
 #[derive(Clone, Copy)]
 struct Cut {
     width: u32,
@@ -102,7 +102,7 @@ impl Cut {
         (3 * self.width as usize * self.rows()).max(1)
     }
 
-    /// Joins the bands' files into one.
+    /// Joins the JPEG files of all bands into one.
     fn joined(self, mut bands: Vec<Vec<u8>>, height: u32) -> ImageResult<Vec<u8>> {
         if bands.len() == 1 {
             return Ok(bands.remove(0));
@@ -122,8 +122,8 @@ fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
     Ok(file)
 }
 
-/// Joins the scan data of all bands, with a marker between bands. The header is that of the first band, changed to
-/// the full height.
+/// Joins the scan data (compressed pixels) of all bands, with a restart marker between bands. The header is that of the
+/// first band, changed to the full height.
 fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;

@@ -11,15 +11,16 @@ mod incoming;
 mod jpeg;
 mod layers;
 mod movie;
+mod stated;
 
-pub use colour::viridis;
+pub use colour::{SCALE_HEIGHT, viridis};
 pub use compare::{
     RELATIVE_LIMIT, alpha_difference, dark_floor, difference_image, psnr_db, relative_difference,
 };
 #[cfg(test)]
 pub use decode::ODD_PALETTE;
 pub use decode::{decoder_message, picture_reader};
-pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8};
+pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
     Values, check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8,
     shows_8_bits,
@@ -28,6 +29,7 @@ pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
+pub use stated::{check_channels, header_remarks};
 
 use rayon::prelude::*;
 

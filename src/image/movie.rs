@@ -51,7 +51,7 @@ impl Movie {
         }
     }
 
-    /// Writes frames as they arrive, each with its display transform.
+    /// Writes frames as they arrive, each with its own display transform (exposure and gamma).
     pub fn write(&self, frames: impl Iterator<Item = (Radiance, Display)>) -> Result<()> {
         match self.format {
             Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),

@@ -17,7 +17,7 @@ pub struct Alone {
 
 impl Alone {
     /// Builds a program from three parts: `before` defines macros that the kernel files need, `files` names these
-    /// kernel files, and `after` has kernels that use them.
+    /// kernel files, and `after` has kernels that call the functions of these files.
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let queue = Queue::open(&device).unwrap();

@@ -1,4 +1,5 @@
-//! The arguments of kernels, bound by the parameters' names in the manifest.
+//! Passes arguments to kernels. Each argument belongs to the parameter of the same name in the manifest
+//! (`crate::manifest`, raycl's table of kernels with their parameters).
 
 use super::LaunchError;
 use crate::manifest::{self, Fact};
@@ -59,8 +60,9 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // Two counters are buffers of `i32` here and of `uint` in kernels: how much of the heap of working vectors
-            // is used, and how many entries the queue of leftover shadow rays has.
+            // Two counters are buffers of `i32` here and of `uint` in kernels. One counts the used values of the heap,
+            // the buffer from which kernels allocate working vectors. The other counts the entries of the queue of
+            // leftover shadow rays.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain both floats and integers.
             Self::Words(_) => (true, &["uint", "float", "Index"]),
@@ -78,7 +80,7 @@ impl<'a> Argument<'a> {
     }
 
     /// Binds the value to the kernel's next parameter. Parameters that depend on the camera, the sample or the
-    /// background can be bound again, by their names.
+    /// background can be bound to other values later, by their names.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -108,7 +110,8 @@ pub(super) const SOFT: &str = "soft";
 /// The name of a parameter that kernels have only for frames with several samples per pixel.
 pub(super) const WANTED: &str = "wanted";
 
-/// Arguments by parameter name. A kernel uses only the arguments for which it has a parameter.
+/// A list of arguments, each with the name of its parameter. A kernel uses only the arguments for which it has a
+/// parameter.
 #[derive(Clone, Default)]
 pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
 
@@ -129,7 +132,8 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// Binds the arguments of a strategy's kernel, in the manifest's order.
+    /// Binds the arguments of a strategy's kernel, in the order in which the manifest (the table of kernels) lists the
+    /// kernel's parameters.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,

@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The answer for an undefined macro.
 const ABSENT: i64 = i64::MIN;
 
-/// Preprocesses a program as the device's compiler would. If a condition uses a macro that the compiler itself defines,
-/// a kernel is run to find the macro's value.
+/// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a macro that the compiler
+/// itself defines, a kernel is run to find the macro's value.
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let (mut given, mut absent) = (BTreeMap::new(), BTreeSet::new());
     loop {

@@ -1,11 +1,12 @@
-//! Bands of a frame: whole rows of work-groups. Several devices cast one frame by casting one band each.
+//! A band of a frame consists of whole rows of work-groups. Several devices cast one frame by casting one band each.
 
 use std::ops::Range;
 
 /// Rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
-/// Number of bisections after which a time is as precise as a floating-point number allows.
+/// Number of bisections with which [`balance`] searches for the time of all parts. After this number, the time is as
+/// precise as a floating-point number allows.
 const HALVINGS: usize = 60;
 
 /// The time that a device takes for a frame, and how this time is distributed over the frame's rows.

@@ -1,6 +1,6 @@
-//! Buffers, and transfers to and from them. OpenCL does not allow empty buffers, so every buffer has at least one
-//! value. If the device shares the host's memory, rows of a buffer are written and read in place; otherwise large
-//! transfers use pinned memory.
+//! Makes buffers, and transfers data to and from them. OpenCL does not allow empty buffers, so every buffer has at
+//! least one value. If the device shares the host's memory, rows of a buffer are written and read in place; otherwise
+//! large transfers use pinned memory.
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};

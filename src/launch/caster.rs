@@ -1,4 +1,5 @@
-//! A caster: everything that is needed to cast the frame of one point (strategy, sizes, scene and device) repeatedly.
+//! A caster has everything that is needed to cast the frame of one point (strategy, sizes, scene and device)
+//! repeatedly.
 
 mod read;
 
@@ -16,13 +17,14 @@ use super::setup::{Setup, Working, background_arguments, camera_arguments, sampl
 use super::shared::Shared;
 use super::steps::{Extent, Steps};
 use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
-use super::{LaunchError, Queue};
+use super::{DeviceTree, LaunchError, Queue};
 use crate::manifest::ROW_FLOATS;
 use crate::scene::{Camera, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::slice;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A frame's kernels with their arguments, ready to cast the frame.
@@ -45,6 +47,9 @@ pub struct Caster {
     has_own_file: bool,
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
+    /// The tree, whose buffers the kernels use. Some of these buffers may be lists in the memory of the mesh. While
+    /// this reference exists, neither the buffers nor the mesh are freed.
+    _tree: Option<Arc<DeviceTree>>,
 }
 
 impl Caster {
@@ -58,8 +63,8 @@ impl Caster {
         Ok(Self { half_light: half_light.map(Box::new), ..caster })
     }
 
-    /// Makes buffers and kernels for a half picture. Its bytes are already counted as bytes of the frame that uses the
-    /// half picture.
+    /// Makes buffers and kernels for a half picture. The bytes of these buffers are already counted as bytes of the
+    /// frame that uses the half picture.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -115,6 +120,7 @@ impl Caster {
             has_own_file: !setup.own_files.is_empty(),
             records_ms,
             _bytes: None,
+            _tree: setup.tree.cloned(),
         })
     }
 
@@ -261,7 +267,8 @@ impl Caster {
         rough: Option<usize>,
     ) -> Result<FrameTimes, LaunchError> {
         let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
-        // The kernel shifts the rays of several samples; for a single sample, the camera is shifted instead.
+        // If a frame casts several samples, the kernel shifts their rays within the pixel. For a single sample, the
+        // camera is shifted instead.
         let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
         self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
         let arguments = sample_argument(Arguments::default(), first);
@@ -286,7 +293,8 @@ impl Caster {
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    // The bytes for half pictures are left out here, because half pictures have buffers of their own.
+    // The bytes for the working vectors of half pictures are left out here, because half pictures have buffers of their
+    // own.
     let own = Workload { half_light: false, ..*workload };
     let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {

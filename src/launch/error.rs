@@ -1,4 +1,4 @@
-//! Errors of a device or its driver.
+//! The errors because of which a frame cannot be prepared or cast.
 
 use crate::device::{DeviceInfo, lacks_resources};
 use crate::sensor::{UsedMemory, used_memory};
@@ -57,7 +57,8 @@ pub enum LaunchError {
     /// The scene's tree could not be built.
     #[error("{0}")]
     Tree(String),
-    /// The allocator in the kernel ran out of memory: the header of a kernel file states too few bytes.
+    /// The heap, the buffer from which a kernel allocates working vectors, was too small: the header of a kernel file
+    /// states too few bytes.
     #[error(
         "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`: it must count the bytes of every vector of a ray"
     )]

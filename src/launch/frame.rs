@@ -31,12 +31,13 @@ pub struct FrameTimes {
     /// this time includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose work-items
-    /// share tiles have this time. With fused passes and one sample per pixel, it includes the leftover shadow rays.
+    /// share tiles have this time. With fused passes and one sample per pixel, this time includes the leftover shadow
+    /// rays.
     pub shade_ms: Option<f64>,
-    /// Time for the same frame on the host's clock, from enqueueing to completion.
+    /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Processor time that the process used for the same frame; `None` outside experiments, or if the frame was cast by
-    /// a device other than a CPU.
+    /// Processor time that the process used for the frame; `None` outside experiments, or if the frame was cast by a
+    /// device other than a CPU.
     pub processor_ms: Option<f64>,
     /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,
@@ -79,7 +80,8 @@ impl FrameTimes {
         }
     }
 
-    /// Returns the sample's time in milliseconds on the host's clock, for all frames of its batch.
+    /// Returns the time of the sample that these times belong to, in milliseconds on the host's clock: the time for all
+    /// frames of the sample's batch.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }

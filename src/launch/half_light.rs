@@ -1,6 +1,6 @@
-//! Soft light at half resolution. Two pictures of half the width and height are cast, one with and one without shadows.
-//! One kernel filters the ratio of these two pictures, and another multiplies the whole picture (the picture of full
-//! size) by the filtered ratio.
+//! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one without
+//! shadows. One kernel filters the ratio of these two pictures, and another multiplies the whole picture (the picture
+//! of full size) by the filtered ratio.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;

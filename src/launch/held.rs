@@ -4,19 +4,19 @@ use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Counts the bytes of all existing frames.
+/// Counts the bytes of the buffers of all existing frames.
 #[derive(Clone, Default)]
 pub(super) struct Frames {
     bytes: Arc<AtomicU64>,
 }
 
 impl Frames {
-    /// Returns the bytes of all existing frames.
+    /// Returns how many bytes the buffers of all existing frames take.
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// Counts the bytes of one more frame, until the returned value is dropped.
+    /// Adds the bytes of one more frame's buffers to the count, until the returned value is dropped.
     pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
         let own_bytes =
             Requirements::buffer_bytes(strategy, workload) - Requirements::scene_bytes(strategy, workload);
@@ -25,7 +25,7 @@ impl Frames {
     }
 }
 
-/// The bytes of one frame. Dropping this value subtracts them from the count.
+/// The bytes of one frame's buffers. When this value is dropped, the bytes are subtracted from the count.
 pub(super) struct FrameBytes {
     all: Frames,
     own_bytes: u64,

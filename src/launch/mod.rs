@@ -1,5 +1,5 @@
-//! Runs programs: makes their buffers, binds their arguments, starts their kernels, and reads the times of their
-//! events.
+//! Runs programs: makes their buffers, binds their arguments, starts their kernels, and reads from OpenCL's events how
+//! long the kernels took.
 //!
 //! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. The session turns a strategy into
 //! a [`Caster`], which can cast the frame of one point repeatedly.
@@ -16,6 +16,7 @@ mod error;
 mod frame;
 mod half_light;
 mod held;
+mod lent;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod offsets;

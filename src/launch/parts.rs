@@ -29,7 +29,8 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Returns a kernel with one work-item per block of pixels, or with `items` work-items across and down.
+    /// Returns a kernel with as many work-items as the frame's pixels need ([`Self::pixel_items`]), or with `items`
+    /// work-items across and down.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -48,7 +49,8 @@ impl<'a> Parts<'a> {
         Ok(built)
     }
 
-    /// Returns the number of work-items, across and down, of a kernel with one work-item per block of pixels.
+    /// Returns the number of work-items, across and down, that the pixels of the frame or band need: one per block of
+    /// pixels, or 32 per tile.
     pub fn pixel_items(&self) -> [usize; 2] {
         let [across, down] = self.setup.workload.global_size(self.setup.strategy);
         let rows = |band: &Band| band.len() * self.setup.workload.local_size[1] as usize;

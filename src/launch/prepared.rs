@@ -67,7 +67,7 @@ impl Prepared {
             workload,
             scene: &self.scene,
             uploaded: &self.uploaded,
-            tree: self.tree.as_deref(),
+            tree: self.tree.as_ref(),
             own_files: &self.own_files,
         }
     }
@@ -174,7 +174,7 @@ mod tests {
         preset("deferred").unwrap().strategy
     }
 
-    /// Prepares a strategy in a new session on the first device, without the cache.
+    /// Prepares a strategy in a new session on the first device, without the cache of compiled programs.
     fn prepare(scene: &Arc<Scene>, strategy: &Strategy) -> (Prepared, Caster) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(scene)).unwrap();

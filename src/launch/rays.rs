@@ -24,11 +24,11 @@ pub struct Ray {
 impl Prepared {
     /// Returns the nearest triangle that each ray hits.
     ///
-    /// With the common-origin test, all rays must have the same origin; the pixel-linear test
-    /// supports a camera's rays only. Working vectors must be in private or local memory, since the
-    /// buffers for working vectors in other memories have sizes that suit only images. The strategy
-    /// must have been prepared by [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since
-    /// other programs lack the kernel for such rays.
+    /// With the common-origin test, all rays must have the same origin; the pixel-linear test supports a camera's rays
+    /// only. Working vectors must be in private or local memory, since the buffers for working vectors in other
+    /// memories have sizes that suit only images. The strategy must have been prepared by
+    /// [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since other programs lack the kernel for
+    /// arbitrary rays.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let setup = self.setup(&self.workload);
         let Setup { queue, strategy, uploaded, .. } = setup;

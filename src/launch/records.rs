@@ -7,7 +7,7 @@ use super::setup::{Setup, scene_arguments};
 use crate::manifest::Role;
 use ocl::{Buffer, Event};
 
-/// One record per triangle; the file of the ray-triangle test defines a record's length.
+/// One record per triangle. The kernel file of the ray-triangle test states the length of a record.
 pub(super) struct Records {
     pub buffer: Buffer<f32>,
     /// Device time for preparing the records.

@@ -1,5 +1,6 @@
 //! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a work-group: 32
-//! work-items. The frame's lights are processed in rounds, each with a fixed number of lights.
+//! work-items. The frame's lights are processed in rounds of a fixed number of lights: a round casts the shadow rays to
+//! these lights, and shades.
 
 use super::frame::Phase;
 use super::parts::Parts;
@@ -13,12 +14,12 @@ use ocl::Buffer;
 use ocl::prm::Float4;
 use std::ops::Range;
 
-/// Casts frames in tiles, each of which is shared by the work-items of a group.
+/// Casts frames in tiles, each of which is shared by a group of 32 work-items.
 pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
-    /// True if the kernel for primary rays also casts the first round's shadow rays.
+    /// True if the kernel for primary rays also casts the shadow rays of the first round (those to the first lights).
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each pixel as
     /// soon as it is known which shadow rays of the pixel's only primary ray are blocked. False if `fused` is false.
@@ -27,7 +28,7 @@ pub(super) struct Rounds<'p, 'a> {
 }
 
 impl<'p, 'a> Rounds<'p, 'a> {
-    /// Collects the kernel arguments that all rounds share.
+    /// Collects the kernel arguments that are the same in all rounds (a round processes some of the lights).
     pub fn new(
         parts: &'p Parts<'a>,
         image: &'a Buffer<Float4>,
@@ -44,8 +45,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
     /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then leftover
-    /// shadow rays (each by a whole group), and then shades. With `shades_leftover`, one kernel both casts the
-    /// leftover shadow rays and shades.
+    /// shadow rays (each by a whole group of 32 work-items), and then shades. If `shades_leftover` is true, one kernel
+    /// both casts the leftover shadow rays and shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -76,7 +77,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok((Phase::Shade, Step::Run(kernel)))
     }
 
-    /// Returns the steps that cast the shadow rays of a round's lights.
+    /// Returns the steps that cast the shadow rays to the lights of a round, which begins with the light `first_light`.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
@@ -99,16 +100,16 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok(steps)
     }
 
-    /// Returns how many rows of work-groups contain enough groups for the leftover shadow rays. Each row is as wide
-    /// as the image.
+    /// Returns how many rows of work-groups contain enough groups of 32 work-items for the leftover shadow rays. Each
+    /// row of work-groups is as wide as the image.
     fn queue_rows(&self) -> usize {
         let [across, down] = self.parts.setup.workload.local_size.map(|n| n as usize);
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Returns the step that prepares the planes of a tree's triangles for the origins of a round (origin 0 is the eye,
-    /// origin 1 the round's first light) and empties the queue of leftover shadow rays. Returns `None` if the strategy
-    /// uses no planes, or if there are no triangles or no origins.
+    /// Returns the step that prepares the planes of a tree's triangles for the ray origins of a round of lights (origin
+    /// 0 is the eye, origin 1 the round's first light) and empties the queue of leftover shadow rays. Returns `None` if
+    /// the strategy uses no planes, or if there are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

@@ -1,6 +1,6 @@
-//! Several samples per pixel: device buffers with the number of samples of each block of pixels, and the kernel that
-//! marks rough blocks. Rough blocks get more samples, because neighbouring pixels in them differ visibly after the
-//! first samples.
+//! For pictures with several samples per pixel: the device buffers with the number of samples of each block of pixels,
+//! and the kernel that marks rough blocks. Rough blocks get more samples, because neighbouring pixels in them differ
+//! visibly after the first samples.
 
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
@@ -88,7 +88,7 @@ impl Samples {
         self.positions.cmd().queue(&queue.commands).write(&positions(samples)).enq()
     }
 
-    /// Lets every pixel get all samples that are cast.
+    /// Lets every pixel, not only those of rough blocks, get all samples that are cast.
     pub fn want_all(&self, queue: &Queue) -> ocl::Result<()> {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
@@ -121,13 +121,13 @@ impl Samples {
 mod tests {
     use crate::device::discover;
     use crate::image::Radiance;
-    use crate::launch::Session;
     use crate::launch::alone::Alone;
     use crate::launch::buffers::{allocate, upload};
+    use crate::launch::{Caster, Session};
     use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
     use crate::program::Sources;
-    use crate::reference::rough::steps_of_blocks;
-    use crate::scene::{SampleCounts, Sampling, load_scene};
+    use crate::reference::rough::{rough_steps, steps_of_blocks};
+    use crate::scene::{SampleCounts, Sampling, Scene, load_scene};
     use crate::strategy::preset;
     use ocl::Buffer;
     use ocl::prm::{Float4, Int2};
@@ -143,18 +143,100 @@ mod tests {
 
     /// Casts one picture for each sampling, all with the same caster; returns the last picture.
     fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, f32) {
-        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
-        let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
-        let strategy = preset("bvh").unwrap().strategy;
-        let prepared = session.with_sampling(prepared_for).prepare(&strategy, SIZE, [1, 1]);
-        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
-        let caster = caster.map_err(|refused| refused.reason()).unwrap();
+        let caster = caster_of(&scene, SIZE, prepared_for);
         for sampling in samplings {
             caster.cast_samples(&scene.camera, sampling).unwrap();
         }
         (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display.exposure)
+    }
+
+    fn caster_of(scene: &Arc<Scene>, size: [u32; 2], prepared_for: Sampling) -> Caster {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(scene)).unwrap();
+        let strategy = preset("bvh").unwrap().strategy;
+        let prepared = session.with_sampling(prepared_for).prepare(&strategy, size, [1, 1]);
+        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+        caster.map_err(|refused| refused.reason()).unwrap()
+    }
+
+    /// Casts a picture of a scene for each sampling, all with the same caster. `text` is the scene's file.
+    fn pictures<const N: usize>(text: &str, size: [u32; 2], samplings: [Sampling; N]) -> [Radiance; N] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, text).unwrap();
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let caster = caster_of(&scene, size, samplings[0]);
+        samplings.map(|sampling| {
+            caster.cast_samples(&scene.camera, &sampling).unwrap();
+            caster.read().unwrap().0
+        })
+    }
+
+    /// A plate between a large light and the ground. The penumbra of the plate's edge is more than half as wide as the
+    /// picture.
+    const PENUMBRA: &str = "background = [0, 0, 0]
+        camera = { position = [0.5, 1.4, 0], look_at = [0.5, 0, 0], up = [0, 0, -1], fov_x_degrees = 90 }
+        [[light]]
+        position = [0, 4, 0]
+        power = 600
+        radius = 1.2
+        [[object]]
+        vertices = [[-9, 0, -9], [9, 0, -9], [9, 0, 9], [-9, 0, 9]]
+        faces = [[0, 3, 2, 1]]
+        material = { k_l = 1 }
+        [[object]]
+        vertices = [[-9, 1.5, -9], [0, 1.5, -9], [0, 1.5, 9], [-9, 1.5, 9]]
+        faces = [[0, 3, 2, 1]]
+        material = { k_l = 1 }
+        ";
+
+    /// If the first sample saw the centre of the light, the shadow would have a sharp edge, and only the blocks along
+    /// this edge would get more samples.
+    #[test]
+    fn a_penumbra_is_soft_although_pixels_first_get_one_sample() {
+        let samplings = [Sampling::adaptive(16), Sampling::adaptive(2), Sampling::all(256)];
+        // The mean of each strip of four columns.
+        let [sixteen, two, all] = pictures(PENUMBRA, [96, 24], samplings).map(|picture| {
+            let mean = |strip: usize| {
+                let rows = picture.pixels.chunks(96).map(|row| &row[4 * strip..4 * strip + 4]);
+                rows.flatten().map(|pixel| pixel[0]).sum::<f32>() / 96.0
+            };
+            (0..24).map(mean).collect::<Vec<_>>()
+        });
+        for (strip, expected) in all.iter().enumerate() {
+            for actual in [sixteen[strip], two[strip]] {
+                assert!((actual - expected).abs() < 0.15, "strip {strip}: {actual} {expected}");
+            }
+        }
+    }
+
+    /// A ball on the ground, under a sky.
+    const BALL: &str = "background = \"white\"
+        camera = { position = [0, 1.5, 3], look_at = [0, 0.3, 0] }
+        sky.zenith = 0.06
+        [[object]]
+        vertices = [[-50, 0, -50], [50, 0, -50], [50, 0, 50], [-50, 0, 50]]
+        faces = [[0, 3, 2, 1]]
+        [[object]]
+        shape = \"sphere\"
+        triangles = 2000
+        translation = [0, 1, 0]
+        ";
+
+    /// Of at most 64 samples, each pixel first gets four; of at most 32, it first gets two. With four samples,
+    /// neighbouring pixels differ less by chance than with two. If blocks with such small differences counted as
+    /// smooth, most of the picture would get no further samples.
+    #[test]
+    fn more_adaptive_samples_make_no_worse_picture() {
+        let samplings = [Sampling::adaptive(32), Sampling::adaptive(64), Sampling::all(256)];
+        let [few, many, all] = pictures(BALL, [48, 30], samplings);
+        let [few, many] = [few, many].map(|picture| {
+            let pairs = picture.pixels.iter().zip(&all.pixels);
+            pairs.map(|(pixel, expected)| (pixel[0] - expected[0]).powi(2)).sum::<f32>()
+        });
+        assert!(many <= few, "the sums of squared errors are {few} and {many}");
     }
 
     #[test]
@@ -164,7 +246,7 @@ mod tests {
         let counts = cast(adaptive).1;
         let steps = steps_of_blocks(&means, exposure);
         let blocks = (0..61_u32).step_by(4).flat_map(|y| (0..75_u32).step_by(4).map(move |x| [x, y]));
-        let limit = f64::from(ROUGH_STEPS);
+        let limit = rough_steps(adaptive.first);
         for (block, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
             let expected = if *steps > limit { adaptive.most } else { adaptive.first };
             assert_eq!(counts.at(block), expected, "{block:?}: {steps}");
@@ -188,12 +270,16 @@ mod tests {
     /// frame.
     struct Marking {
         device: Alone,
+        /// The number of first samples.
+        first: u32,
     }
 
     impl Marking {
         const SIDES: [usize; 2] = [13, 9];
         /// The exposure with which the picture is displayed.
         const EXPOSURE: f32 = 15.0;
+        /// The number of samples in rough blocks.
+        const MOST: u32 = 64;
 
         fn new() -> Self {
             let before = "#define MARK_ROUGH_PARAMETERS __global uint *wanted, const __global float4 *means, \
@@ -201,7 +287,7 @@ mod tests {
                           __global uint *rough, volatile __global uint *rough_counter";
             let options = format!("-D SAMPLED_BLOCK={SAMPLED_BLOCK} -D ROUGH_STEPS={ROUGH_STEPS}");
             let files = ["common/samples.cl", "common/mark_rough.cl"];
-            Self { device: Alone::of([before, ""], &files, &options) }
+            Self { device: Alone::of([before, ""], &files, &options), first: 1 }
         }
 
         /// Returns the columns and rows of the blocks that get more samples in an opaque picture.
@@ -230,10 +316,10 @@ mod tests {
             let wanted: Vec<u32> = self.device.results(blocks, |wanted| {
                 let mut kernel = self.device.kernel("mark_rough", blocks);
                 kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(alpha_scale);
-                kernel.arg(2_u32).arg(8_u32).arg(&listed).arg(&counter).build()
+                kernel.arg(self.first).arg(Self::MOST).arg(&listed).arg(&counter).build()
             });
-            assert!(wanted.iter().all(|wanted| [2, 8].contains(wanted)), "{wanted:?}");
-            let rough = wanted.iter().enumerate().filter(|(_, wanted)| **wanted == 8);
+            assert!(wanted.iter().all(|wanted| [self.first, Self::MOST].contains(wanted)), "{wanted:?}");
+            let rough = wanted.iter().enumerate().filter(|(_, wanted)| **wanted == Self::MOST);
             let rough: Vec<_> = rough.map(|(block, _)| [block % across, block / across]).collect();
             assert_eq!(Self::listed(&listed, &counter), rough);
             rough
@@ -280,21 +366,23 @@ mod tests {
     }
 
     /// Displayed values are compared: values beyond white do not differ, and a gamma of 2 enlarges differences near
-    /// black.
+    /// black. The more first samples, the smaller the difference that counts.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
-        let marking = Marking::new();
-        let steps = |a: f32, b: f32| {
-            let radiance = |shown: f32| (shown / 255.0).powi(2) / Marking::EXPOSURE;
-            let colours = [a, b].map(|shown| [radiance(shown); 3]);
-            !marking.rough(|x, _| colours[usize::from(x == 6)]).is_empty()
-        };
-        let limit = ROUGH_STEPS as f32;
-        for shown in [0.0, 100.0, 255.0 - limit - 0.1] {
-            assert!(!steps(shown, shown + limit - 0.1) && steps(shown, shown + limit + 0.1), "{shown}");
-            assert!(!steps(shown + limit - 0.1, shown) && steps(shown + limit + 0.1, shown), "{shown}");
+        let mut marking = Marking::new();
+        for (first, limit) in [(1, ROUGH_STEPS as f32), (4, ROUGH_STEPS as f32 / 2.0)] {
+            marking.first = first;
+            let steps = |a: f32, b: f32| {
+                let radiance = |shown: f32| (shown / 255.0).powi(2) / Marking::EXPOSURE;
+                let colours = [a, b].map(|shown| [radiance(shown); 3]);
+                !marking.rough(|x, _| colours[usize::from(x == 6)]).is_empty()
+            };
+            for shown in [0.0, 100.0, 255.0 - limit - 0.1] {
+                assert!(!steps(shown, shown + limit - 0.1) && steps(shown, shown + limit + 0.1), "{shown}");
+                assert!(!steps(shown + limit - 0.1, shown) && steps(shown + limit + 0.1, shown), "{shown}");
+            }
+            assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
         }
-        assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
     }
 
     /// A dark surface differs from a transparent background only in its alpha.

@@ -50,7 +50,7 @@ pub(super) struct DeviceScene {
     pub(super) geometry: Geometry,
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
-    /// The sky, followed by the lights' radii.
+    /// The sky, followed by the lights' radii and, if the sky has a picture, by the picture's texels.
     pub(super) soft: Buffer<f32>,
     pub(super) triangle_count: usize,
     pub(super) textures: Option<DeviceTextures>,

@@ -105,9 +105,9 @@ impl Session {
         Self { early_tree, ..self }
     }
 
-    /// Rounds stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. One program then serves most
-    /// scenes, and can be built before the scene's tree is known. Stacks in `__local` memory are not rounded, since
-    /// larger ones slow a kernel down.
+    /// Rounds the stacks with which kernels traverse a tree, if they are in private memory, up to multiples of
+    /// [`ROUNDED_STACK`] entries. One program then serves most scenes, and can be built before the scene's tree is
+    /// known. Stacks in `__local` memory are not rounded, since larger ones slow a kernel down.
     #[must_use]
     pub fn rounding_stacks(self) -> Self {
         Self { rounds_stacks: true, ..self }
@@ -132,7 +132,8 @@ impl Session {
     pub fn with_sampling(self, sampling: Sampling) -> Self {
         let sky = self.scene.sky.as_ref();
         let is_soft = sky.is_some() || self.scene.has_soft_lights();
-        // Surfaces with highlights mirror a picture of the sky, and this mirrored light has no unoccluded counterpart.
+        // Surfaces with highlights mirror a picture of the sky. For this mirrored light, raycl does not compute the
+        // unoccluded light that soft light at half resolution needs.
         let has_picture = sky.is_some_and(|sky| sky.picture.is_some());
         let can = is_soft && !has_picture && sampling.most > 1;
         let half_light = if can { sampling.half_light } else { 0 };

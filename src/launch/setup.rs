@@ -14,6 +14,7 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2, Uint2};
 use ocl::{Buffer, Kernel};
 use std::path::Path;
+use std::sync::Arc;
 
 /// The inputs of a frame.
 #[derive(Clone, Copy)]
@@ -31,13 +32,14 @@ pub(super) struct Setup<'a> {
     /// The scene on the device.
     pub uploaded: &'a DeviceScene,
     /// The scene's tree on the device, if the strategy uses a tree.
-    pub tree: Option<&'a DeviceTree>,
+    pub tree: Option<&'a Arc<DeviceTree>>,
     /// The paths of the kernel files in the program that the user added or changed.
     pub own_files: &'a [String],
 }
 
 impl<'a> Setup<'a> {
-    /// Returns the program's kernel for a role. A program contains only the kernels that its frames need.
+    /// Returns the program's kernel for a role (a part of a frame, such as shading). A program contains only the
+    /// kernels that its frames need.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
         let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
@@ -87,10 +89,10 @@ impl<'a> Setup<'a> {
     }
 
     /// Returns a kernel with its arguments and with at least `across` x `down` work-items. The kernel must support
-    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. The size of the groups is set
-    /// explicitly, since OpenCL would choose a divisor of the number of work-items, perhaps 1. A group is one row,
-    /// since some devices allow only one work-item per group in all dimensions but the first. The group is shorter than
-    /// usual if the compiled kernel supports only fewer work-items.
+    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. The size of the work-groups is
+    /// set explicitly, since OpenCL would choose a divisor of the number of work-items, perhaps 1. A work-group is one
+    /// row, since some devices allow only one work-item per work-group in all dimensions but the first. The row is
+    /// shorter than usual if the compiled kernel supports only fewer work-items.
     pub fn row_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -140,7 +142,10 @@ impl Working {
 }
 
 /// Returns the scene's buffers and counts as kernel arguments.
-pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a DeviceTree>) -> Arguments<'a> {
+pub(super) fn scene_arguments<'a>(
+    scene: &'a DeviceScene,
+    tree: Option<&'a Arc<DeviceTree>>,
+) -> Arguments<'a> {
     let triangles = scene.triangle_count as i32;
     let arguments = match &scene.geometry {
         Geometry::Soup(soup) => Arguments::default().with("soup", soup),
@@ -159,10 +164,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
     let Some(tree) = tree else { return arguments };
     let arguments = arguments.with("nodes", &tree.nodes).with("leaves", &tree.leaves);
     let Some(surfaces) = &tree.surfaces else { return arguments };
-    arguments
-        .with("surfaces", &surfaces.normals)
-        .with("materials", &surfaces.materials)
-        .with("material_count", surfaces.material_count as i32)
+    surfaces.add_to(arguments)
 }
 
 /// Returns the arguments and, if the workload has soft light, the further arguments that soft light needs: the sky with

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 /// Identifies an upload of a scene: its layout, and whether it includes the triangles.
 pub(super) type LayoutKind = (Layout, bool);
-/// Identifies a tree of a scene.
-pub(super) type TreeKind = (Traversal, NodeWidth, LeafSize);
+/// Identifies a tree of a scene, with its triangles and normals.
+pub(super) type TreeKind = (Traversal, NodeWidth, LeafSize, Layout);
 
 /// Identifies the parts of a scene that a strategy uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub(super) struct Kind {
 impl Kind {
     /// Returns the parts that a strategy uses.
     pub fn of(strategy: &Strategy) -> Self {
-        let tree = (strategy.traversal, strategy.node_width, strategy.leaf_size);
+        let tree = (strategy.traversal, strategy.node_width, strategy.leaf_size, strategy.layout);
         Self { layout: (strategy.layout, strategy.reads_mesh()), tree: strategy.needs_tree().then_some(tree) }
     }
 }

@@ -1,5 +1,5 @@
-//! The display transform on the device, for devices with separate memory: three bytes per pixel are
-//! transferred instead of sixteen.
+//! Applies the display transform (exposure, gamma and conversion to 8 bits) on devices with separate memory, so that
+//! three bytes per pixel are transferred instead of sixteen.
 
 use super::buffers::{allocate, upload};
 use super::{LaunchError, Queue, Refused};
@@ -15,7 +15,7 @@ use std::ops::Range;
 const FILE: &str = "display/show.cl";
 /// The kernel.
 const KERNEL: &str = "show_pixels";
-/// Number of pixels per work-item; their bytes fill whole words.
+/// Number of pixels per work-item. The bytes of these pixels fill whole words.
 const ITEM_PIXELS: usize = 4;
 /// Bytes per pixel.
 const BYTES: usize = 3;

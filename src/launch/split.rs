@@ -169,7 +169,8 @@ impl Team<'_> {
         self.costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min)
     }
 
-    /// Removes the slowest device.
+    /// Removes the slowest device from the team, and returns it with the reason. `reason` gets the time in milliseconds
+    /// that this device takes for a whole trial frame.
     fn without_slowest(&mut self, reason: impl Fn(f64) -> String) -> Option<LeftOut> {
         let whole_ms = |index: &usize| self.costs[*index].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
@@ -335,7 +336,8 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
 /// kernel.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
-    // The lock guards no data, only the order, so a panic of its holder is harmless.
+    // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread that holds
+    // it is harmless.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     caster.cast().map(drop).map_err(failed)
 }
@@ -448,7 +450,7 @@ mod tests {
             .map(|(one, cost)| (one.info.label.as_str(), cost.whole_ms))
             .collect();
         assert_eq!(left, [("a", 4.0), ("c", 6.0)]);
-        // Parts are measured only if each of them has a row of work-groups.
+        // The parts of a frame are measured only if each part has at least one row of work-groups.
         let parts = [61, 64, 63, 62].map(|height| ready[0].parts([8, height]).unwrap().len());
         assert_eq!(parts, [0, PARTS, PARTS, 0]);
     }

@@ -146,7 +146,7 @@ impl Staging {
     }
 }
 
-/// Transfers wait for no events, since the queue executes its commands in order.
+/// An empty list of events. Transfers need not wait for events, since the queue executes its commands in order.
 const NO_EVENTS: Option<&Event> = None;
 
 /// Rows divided into pieces of equal size; the last piece may be smaller.

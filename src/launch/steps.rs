@@ -19,8 +19,8 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel.
     Run(Kernel),
-    /// Runs a kernel in which every work-item has rays of its own, so that a frame with several samples per pixel
-    /// needs more work-items.
+    /// Runs a kernel in which every work-item casts its own rays. For a frame with several samples per pixel, such a
+    /// kernel needs more work-items.
     Cast(Kernel),
 }
 

@@ -57,7 +57,8 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
 }
 
 /// Adds a frame's samples to the frame's arguments, and returns how finely the frame divides pixels. All samples belong
-/// to one round. A single sample is at the centre of its pixel; the camera is shifted instead.
+/// to one round (the first samples of every pixel, or the later ones). A single sample is placed at the centre of its
+/// pixel, because the camera is shifted by the sample's offset instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let coordinates = |axis: usize| {

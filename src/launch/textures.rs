@@ -1,5 +1,4 @@
-//! All textures of a scene in a device's memory, in one buffer of words laid out as in
-//! `cl/common/textures.cl`.
+//! Puts all textures of a scene into a device's memory, in one buffer of words laid out as in `cl/common/textures.cl`.
 
 use super::Queue;
 use super::arguments::{Arguments, MASK_ROWS, TEXTURE_ROWS};
@@ -34,8 +33,8 @@ impl DeviceTextures {
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
 
-    /// Adds the textures' arguments: once for shading and, if there are cut-outs, a second time for rays through
-    /// their holes.
+    /// Adds the textures' arguments: once for shading and, if there are cut-outs, a second time under other names, for
+    /// the test whether rays pass through the cut-outs' holes.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(TEXTURE_ROWS, &self.rows).with("texture_words", &self.words);
         if !self.cut_outs {

@@ -1,6 +1,8 @@
 //! A scene's tree in a device's memory.
 
+use super::arguments::Arguments;
 use super::buffers::{upload, upload_rows};
+use super::lent::Lent;
 use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_normal_rows, write_triangle_rows,
@@ -10,6 +12,7 @@ use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Traversal, Workload};
 use ocl::Buffer;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Stack sizes are multiples of this many entries, so that scenes whose trees have similar depths share a program.
@@ -22,7 +25,7 @@ pub(super) struct DeviceTree {
     pub(super) leaves: Buffer<f32>,
     /// The data that tiles need for shading; `None` if the strategy casts no tiles.
     pub(super) surfaces: Option<Surfaces>,
-    /// Number of stack entries for the deepest path, rounded up.
+    /// Number of entries of the stack with which a ray traverses the tree: enough for the deepest path, rounded up.
     pub stack_size: usize,
     /// Time for building the tree on the host.
     pub build_ms: f64,
@@ -62,26 +65,57 @@ impl HostTree {
     }
 }
 
-/// The triangles' normals and material indices in leaf order, and all materials.
+/// The triangles' normals, in the layout that the strategy chooses, and all materials.
 #[derive(Debug)]
 pub(super) struct Surfaces {
-    pub normals: Buffer<f32>,
-    pub materials: Buffer<f32>,
-    pub material_count: usize,
+    normals: Normals,
+    materials: Buffer<f32>,
+    material_count: usize,
+}
+
+#[derive(Debug)]
+enum Normals {
+    /// Three normals per triangle, in leaf order.
+    Rows(Buffer<f32>),
+    /// The mesh's normals, and the mesh's triangles, which contain the indices of their normals.
+    Indexed { set: Lent<f32>, triangles: Lent<u32> },
+}
+
+impl Normals {
+    fn upload(queue: &Queue, mesh: &Arc<Mesh>, strategy: &Strategy, order: &[u32]) -> ocl::Result<Self> {
+        if strategy.layout.index_bits().is_some() {
+            let set = Lent::of(queue, mesh, |mesh| bytemuck::cast_slice(&mesh.normals))?;
+            let triangles = Lent::of(queue, mesh, |mesh| bytemuck::cast_slice(&mesh.triangles))?;
+            return Ok(Self::Indexed { set, triangles });
+        }
+        Ok(Self::Rows(upload_rows(queue, [order.len() + 1, NORMAL_FLOATS], |range, rows| {
+            // The buffer has one more row than there are triangles, since kernels that load four floats at once read
+            // one float after the last triangle's row.
+            let order = &order[range.start.min(order.len())..range.end.min(order.len())];
+            write_normal_rows(mesh, order, rows);
+        })?))
+    }
 }
 
 impl Surfaces {
-    fn upload(queue: &Queue, mesh: &Mesh, order: &[u32]) -> ocl::Result<Self> {
+    fn upload(queue: &Queue, mesh: &Arc<Mesh>, strategy: &Strategy, order: &[u32]) -> ocl::Result<Self> {
         let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
         Ok(Self {
-            normals: upload_rows(queue, [order.len() + 1, NORMAL_FLOATS], |range, rows| {
-                // Kernels that load four floats at once read one float after the last row.
-                let order = &order[range.start.min(order.len())..range.end.min(order.len())];
-                write_normal_rows(mesh, order, rows);
-            })?,
+            normals: Normals::upload(queue, mesh, strategy, order)?,
             materials: upload(queue, &materials)?,
             material_count: mesh.materials.len(),
         })
+    }
+
+    /// Adds the buffers to `arguments`.
+    pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
+        let arguments = match &self.normals {
+            Normals::Rows(rows) => arguments.with("surfaces", rows),
+            Normals::Indexed { set, triangles } => {
+                arguments.with("normal_set", set.buffer()).with("mesh_triangles", triangles.buffer())
+            }
+        };
+        arguments.with("materials", &self.materials).with("material_count", self.material_count as i32)
     }
 }
 
@@ -109,7 +143,7 @@ impl DeviceTree {
     /// Uploads a mesh's tree for `strategy`.
     pub fn upload(
         queue: &Queue,
-        mesh: &Mesh,
+        mesh: &Arc<Mesh>,
         strategy: &Strategy,
         HostTree { wide, build_ms }: HostTree,
     ) -> Result<Self, LaunchError> {
@@ -126,7 +160,7 @@ impl DeviceTree {
             write_triangle_rows(mesh, order, rows);
         })?;
         let tiles = strategy.traversal == Traversal::Tile;
-        let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &order)).transpose()?;
+        let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, strategy, &order)).transpose()?;
         queue.commands.finish()?;
         Ok(Self {
             nodes,

@@ -68,8 +68,13 @@ pub const TREE_DEFINES: Defines = &[
 ];
 pub const TILE_DEFINES: Defines =
     &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT"), (Always, "NORMAL_FLOATS")];
-pub const VECTOR_DEFINES: Defines =
-    &[(Always, "PREFETCH"), (Always, "UNUSED_WORD"), (Always, "PADDING_ROWS")];
+pub const VECTOR_DEFINES: Defines = &[
+    (Always, "PREFETCH"),
+    (Always, "UNUSED_WORD"),
+    (Always, "PADDING_ROWS"),
+    (Indexed, "MESH_WORDS"),
+    (Indexed, "MESH_NORMALS"),
+];
 pub const GROUP_DEFINES: Defines = &[
     (Always, "GROUP_LANES"),
     (Always, "TILES_ACROSS"),

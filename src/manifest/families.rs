@@ -98,13 +98,13 @@ pub static TILE_CPU: Family = Family {
             Fused,
             "tile_frame",
             Frame,
-            &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, SUBPIXELS],
+            &[LIGHTS, TREE, NORMALS, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, SUBPIXELS],
         ),
         kernel_if(
             Separate,
             "tile_primary",
             Primary,
-            &[LIGHTS, TREE, SURFACES, MASKS, CAMERA, SIZE, SAMPLES, SUBPIXELS, TILE_NEAREST_OUT],
+            &[LIGHTS, TREE, NORMALS, MASKS, CAMERA, SIZE, SAMPLES, SUBPIXELS, TILE_NEAREST_OUT],
         ),
         kernel_if(
             Separate,
@@ -113,7 +113,7 @@ pub static TILE_CPU: Family = Family {
             &[
                 LIGHTS,
                 TREE,
-                SURFACES,
+                NORMALS,
                 MASKS,
                 TEXTURES,
                 SOFT,
@@ -142,12 +142,12 @@ pub static TILE_CPU: Family = Family {
     ],
     rules: &[
         // This rule is the first, so that the message is about the width if no tile can be cast with this width, and
-        // not about values that only another width allows. Tiles with width = 1 have the family `TILE_GPU`.
+        // not about values that only another width allows. Tiles with `width = 1` belong to the family `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
         only("triangles", &["global"], LEAF_ORDER),
-        only("layout", &["soup"], LEAF_ORDER),
+        rule("layout", FilesIn("tile_cpu/layout/", None), NORMALS_ONLY),
         rule("intersector", FilesIn("tile_cpu/intersect/", Some(Planes)), PREPARES_A_TILE),
         only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
@@ -398,6 +398,8 @@ const APPLY_KERNEL: Kernel = Kernel {
 const NO_TREE: &str = "uses no tree, so only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
 const LEAF_ORDER: &str = "reads whole triangles from global memory, in the order of its tree's leaves";
+const NORMALS_ONLY: &str =
+    "reads corners in the order of its tree's leaves, and has files for the normals alone";
 const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles itself, once for all rays of a tile";
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";

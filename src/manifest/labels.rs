@@ -25,8 +25,8 @@ fn with_a_comment_in(file: &str) -> (tempfile::TempDir, Sources) {
     (folder, sources)
 }
 
-/// For each file, checks that a change to it changes the hashes of exactly those presets whose programs
-/// include it.
+/// For each kernel file, checks that a change of the file changes the hashes of exactly those presets whose programs
+/// include the file.
 #[test]
 fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     let presets: Vec<_> = PRESETS.iter().map(|preset| (preset.name, preset.strategy)).collect();

@@ -34,7 +34,7 @@ pub enum Fact {
     Tiled,
     /// Rays walk a tree.
     Tree,
-    /// Planes per triangle are prepared for the eye and each light.
+    /// Planes of each triangle are prepared for the eye and each light.
     Planes,
     /// For each triangle, a record with data for the ray-triangle test is prepared once per scene.
     Records,

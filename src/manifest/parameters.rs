@@ -48,9 +48,17 @@ pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// The nodes of a tree, and the triangles in its leaves.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
-/// The triangles' surfaces and materials, which the families that cast tiles need for shading.
+/// The triangles' normals in leaf order, and the materials, for tiles that work-items share.
 pub const SURFACES: &[Parameter] = &[
     p(Always, FLOATS, "surfaces"),
+    p(Always, FLOATS, "materials"),
+    p(Always, "const int", "material_count"),
+];
+/// The triangles' normals in the strategy's layout, and the materials, for tiles whose rays are in vectors.
+pub const NORMALS: &[Parameter] = &[
+    p(Soup, FLOATS, "surfaces"),
+    p(Indexed, FLOATS, "normal_set"),
+    p(Indexed, WORDS, "mesh_triangles"),
     p(Always, FLOATS, "materials"),
     p(Always, "const int", "material_count"),
 ];
@@ -63,7 +71,8 @@ pub const TEXTURES: &[Parameter] = &[
 /// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
 /// through the holes of cut-outs.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
-/// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
+/// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in its round (the first
+/// samples of a pixel, or the later ones).
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// For each block of pixels, the number of samples per pixel that the block shall get. Also the number of samples per
 /// pixel that the image has from earlier frames.
@@ -111,11 +120,11 @@ pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds). Each
-/// origin has a row for each axis of the scene; a row has four floats per triangle. `prepared_row` is the number of
-/// triangles in a row.
+/// origin (the eye or a light) has a row for each coordinate axis (x, y and z); a row has four floats per triangle.
+/// `prepared_row` is the number of triangles in a row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
-/// The camera; functions called by kernels have these parameters too.
+/// The parameters that describe the camera. Functions that kernels call have these parameters too.
 pub const CAMERA: &[Parameter] = &[
     p(Always, "const float4", "eye"),
     p(Always, "const float4", "corner"),
@@ -172,7 +181,7 @@ pub const TILE_PREPARE: &[Parameter] = &[
     p(Always, "__global uint *restrict", "queued"),
 ];
 
-/// Parameters of the kernel that tests lane operations; it belongs to no family.
+/// Parameters of the kernel that tests how work-items exchange values. This kernel belongs to no family.
 pub const PROBE_LANES: &[Parameter] = &[p(Always, "__global uint *", "answers")];
 
 /// Returns a parameter list in OpenCL C as a macro: `#define CAST_FRAME_PARAMETERS const float4 eye, ...`

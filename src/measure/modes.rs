@@ -54,9 +54,9 @@ fn cut(sorted: &[f64]) -> usize {
     for (index, value) in sorted.iter().enumerate().take(sorted.len() - 1) {
         lower += value;
         let below = (index + 1) as f64;
-        // The sum of the squared distances of the groups' means from the mean of all values, each weighted by the
-        // group's size, up to a constant. If this sum is greatest, the sum of the squared distances within the groups
-        // is least.
+        // Up to a constant, `between` is the sum of the squared distances of the groups' means from the mean of all
+        // values, each weighted by the group's size. If this sum is greatest, the sum of the squared distances within
+        // the groups is least.
         let between = lower * lower / below + (total - lower) * (total - lower) / (n - below);
         if between > best.1 {
             best = (index + 1, between);
@@ -126,8 +126,8 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// Returns the greatest distance between the two hulls at a point of one of them, and the first and last index of the
-/// modal interval that follows from this distance.
+/// Returns the greatest distance between the two hulls (the convex minorant `below` and the concave majorant `above`)
+/// at a point of one of them, and the first and last index of the modal interval that follows from this distance.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -146,7 +146,8 @@ fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usiz
     best
 }
 
-/// Returns the height of a hull at the value with this index.
+/// Returns the height of a hull (straight lines between the points with the indices `hull`) at the value with this
+/// index.
 fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
     let after = hull.partition_point(|touch| *touch < index);
     match (after.checked_sub(1).map(|before| hull[before]), hull.get(after)) {

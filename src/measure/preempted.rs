@@ -31,7 +31,7 @@ pub fn without_preempted<T: Clone>(
     sorted.sort_by(f64::total_cmp);
     // The usual utilization is the upper quartile, since up to three quarters of the samples may be preempted.
     let usual = (!sorted.is_empty()).then(|| quantile(&sorted, 0.75))?;
-    // The sort is stable, so of samples with equal utilization, the first ones come first.
+    // The sort is stable, so samples with equal utilization stay in the order of measurement.
     let mut highest_first: Vec<usize> = (0..known.len()).collect();
     highest_first.sort_by(|a, b| known[*b].1.total_cmp(&known[*a].1));
     let (mut ranks, mut remains) = (HashMap::new(), vec![false; known.len()]);

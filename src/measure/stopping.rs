@@ -1,6 +1,7 @@
 //! Decides when a group of points has enough samples.
 
 use super::MIN_SAMPLES;
+use serde::{Deserialize, Serialize};
 
 /// Number of the latest noise values (sigma / mean) that must agree before more samples are considered useless.
 const SETTLING: usize = 16;
@@ -23,7 +24,8 @@ pub struct StoppingRule {
 }
 
 /// The reason for stopping.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum StopReason {
     /// The samples of each point are precise: sigma / mean is small.
     Precise,
@@ -129,6 +131,15 @@ mod tests {
 
     fn stop(samples: &[f64], elapsed_ms: f64) -> Option<StopReason> {
         RULE.stop(&[samples.to_vec()], elapsed_ms)
+    }
+
+    #[test]
+    fn a_reason_has_the_same_name_in_all_files() {
+        for reason in
+            [StopReason::Precise, StopReason::NoiseSettled, StopReason::TimeLimit, StopReason::MaxSamples]
+        {
+            assert_eq!(serde_json::to_value(reason).unwrap(), reason.name());
+        }
     }
 
     #[test]

@@ -210,7 +210,7 @@ impl Microscope {
         });
     }
 
-    /// Marks the last listing as the version of its kernel for any local size, and adds a note.
+    /// Marks the last listing as PoCL's version of its kernel for any local size, and adds a note that says so.
     fn note_any_local_size(&mut self) {
         let Some(listing) = self.listings.last_mut() else { return };
         listing.for_any_local_size = true;

@@ -56,7 +56,8 @@ pub fn local_size(kernel: &Kernel) -> Option<[usize; 3]> {
     kernel.default_local_work_size().to_lens().ok()
 }
 
-/// Returns a text that differs between frames for which PoCL compiles other versions of a program's kernels.
+/// Returns the global and local sizes of a frame's kernels as text. Two frames have different texts if PoCL compiles
+/// different versions of the program's kernels for them.
 pub fn sizes(caster: &Caster) -> String {
     let sizes = |kernel: &Kernel| (kernel.default_global_work_size(), kernel.default_local_work_size());
     format!("{:?}", caster.kernels().map(sizes).collect::<Vec<_>>())

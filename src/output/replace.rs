@@ -2,7 +2,7 @@
 
 use super::mark::Maker;
 use super::unfinished::Unfinished;
-use crate::error::{Error, Result, cause};
+use crate::error::{Error, Result, cause, limit_advice};
 use crate::reader::{self, may_write, names_a_folder};
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind, Result as IoResult};
@@ -109,7 +109,9 @@ pub(super) fn put(
             Error::run(closed(path, &error)).with_help(choice.other_folder())
         }
         _ => impossible(path, choice, &error).unwrap_or_else(|| {
-            let help = format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere);
+            let usual =
+                || format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere);
+            let help = limit_advice(&error).map_or_else(usual, str::to_owned);
             Error::run(format!("cannot write '{}': {}", path.display(), cause(&error))).with_help(help)
         }),
     };

@@ -12,12 +12,14 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::{Duration, Instant};
 
-/// The values of CHAINS and STEPS in cl/peak/fma.cl.
+/// The values of CHAINS and STEPS in cl/peak/fma.cl: in each loop, a work-item computes CHAINS independent chains of
+/// STEPS multiply-adds of vectors.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
-/// The value of STEPS in cl/peak/latency.cl.
+/// The value of STEPS in cl/peak/latency.cl: the number of operations in a loop, each of which waits for the one
+/// before.
 const STEPS: i32 = 16;
-/// The value of SLOTS in cl/peak/local.cl.
+/// The value of SLOTS in cl/peak/local.cl: the number of vectors that a work-item reads in a loop.
 const SLOTS: u64 = 8;
 /// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
 /// used.
@@ -41,6 +43,7 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
         device: info.label.clone(),
         platform: info.platform.clone(),
         driver: info.driver.clone(),
+        state: Some(info.state()),
         timestamp: jiff::Timestamp::now().to_string(),
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
         max_clock_mhz: info.hardware.max_clock_mhz,
@@ -57,10 +60,14 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Returns the rate: the work per loop divided by the seconds per loop.
-fn rates(work: f64, seconds: &[f64]) -> Figure {
+/// Returns the rate: the work per loop divided by the seconds per loop. Repeats that took no time by the device's clock
+/// have no rate.
+fn rates(work: f64, seconds: &[f64]) -> Result<Figure> {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
-    Figure::of(&rates)
+    match rates.is_empty() {
+        true => Err(failed_because("by the device's clock, the kernels take no time")),
+        false => Ok(Figure::of(&rates)),
+    }
 }
 
 /// Returns the nanoseconds per step of a pointer chase or chain, from the seconds per loop of `STEPS` steps.
@@ -86,11 +93,11 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let chains = CHAINS * width;
     // Each chain computes x = 0.5 x + 1 again and again, and converges to 1 / (1 - 0.5) = 2.
     expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
-    Ok(multiplied(items, width, &seconds))
+    multiplied(items, width, &seconds)
 }
 
 /// Returns the multiply-adds per second of loops in which every work-item computes with vectors of this width.
-fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Figure {
+fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
     rates((items as u64 * CHAINS * width * FMA_STEPS) as f64, seconds)
 }
 
@@ -117,11 +124,11 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let mut last = [0.0_f32];
     to.cmd().read(&mut last[..]).offset(floats - 1).enq().map_err(failed)?;
     expect("the copy", f64::from(last[0]), 1.5)?;
-    Ok(copied(floats, &seconds))
+    copied(floats, &seconds)
 }
 
 /// Returns the bytes per second of a copy, which reads and writes each float.
-fn copied(floats: usize, seconds: &[f64]) -> Figure {
+fn copied(floats: usize, seconds: &[f64]) -> Result<Figure> {
     rates(2.0 * 4.0 * floats as f64, seconds)
 }
 
@@ -141,11 +148,11 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     // A sum of ones stops growing at 2^24, where adding 1 is lost by rounding.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     expect("__local reads", f64::from(sums[items - 1]), reads * (SLOTS * width) as f64)?;
-    Ok(read_locally(items, width, &seconds))
+    read_locally(items, width, &seconds)
 }
 
 /// Returns the bytes per second of loops in which every work-item reads vectors of floats of this width.
-fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Figure {
+fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
     rates((items as u64 * SLOTS * width * 4) as f64, seconds)
 }
 
@@ -187,7 +194,7 @@ fn shortest_us(row_ms: &[(f64, f64)]) -> (f64, f64) {
 fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
     let start = Instant::now();
     for _ in 0..BATCH {
-        // SAFETY: as in Rig::launch.
+        // SAFETY: the reasons that `Rig::launch` states hold here, too.
         unsafe { kernel.cmd().queue(&rig.queue.commands).enq() }.map_err(failed)?;
     }
     rig.queue.commands.finish().map_err(failed)?;
@@ -295,16 +302,16 @@ mod tests {
 
     #[test]
     fn bytes_read_and_bytes_written_both_count_as_copied() {
-        let rate = copied(1000, &[0.5; 5]);
+        let rate = copied(1000, &[0.5; 5]).unwrap();
         assert!((rate.median - 16_000.0).abs() < 1e-6, "{rate:?}");
     }
 
     #[test]
     fn multiply_adds_and_reads_are_counted_as_the_kernels_do_them() {
         // Each of ten work-items has 16 chains of 8 steps with vectors of 4 floats. A loop takes half a second.
-        assert_eq!(multiplied(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 16.0 * 8.0 * 4.0);
+        assert_eq!(multiplied(10, 4, &[0.5; 5]).unwrap().median, 2.0 * 10.0 * 16.0 * 8.0 * 4.0);
         // Each of ten work-items reads 8 vectors of 4 floats of 4 bytes.
-        assert_eq!(read_locally(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 8.0 * 4.0 * 4.0);
+        assert_eq!(read_locally(10, 4, &[0.5; 5]).unwrap().median, 2.0 * 10.0 * 8.0 * 4.0 * 4.0);
         let defines = |file: &str, name: &str, value: u64| {
             let text = Sources::Embedded.read(file).expect("a file");
             text.lines().any(|line| line.split_whitespace().eq(["#define", name, &value.to_string()]))
@@ -338,8 +345,10 @@ mod tests {
     #[test]
     fn a_rate_is_work_by_time_and_a_latency_is_the_time_of_a_step() {
         // A loop that took no time has no rate.
-        let rate = rates(10.0, &[2.0, 0.0, 4.0, 5.0]);
+        let rate = rates(10.0, &[2.0, 0.0, 4.0, 5.0]).unwrap();
         assert_eq!((rate.median, rate.repeats), (2.5, 3));
+        let error = rates(10.0, &[0.0; 9]).unwrap_err().to_string();
+        assert!(error.ends_with("by the device's clock, the kernels take no time"), "{error}");
         // A loop of 16 steps takes 3.2 microseconds.
         assert!((latency(&[3.2e-6; 3]).median - 200.0).abs() < 1e-9);
     }

@@ -10,15 +10,19 @@ pub use measure::measure;
 pub use operations::operations_per_test;
 pub use traffic::Traffic;
 
+use crate::device::DeviceInfo;
 use crate::error::{Error, Result, shortened};
 use crate::measure::Summary;
 use crate::reader::{self, Kind};
 use crate::record::{Record, write_whole};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// The name of the file with the devices' peak rates in a folder of results.
 pub const FILE: &str = "peak.json";
+/// The rates per second that a device can have. The rates of real devices and simulators are far from both ends.
+const POSSIBLE_PER_S: RangeInclusive<f64> = 1.0..=1e18;
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
 /// The help in the error message about a folder of results whose peak rates cannot be read.
@@ -49,6 +53,10 @@ pub struct Peak {
     pub platform: String,
     /// The version of the device's driver.
     pub driver: String,
+    /// The device's state when the rates were measured ([`DeviceInfo::state`]); `None` if an earlier version of raycl,
+    /// which did not store the state, measured them.
+    #[serde(default)]
+    pub state: Option<String>,
     /// Date and time of the measurement, RFC 3339.
     pub timestamp: String,
     /// raycl's version.
@@ -100,14 +108,37 @@ impl Peak {
     pub fn read(path: &Path) -> Result<Vec<Self>> {
         let text = reader::text(path, Kind::Peaks)
             .map_err(|error| Error::unreadable("peak rates", path, &error, WRITTEN_BY))?;
-        // An untagged enum would accept both forms too, but its error would not say what is wrong, nor in which line.
+        // An untagged enum of the library serde would accept both forms (one device or a list) too, but its error would
+        // not say what is wrong, nor in which line.
         let read = match text.trim_start().starts_with('[') {
             true => serde_json::from_str(&text),
             false => serde_json::from_str(&text).map(|one| vec![one]),
         };
-        read.map_err(|error| {
+        let all: Vec<Self> = read.map_err(|error| {
             let message = format!("{} does not contain peak rates: {error}", path.display());
             Error::input(shortened(message)).with_help(WRITTEN_BY)
+        })?;
+        all.iter().try_for_each(|peak| peak.check(path))?;
+        Ok(all)
+    }
+
+    /// Returns an error if no device can have these rates, which were read from a file.
+    fn check(&self, path: &Path) -> Result<()> {
+        let rates = [
+            ("fma_per_s", self.fma_per_s),
+            ("copy_bytes_per_s", self.copy_bytes_per_s),
+            ("local_bytes_per_s", self.local_bytes_per_s),
+        ];
+        let wrong = rates.into_iter().find(|(_, rate)| !POSSIBLE_PER_S.contains(&rate.median));
+        wrong.map_or(Ok(()), |(field, Figure { median, .. })| {
+            let message = format!(
+                "{}: `{field}.median` of the device '{}' is {median:?}, expected a number from {} to {:e}",
+                path.display(),
+                self.device,
+                POSSIBLE_PER_S.start(),
+                POSSIBLE_PER_S.end()
+            );
+            Err(Error::input(shortened(message)).with_help(WRITTEN_BY))
         })
     }
 
@@ -121,6 +152,23 @@ impl Peak {
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(path, format!("{text}\n").as_bytes())
+    }
+
+    /// Returns whether the rates may be those of this device. The name of a device in records depends on the machine's
+    /// other devices, so the rates may have any of the names that records can use for the device.
+    pub fn may_be_of(&self, device: &DeviceInfo) -> bool {
+        [&device.label, &device.name, &device.slug()].contains(&&self.device)
+    }
+
+    /// Returns whether the rates are those of one of these devices with another driver or in another state. Rates
+    /// without a state are those of any state.
+    pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
+        let fits = |device: &&DeviceInfo| {
+            (&self.platform, &self.driver) == (&device.platform, &device.driver)
+                && self.state.as_ref().is_none_or(|state| *state == device.state())
+        };
+        let own: Vec<&DeviceInfo> = devices.iter().copied().filter(|device| self.may_be_of(device)).collect();
+        !own.is_empty() && !own.iter().any(fits)
     }
 
     /// Adds the rates of devices that are not in the list yet.
@@ -146,8 +194,8 @@ impl Peak {
 }
 
 /// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many bytes it
-/// reads, by the headers of the strategy's files. The record keeps these numbers, since a process that reads the record
-/// later may know other files.
+/// reads. These numbers come from the headers of the strategy's kernel files. The record keeps these numbers, since a
+/// process that reads the record later may know other files.
 pub fn describe_test(record: &mut Record) {
     record.operations_per_test = operations_per_test(&record.strategy);
     if let Some(traffic) = Traffic::by_headers(record) {
@@ -159,12 +207,22 @@ pub fn describe_test(record: &mut Record) {
 }
 
 #[cfg(test)]
+pub(crate) mod fixtures {
+    use super::{Figure, Peak};
+
+    /// Returns rates that a device can have.
+    pub fn rates() -> Peak {
+        let rate = Figure::of(&[3.0e12, 2.0e12, 4.0e12]);
+        Peak { fma_per_s: rate, copy_bytes_per_s: rate, local_bytes_per_s: rate, ..Peak::default() }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
     fn peak(device: &str) -> Peak {
-        let fma_per_s = Figure::of(&[3.0e12, 2.0e12, 4.0e12]);
-        Peak { device: device.into(), fma_per_s, max_clock_mhz: Some(2000), ..Peak::default() }
+        Peak { device: device.into(), max_clock_mhz: Some(2000), ..fixtures::rates() }
     }
 
     #[test]
@@ -172,8 +230,8 @@ mod tests {
         let strategy = "traversal=exhaustive intersector=common-origin vectors=private".to_owned();
         let mut record = Record { device: "gpu".into(), strategy, ..Record::default() };
         record.tests_per_s = Some(1.0e11);
-        // The number of operations is taken from the record, since the headers that this process knows may be those of
-        // another folder.
+        // The number of operations is taken from the record, since the headers that this process has read may be those
+        // of another folder of kernels.
         record.operations_per_test = Some(7);
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut record);
         assert_eq!((record.operations_per_test, record.fma_per_s), (Some(7), Some(3.0e12)));
@@ -182,6 +240,34 @@ mod tests {
         other.limit_fraction = None;
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut other);
         assert_eq!(other.limit_fraction, None);
+    }
+
+    #[test]
+    fn rates_of_another_driver_or_another_state_are_outdated() {
+        let device = DeviceInfo { threads: Some(1), ..crate::experiment::asleep::device(1.0) };
+        let of = |threads| DeviceInfo { threads: Some(threads), ..device.clone() }.state();
+        let rates = |driver: &str, state: Option<String>| Peak {
+            device: device.slug(),
+            platform: device.platform.clone(),
+            driver: driver.into(),
+            state,
+            ..Peak::default()
+        };
+        for (driver, state, are_outdated) in [
+            (device.driver.as_str(), Some(of(1)), false),
+            (device.driver.as_str(), None, false),
+            (device.driver.as_str(), Some(of(2)), true),
+            ("another", Some(of(1)), true),
+            ("another", None, true),
+        ] {
+            let rates = rates(driver, state);
+            assert_eq!(rates.are_outdated(&[&device]), are_outdated, "{rates:?}");
+        }
+        let of_another = Peak { device: "another".into(), ..rates("another", None) };
+        assert!(!of_another.are_outdated(&[&device]), "the run has no device of this name");
+        // The second of two devices of the same name has one more thread.
+        let twin = DeviceInfo { threads: Some(2), ..device.clone() };
+        assert!(!rates(&device.driver, Some(of(2))).are_outdated(&[&device, &twin]));
     }
 
     #[test]
@@ -210,8 +296,10 @@ mod tests {
         let path = folder.path().join(FILE);
         Peak::write(&[peak("a"), peak("b")], &path).unwrap();
         assert_eq!(Peak::read(&path).unwrap(), [peak("a"), peak("b")]);
-        std::fs::write(&path, serde_json::to_string(&peak("a")).unwrap()).unwrap();
-        assert_eq!(Peak::read(&path).unwrap(), [peak("a")]);
+        let mut earlier = serde_json::to_value(peak("a")).unwrap();
+        earlier.as_object_mut().unwrap().remove("state");
+        std::fs::write(&path, earlier.to_string()).unwrap();
+        assert_eq!(Peak::read(&path).unwrap(), [peak("a")], "earlier versions did not store the state");
         for wrong in ["", "{}", "[1]", "{\"device\": 3}"] {
             std::fs::write(&path, wrong).unwrap();
             assert_eq!(Peak::read(&path).unwrap_err().exit_code(), 2, "{wrong}");
@@ -233,6 +321,26 @@ mod tests {
             assert!(given.to_string().starts_with(&expected), "{given}");
             assert_eq!(given.to_string(), stored.to_string());
             assert_eq!((given.remedy(), stored.remedy()), (WRITTEN_BY, MEASURED_AGAIN));
+        }
+    }
+
+    #[test]
+    fn rates_that_no_device_can_have_are_refused_with_their_field() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        let (right, fields) = (peak("a gpu"), ["fma_per_s", "copy_bytes_per_s", "local_bytes_per_s"]);
+        for (median, said) in [(0.0, "0.0"), (-1e9, "-1000000000.0"), (1e300, "1e300"), (1e-300, "1e-300")] {
+            for field in fields {
+                let mut wrong = serde_json::to_value(&right).unwrap();
+                wrong[field]["median"] = median.into();
+                std::fs::write(&path, wrong.to_string()).unwrap();
+                let error = Peak::read(&path).unwrap_err();
+                let expected = format!(
+                    "{}: `{field}.median` of the device 'a gpu' is {said}, expected a number from 1 to 1e18",
+                    path.display()
+                );
+                assert_eq!((error.to_string(), error.exit_code()), (expected, 2));
+            }
         }
     }
 

@@ -78,7 +78,8 @@ impl<'a> Rig<'a> {
     ///
     /// # Errors
     ///
-    /// The error is an input error if the program contains a file of the user and does not compile.
+    /// The error is an input error (a mistake of the user) if the program contains a file of the user and does not
+    /// compile.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<PeakProgram> {
         let (source, files) = self.sources.read_joined(file)?;
         let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
@@ -98,11 +99,12 @@ impl<'a> Rig<'a> {
         })
     }
 
-    /// Makes a kernel of `items` work-items in groups of `group`; `add` adds the kernel's arguments.
+    /// Makes a kernel of `items` work-items in work-groups of `group` work-items; `add` adds the kernel's arguments.
     ///
     /// # Errors
     ///
-    /// The error is an input error if a kernel file of the user lacks the kernel, or changes its parameters.
+    /// The error is an input error (a mistake of the user) if a kernel file of the user lacks the kernel, or changes
+    /// its parameters.
     pub fn kernel<'b>(
         &self,
         PeakProgram { program, own_files }: &'b PeakProgram,
@@ -200,7 +202,8 @@ mod tests {
             Ok(if launches.len() == 1 { 1000.0 } else { 1e-3 * f64::from(loops) })
         });
         let (seconds, loops) = looped_run.expect("it is measured");
-        // 2^15 is the first power of two that is larger than 20,000.
+        // The loops must take `LONG_ENOUGH_MS` (20,000 loops do); 2^15 is the first power of two that is larger than
+        // 20,000.
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
         // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.

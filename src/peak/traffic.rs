@@ -26,7 +26,8 @@ pub struct Traffic<'a> {
 
 impl<'a> Traffic<'a> {
     /// Returns the bytes that each test of a record reads, as the record states them. Records of earlier versions do
-    /// not state them; for these records, the bytes follow from the headers that this process has read.
+    /// not state them; for these records, the bytes follow from the headers of the kernel files that this process has
+    /// read.
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {
@@ -37,9 +38,10 @@ impl<'a> Traffic<'a> {
         })
     }
 
-    /// Returns the bytes that each test of a record's strategy reads, by the headers of the files of the strategy's
-    /// values. Returns `None` for baselines, and for strategies that do not test every ray against every triangle. The
-    /// number of tests of such strategies is unknown, so the bytes per test do not yield the bytes of a frame.
+    /// Returns the bytes that each test of a record's strategy reads, by the headers of the kernel files that implement
+    /// the strategy's values. Returns `None` for baselines, and for strategies that do not test every ray against every
+    /// triangle. The number of tests of such strategies is unknown, so the bytes per test do not yield the bytes of a
+    /// frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

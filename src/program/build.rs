@@ -11,7 +11,7 @@ use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
-/// Makes the compiler print registers and spills into the build log, if it supports that. This option is not part of a
+/// The option with which NVIDIA's compiler prints registers and spills into the build log. This option is not part of a
 /// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
 /// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The compiler
@@ -123,7 +123,7 @@ impl BuiltProgram {
         !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
-    /// Returns whether the compiler printed no registers although it can. In this case, the driver took the
+    /// Returns whether the compiler printed no registers although it can print them. In this case, the driver took the
     /// program from its own cache, since the compiler prints registers only when it compiles.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
@@ -134,9 +134,9 @@ impl BuiltProgram {
         self.store().then_some(&self.key)
     }
 
-    /// Loads the stored program once if this process compiled it and its binary is PTX. A driver that returns PTX
-    /// compiles this PTX when the program is loaded, in addition to its earlier compilation of the source. The driver's
-    /// cache then contains the machine code for the next process.
+    /// Loads the program once from raycl's cache, if this process compiled and stored it and its binary is PTX. A
+    /// driver that returns PTX compiles this PTX when the program is loaded, in addition to its earlier compilation of
+    /// the source. The driver's cache then contains the machine code for the next process.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -193,8 +193,8 @@ fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str
 }
 
 /// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function
-/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same, but needs more than
-/// the device's handle.
+/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same answer, but needs
+/// more than the device's handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions

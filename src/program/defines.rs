@@ -6,7 +6,7 @@ use crate::manifest::{
     Fact, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS,
     SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
-use crate::scene::{LEAST_ALPHA_UNIT, Material, Wrap};
+use crate::scene::{LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
 
 /// Returns the value of a define; `None` if the define is unknown.
@@ -106,6 +106,8 @@ fn constant(name: &str) -> Option<u64> {
         "LEAF_COUNT_SHIFT" => u64::from(WideBvh::COUNT_SHIFT),
         "LEAF_MOST" => WideBvh::MAX_LEAF_SIZE as u64,
         "PADDING_ROWS" => PADDING_ROWS as u64,
+        "MESH_WORDS" => Triangle::WORDS as u64,
+        "MESH_NORMALS" => Triangle::FIRST_NORMAL as u64,
         "UNUSED_WORD" => u64::from(WideBvh::UNUSED),
         _ => return None,
     })

@@ -2,8 +2,8 @@
 //! defines make the condition false, so the program does not contain that file. Conditions that the host cannot decide
 //! count as true.
 
-/// The conditions around a line, outermost first. Each is true, false, or unknown to the host; unknown conditions
-/// count as true.
+/// The conditions around a line, outermost first. Each condition is true, false, or (`None`) unknown to the host;
+/// unknown conditions count as true.
 #[derive(Default)]
 pub(super) struct Branches(Vec<Option<bool>>);
 

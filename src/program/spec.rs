@@ -36,8 +36,8 @@ impl ProgramSpec {
     }
 
     /// Makes the same input as [`Self::new`], but without the lines at which a compiler stops if a file of the user
-    /// disagrees with its header. `raycl kernel` prints this program, so that a user can look for the cause of such an
-    /// error in it.
+    /// disagrees with its header. `raycl kernel` prints this program, so that a user can look in the printed program
+    /// for the cause of such an error.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -94,8 +94,8 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     let text = sources.read(&file)?;
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
     // The compiler must report the error at the line of `copied`. `#line` states the number of the line after it, which
-    // is the `#if`; the `#error` is one line further down. `key` counts lines from 0, so it is the right number for the
-    // `#if`.
+    // is the `#if`; the `#error` is one line further down. `key` counts lines from 0 and `#line` counts them from 1, so
+    // that `key` is the number of the line before `copied`: the right number for the `#if`.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [

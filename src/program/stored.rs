@@ -5,9 +5,9 @@ use crate::device::DeviceInfo;
 
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
-/// The kind of entries that map a program's name to its key. If the program uses a tree, its key is known only
-/// once the tree is built. The program's name is known earlier; with the name, raycl finds out before the tree is built
-/// whether the program is stored.
+/// The kind of entries that map a program's name to its key. If the program uses a tree, the program's key is known
+/// only once the tree is built. The program's name is known earlier. With the name, raycl finds out before the tree is
+/// built whether the program is stored.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.
@@ -53,7 +53,7 @@ impl ProgramCache {
         StoredProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
-    /// Stores a name for the program that is stored under `key`.
+    /// Stores the key of a program under the program's name.
     pub fn name(&self, name: &str, key: &str) {
         self.cache.put(NAME_KIND, &self.name_key(name), key.as_bytes());
     }

@@ -48,7 +48,7 @@ pub(super) struct AnchorTimes<'a> {
     pub device: &'a str,
     /// The samples, without those during which other programs used the processors (preempted samples).
     pub remaining: Vec<&'a AnchorSample>,
-    /// How much of the processors the anchor got; `None` if it is unknown.
+    /// The ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
     pub utilization: Option<AnchorUtilization>,
 }
 
@@ -89,10 +89,11 @@ impl AnchorUtilization {
     }
 }
 
-/// In the samples of anchors, replaces the devices' names by the names that a plan uses. `records` are records of the
-/// same folder, with the names under which they were stored. A device's name depends on the machine's other devices, so
-/// an earlier session may have used another name than the plan. If no record has an anchor's launch and device, as
-/// after a session that was interrupted, the anchor gets the device name of other anchors with the same anchor name.
+/// In the samples of anchors, replaces the devices' names by the names that a plan (the list of a run's points) uses.
+/// `records` are records of the same folder, with the names under which they were stored. A device's name depends on
+/// the machine's other devices, so an earlier session may have used another name than the plan. If no record has an
+/// anchor's launch and device, as after a session that was interrupted, the anchor gets the device name of other
+/// anchors with the same anchor name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,

@@ -1,6 +1,6 @@
-//! Compares points of a group that was divided into several blocks, which may have been measured on
-//! different machines. All blocks of a group measure the same control point, so points of different
-//! blocks are compared by their ratios to this point.
+//! Compares points of a group that was divided into several blocks, which may have been measured on different machines.
+//! All blocks of a group measure the same control point, so points of different blocks are compared by the ratios of
+//! their times to the control point's time.
 
 use super::relative_times::RelativeTimes;
 use super::types::Record;
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 pub(super) struct Control {
     key: String,
     standing: Standing,
-    /// Whether the record that has this control point is the control point itself.
+    /// Whether the record in which this value is stored is the record of the control point itself.
     is_itself: bool,
 }
 
@@ -33,9 +33,9 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the level (the logarithm of a time) by which a record is ranked within its family. If the record's block
-    /// has a control point, the control point's level in this block is subtracted. The speeds of the blocks' machines
-    /// then cancel.
+    /// Returns the level (the logarithm of a time) by which a record is ranked within its family (the records whose
+    /// levels can be compared). If the record's block has a control point, the control point's level in this block is
+    /// subtracted. The speeds of the blocks' machines then cancel.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control

@@ -9,9 +9,9 @@
 
 use super::types::Record;
 
-/// Returns the largest possible error of a point's change from one run to another that is computed relative to the
-/// anchor: the logarithm of the factor by which the change may be too large because of other programs. It is negative
-/// if the change may be too small, and 0 if nothing shows an error.
+/// Returns the largest possible error of the change of a point's time from one run to another, if the change is
+/// computed relative to the anchor. The error is the logarithm of the factor by which the change may be too large
+/// because of other programs. The error is negative if the change may be too small, and 0 if nothing shows an error.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }
@@ -21,7 +21,8 @@ fn known(before: &Record, after: &Record) -> Option<f64> {
     let (first, second) = (anchor(before)?, anchor(after)?);
     let of_anchor = delay(first.remaining, second.remaining)?;
     // A point's utilization also changes if its kernel changed, for example if the work-groups of the new kernel take
-    // unequal times. Other programs delayed a point at most by as much as all samples of the anchor together.
+    // unequal times. The delay that follows from the point's utilization is therefore limited: other programs delayed a
+    // point at most by as much as all samples of the anchor together.
     let most = delay(first.overall, second.overall)?;
     let of_point = delay(before.utilization?, after.utilization?)?.clamp(most.min(0.0), most.max(0.0));
     Some(of_point - of_anchor)
@@ -54,7 +55,7 @@ mod tests {
         record
     }
 
-    /// Returns the factor by which a change from a quiet run to `after` may be too large.
+    /// Returns the factor by which the change of a time from a quiet run to `after` may be too large.
     fn factor(after: &Record) -> f64 {
         let quiet = record(2.0, [2.0; 2]);
         let delay = unshared_delay(&quiet, after);

@@ -1,5 +1,5 @@
-//! Reads folders of results. All code that displays results reads them through [`Folder`], which
-//! contains only records of the folder's current plan.
+//! Reads folders of results. All code that displays results reads them through [`Folder`], which contains only records
+//! of the folder's current plan (the list of the points of its latest run).
 
 use super::anchors::{AnchorSample, name_devices};
 use super::hosts::hosts_that_differ;
@@ -30,9 +30,8 @@ pub struct Folder {
     pub path: PathBuf,
     /// The run's name in reports, which is the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in the plan's order and with the plan's names.
-    /// Without a plan, the latest record of every point. Different scenes with the same name are
-    /// renamed.
+    /// One record per point of the current plan, in the plan's order and with the plan's names. Without a plan,
+    /// `records` has the latest record of every point. Different scenes with the same name are renamed.
     pub records: Vec<Record>,
     /// The records of control points of the current plan that were measured only to compare blocks, if the plan is
     /// divided into blocks. They are not in `records`.
@@ -51,8 +50,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder of results; `path` names the folder or its journal of records. A folder
-    /// without records is a user error.
+    /// Reads a folder of results; `path` names the folder or its journal of records. A folder without records is an
+    /// input error (a mistake of the user).
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, journal) = match path.is_file() {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
@@ -162,15 +161,15 @@ fn of_merge(folder: &Path) -> Vec<String> {
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
-/// Reads a folder's journal of records. If the folder has no plan and no line of the journal can be read, the file is
-/// probably not raycl's, and an input error is returned.
+/// Reads a folder's journal of records. If the folder has no plan (`plan.json`), and no line of the journal can be
+/// read, the file is probably not raycl's, and an input error (a mistake of the user) is returned.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
     if CurrentPlan::is_in(folder) { Ok(lines) } else { lines.refuse_if_all_damaged(&journal) }
 }
 
-/// Reads the journal of anchors, and replaces the names of the anchors' devices by the names that the plan uses.
+/// Reads the journal of anchors, and replaces the names of the anchors' devices by the names in the plan (`plan.json`).
 /// `records` are all stored records.
 fn anchors<'a>(
     folder: &Path,
@@ -219,9 +218,9 @@ impl Shown {
     }
 }
 
-/// Returns the records of control points that belong to the plan, with the plan's names. If there is no plan, returns
-/// the records of all control points. A control point has a record for each block, and the launches of blocks differ.
-/// Of several records of the same launches, the last one is used.
+/// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If there is no
+/// plan, returns the records of all control points. A control point has a record for each block, and the launches of
+/// blocks differ. Of several records of the same launches, the last one is used.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -270,8 +269,8 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Of all records with the same identity, returns the last one, in the order in which the identities first occur.
-/// `name` returns a text that identifies a record, such as its key.
+/// Of all records for which `name` returns the same text, returns the last one. `name` returns a text that identifies a
+/// record, such as its key. The returned records are in the order in which their texts first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut indices: HashMap<String, usize> = HashMap::new();
     let mut newest: Vec<Record> = Vec::new();

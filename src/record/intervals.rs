@@ -11,8 +11,8 @@ use std::path::Path;
 /// is written when its group ends. Later groups show more about how much launches differ, so the
 /// final interval is only known when the whole run has ended.
 ///
-/// If any interval differs, the whole file is replaced; lines without a new interval stay
-/// unchanged. The caller must hold the folder's lock, and must open the journal again afterwards.
+/// If any interval differs, the whole file is replaced; lines without a new interval stay unchanged. The caller must
+/// hold the folder's lock (which allows one run at a time in the folder), and must open the journal again afterwards.
 /// Returns whether the file was replaced.
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =

@@ -87,8 +87,8 @@ impl<T> Lines<T> {
         ))
     }
 
-    /// Returns an input error if no line of the file can be read, although the file has complete lines: such a file is
-    /// probably not a journal. `path` is the file's path.
+    /// Returns an input error (a mistake of the user) if no line of the file can be read, although the file has
+    /// complete lines: such a file is probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {
             ([], [.., last]) => {

@@ -6,6 +6,8 @@ pub const RECORDS: &str = "records.jsonl";
 /// The journal of samples, which are the single times of each point, in the order in which they
 /// were measured.
 pub const SAMPLES: &str = "samples.jsonl";
+/// The journal of the ends of launches.
+pub const LAUNCHES: &str = "launches.jsonl";
 /// The journal of the machine's load during the rounds.
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the anchor's times.
@@ -20,3 +22,8 @@ pub const ENVIRONMENT: &str = "environment.json";
 pub const SUMMARY: &str = "summary.md";
 /// The folder of the points' pictures.
 pub const IMAGES: &str = "images";
+
+/// Returns the name of the file that describes an earlier session of the run; the first session has the number 1.
+pub fn earlier_environment(number: usize) -> String {
+    format!("environment-{number}.json")
+}

@@ -27,9 +27,9 @@ const HEADER: [&str; COLUMNS] = [
     "of peak",
     "outcome",
 ];
-/// Left-aligned columns, which contain words; the others contain numbers.
+/// The indices of the left-aligned columns, which contain words; the other columns contain numbers.
 const LEFT: [usize; 2] = [0, 10];
-/// Columns of numbers whose decimal points are aligned.
+/// The indices of the columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
 /// Returns the summary as Markdown. The function uses only its arguments, so the same records always yield the same
@@ -71,7 +71,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Describes the winner, and how much faster it is than the baselines and the best naive point.
+/// Describes the winner, and how much faster it is than the baselines and the best point of the preset `naive`.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {
@@ -91,7 +91,8 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     text + "\n"
 }
 
-/// Returns the speed-up of the best point over each of the host's baselines and over the best naive point.
+/// Returns the speed-up of the best point over each of the host's baselines and over the best point of the preset
+/// `naive`.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let host = groups.iter().find(|other| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size

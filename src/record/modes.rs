@@ -5,7 +5,8 @@ use super::together::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
 
-/// A launch counts as having a single mode if at most this fraction of its samples belongs to the other mode.
+/// If a record's samples have two modes, a launch still counts as having a single mode if at most this fraction of the
+/// launch's samples belongs to the other mode.
 const STRAYS: f64 = 0.1;
 
 /// Returns the record's warning and, if the record's samples lie around two values, a note on these values; `None` if

@@ -220,7 +220,8 @@ mod tests {
 
     #[test]
     fn what_all_launches_can_show_is_that_of_the_group_that_varies_most() {
-        // Each of the three launches has five samples; the samples of the second launch differ.
+        // Each of the three launches has five samples; the samples of the second launch differ from those of the other
+        // launches.
         let varied = |name: &str, second: f64| {
             let ms = move |launch: u32| if launch == 3 { second } else { 10.0 };
             sampled(name, (0..15).map(move |index| (2 + index / 5, ms(2 + index / 5))))

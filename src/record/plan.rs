@@ -18,8 +18,8 @@ pub struct CurrentPlan {
     pub points: Vec<PlannedPoint>,
 }
 
-/// A point's key, and the names that are not part of the key. An earlier record with the same key may have other names;
-/// raycl shows it with the names given here.
+/// A point's key, and the names and notes that are not part of the key. An earlier record with the same key may have
+/// other names and notes; raycl shows such a record with the names and notes given here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
     /// The record's key.
@@ -31,6 +31,9 @@ pub struct PlannedPoint {
     /// The values changed in the scene.
     #[serde(default)]
     pub scene_values: Vec<String>,
+    /// Notes on the scene. Plans of earlier versions do not have this field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_notes: Option<Vec<String>>,
     /// The device's name.
     pub device: String,
     /// The strategy's name.
@@ -48,12 +51,18 @@ impl PlannedPoint {
     pub fn of(record: &Record) -> Self {
         let Record { key, scene, scene_file, scene_values, device, name, preset, kernels_of, .. } =
             record.clone();
-        Self { key, scene, scene_file, scene_values, device, name, preset, kernels_of }
+        let scene_notes = Some(record.scene_notes.clone());
+        Self { key, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of }
     }
 
-    /// Changes a record's names to those in the plan.
+    /// Changes a record's names and notes to those in the plan. The notes may have changed although the point is the
+    /// same, since they also name other scenes with the same content.
     fn name(&self, record: &mut Record) {
-        let Self { key: _, scene, scene_file, scene_values, device, name, preset, kernels_of } = self.clone();
+        let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
+            self.clone();
+        if let Some(notes) = scene_notes {
+            record.scene_notes = notes;
+        }
         // A plan of an earlier version does not name the folder of kernels. The point's name contains the folder, so a
         // record of the same name has the same folder.
         if kernels_of.is_some() || record.name != name {
@@ -78,7 +87,7 @@ impl CurrentPlan {
         write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
     }
 
-    /// Returns whether a folder has a plan.
+    /// Returns whether a folder has a plan (`plan.json`).
     pub fn is_in(folder: &Path) -> bool {
         folder.join(FILE).is_file()
     }
@@ -157,12 +166,13 @@ mod tests {
     }
 
     #[test]
-    fn a_record_gets_every_name_of_the_plan_and_keeps_its_measurements() {
+    fn a_record_gets_every_name_and_note_of_the_plan_and_keeps_its_measurements() {
         let planned = Record {
             key: "k".into(),
             scene: "room".into(),
             scene_file: Some("room.toml".into()),
             scene_values: vec!["a = 1".into()],
+            scene_notes: vec!["another scene has the same content".into()],
             device: "gpu, 1".into(),
             name: "mine".into(),
             preset: Some("naive".into()),
@@ -173,11 +183,11 @@ mod tests {
         let mut record = Record { key: "k".into(), median_ms: Some(2.0), ..Record::default() };
         plan.points[0].name(&mut record);
         assert_eq!(record, Record { median_ms: Some(2.0), ..planned });
-        // A plan of an earlier version does not name the folder of kernels.
-        let earlier = PlannedPoint { kernels_of: None, ..plan.points[0].clone() };
+        // A plan of an earlier version neither names the folder of kernels nor has notes.
+        let earlier = PlannedPoint { kernels_of: None, scene_notes: None, ..plan.points[0].clone() };
         earlier.name(&mut record);
-        assert_eq!(record.kernels_of.as_deref(), Some("new"));
-        // Two folders are no longer compared.
+        assert_eq!((record.kernels_of.as_deref(), record.scene_notes.len()), (Some("new"), 1));
+        // This run no longer compares two folders of kernels.
         let alone = PlannedPoint { name: "alone".into(), ..earlier };
         alone.name(&mut record);
         assert_eq!((record.name.as_str(), record.kernels_of), ("alone", None));

@@ -27,6 +27,6 @@ pub(super) struct MeasuredAnchor {
     pub(super) name: String,
     /// The anchor's times, relative to those of the records that were measured with it.
     pub(super) standing: Standing,
-    /// How much of the processors the anchor got; `None` if it is unknown.
+    /// The ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
     pub(super) utilization: Option<AnchorUtilization>,
 }

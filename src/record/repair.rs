@@ -1,7 +1,7 @@
 //! Removes damaged lines from a folder's journals, and keeps a copy of each original file.
 
-use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
-use super::{AnchorSample, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
+use super::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
+use super::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
 use crate::error::{Error, Result};
 use serde::de::DeserializeOwned;
 use std::io::Write as _;
@@ -20,12 +20,13 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals, and returns the journals that were damaged. The caller must hold
-/// the folder's lock.
+/// Repairs a folder's journals, and returns the journals that were damaged. The caller must hold the folder's lock,
+/// which allows one run at a time in the folder.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join(RECORDS), is_a::<Record>)?,
         repair_file(&folder.join(SAMPLES), is_a::<Sample>)?,
+        repair_file(&folder.join(LAUNCHES), is_a::<LaunchEnd>)?,
         repair_file(&folder.join(ROUNDS), is_a::<RoundLoad>)?,
         repair_file(&folder.join(ANCHORS), is_a::<AnchorSample>)?,
         repair_file(&folder.join(CONTROLS), is_a::<Record>)?,
@@ -80,12 +81,15 @@ mod tests {
     use super::super::read_lines;
     use super::*;
 
+    const LAUNCH_END: &str = "{\"launch\":0,\"stop_reason\":\"precise\",\"samples\":{\"a\":5}}";
+
     #[test]
     fn every_journal_is_repaired() {
         let line = |line: serde_json::Result<String>| line.unwrap() + "\n";
         for (journal, good) in [
             (RECORDS, line(serde_json::to_string(&Record::default()))),
             (SAMPLES, line(serde_json::to_string(&Sample::default()))),
+            (LAUNCHES, LAUNCH_END.to_owned() + "\n"),
             (ROUNDS, line(serde_json::to_string(&RoundLoad::default()))),
             (ANCHORS, line(serde_json::to_string(&AnchorSample::default()))),
             (CONTROLS, line(serde_json::to_string(&Record::default()))),
@@ -111,6 +115,7 @@ mod tests {
             (RECORDS, record.as_str()),
             (CONTROLS, record.as_str()),
             (SAMPLES, "{\"key\":\"a\",\"round\":0,\"ms\":1.5}"),
+            (LAUNCHES, LAUNCH_END),
         ];
         for (journal, line) in lines {
             let folder = tempfile::tempdir().unwrap();

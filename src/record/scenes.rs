@@ -26,34 +26,73 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns new names for those scenes of the records whose names are equal although their contents differ. A scene is
-/// identified by the hash of its content.
+/// Returns new names for those scenes of the records whose names are equal although they are different scenes. The key
+/// of a new name is the hash of the scene's content.
 pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
-    let mut scenes: HashMap<&str, Vec<(&str, Names)>> = HashMap::new();
+    let mut contents: HashMap<&str, Vec<Content<'_>>> = HashMap::new();
     for record in records {
         let Some(hash) = record.scene_hash.as_deref() else { continue };
-        let same_name = scenes.entry(&record.scene).or_default();
-        if !same_name.iter().any(|(known, _)| *known == hash) {
-            same_name.push((hash, Names::of(record)));
+        let same_name = contents.entry(&record.scene).or_default();
+        match same_name.iter_mut().find(|known| known.hash == hash) {
+            Some(known) => {
+                known.image_sizes.insert(record.image_size);
+            }
+            None => same_name.push(Content { hash, image_sizes: [record.image_size].into(), record }),
         }
     }
-    let mut names: HashMap<String, String> = HashMap::new();
-    for scenes in scenes.into_values().filter(|scenes| scenes.len() > 1) {
-        let renamed = scenes.iter().zip(distinct(&scenes));
-        names.extend(renamed.map(|((hash, _), name)| ((*hash).to_owned(), name.to_owned())));
+    let mut new_names = HashMap::new();
+    for scenes in contents.into_values().map(scenes_of).filter(|scenes| scenes.len() > 1) {
+        let names: Vec<Names> = scenes.iter().map(|contents| Names::of(contents[0].record)).collect();
+        for (contents, name) in scenes.iter().zip(distinct(&names)) {
+            new_names.extend(contents.iter().map(|content| (content.hash.to_owned(), name.to_owned())));
+        }
     }
-    names
+    new_names
+}
+
+/// A scene with its camera.
+struct Content<'r> {
+    hash: &'r str,
+    image_sizes: HashSet<[u32; 2]>,
+    /// The first record of this content.
+    record: &'r Record,
+}
+
+impl Content<'_> {
+    /// Returns whether both are contents of one scene, whose camera raycl placed anew for images of another shape: they
+    /// have the same file with the same changed values, but no image size in common. Records of earlier versions, in
+    /// which the camera did not depend on the shape, may lack the file.
+    fn is_other_shape_of(&self, other: &Self) -> bool {
+        let is_known = self.record.scene_file.is_some();
+        is_known && self.made_of() == other.made_of() && self.image_sizes.is_disjoint(&other.image_sizes)
+    }
+
+    /// Returns the scene's file and the values that the config changes in it.
+    fn made_of(&self) -> (Option<&str>, &[String]) {
+        (self.record.scene_file.as_deref(), &self.record.scene_values)
+    }
+}
+
+/// Groups contents of the same name: the contents of a group belong to one scene.
+fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
+    let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
+    for content in contents {
+        match scenes.iter_mut().find(|scene| scene.iter().all(|known| known.is_other_shape_of(&content))) {
+            Some(scene) => scene.push(content),
+            None => scenes.push(vec![content]),
+        }
+    }
+    scenes
 }
 
 /// Returns one name per scene. All names are of one kind (see [`Names::at`]): the first kind for which all names
 /// differ. If no kind makes all names different, the names with hashes are returned.
-fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
-    let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
-    let mut kinds =
-        (0..depth + 3).map(|kind| scenes.iter().map(|(_, names)| names.at(kind, depth)).collect());
+fn distinct(scenes: &[Names]) -> Vec<&str> {
+    let depth = scenes.iter().map(|names| names.paths.len()).max().unwrap_or(0);
+    let mut kinds = (0..depth + 3).map(|kind| scenes.iter().map(|names| names.at(kind, depth)).collect());
     let differ = |names: &Vec<&str>| names.iter().collect::<HashSet<_>>().len() == names.len();
     let last = depth + 2;
-    kinds.find(differ).unwrap_or_else(|| scenes.iter().map(|(_, names)| names.at(last, depth)).collect())
+    kinds.find(differ).unwrap_or_else(|| scenes.iter().map(|names| names.at(last, depth)).collect())
 }
 
 impl Names {
@@ -80,9 +119,8 @@ impl Names {
         }
     }
 
-    /// Returns the scene's possible name of the given kind. Kinds from 0 to `depth - 1` are ends of
-    /// the path; the following kinds are `others`. If a path has too few parts, the whole path is
-    /// used.
+    /// Returns the scene's possible name of the given kind. Kinds from 0 to `depth - 1` are ends of the path; the
+    /// following kinds are the names in `others`. If a path has too few parts, the whole path is used.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),
@@ -122,6 +160,30 @@ mod tests {
         assert_eq!(renamed(&above), ["scene", "b/scene"]);
         let endings = [("scene", "a/scene.obj", "", "1"), ("scene", "a/scene.toml", "", "2")];
         assert_eq!(renamed(&endings), ["a/scene.obj", "a/scene.toml"]);
+    }
+
+    #[test]
+    fn a_scene_that_is_framed_for_each_shape_of_the_images_keeps_one_name() {
+        let record = |file: &str, hash: &str, image_size| Record {
+            scene: "bunny".to_owned(),
+            scene_file: Some(file.to_owned()),
+            scene_hash: Some(hash.to_owned()),
+            image_size,
+            ..Record::default()
+        };
+        let (square, wide) = ([8, 8], [8, 5]);
+        let renamed = |records: &[Record]| {
+            let mut records = records.to_vec();
+            tell_scenes_apart(&mut records);
+            records.into_iter().map(|record| record.scene).collect::<Vec<_>>()
+        };
+        let of = |file: &str, [one, other]: [&str; 2]| [record(file, one, square), record(file, other, wide)];
+        assert_eq!(renamed(&of("a/bunny.obj", ["1", "2"])), ["bunny", "bunny"]);
+        let both = [of("a/bunny.obj", ["1", "2"]), of("b/bunny.obj", ["3", "4"])].concat();
+        assert_eq!(renamed(&both), ["a/bunny", "a/bunny", "b/bunny", "b/bunny"]);
+        // The file was changed between two runs, so an image size has two contents.
+        let edited = [of("bunny.obj", ["1", "1"]), of("bunny.obj", ["2", "2"])].concat();
+        assert_eq!(renamed(&edited), ["bunny (1)", "bunny (1)", "bunny (2)", "bunny (2)"]);
     }
 
     #[test]

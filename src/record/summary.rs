@@ -25,7 +25,7 @@ pub struct Group<'a> {
 pub fn groups<'a>(records: &'a [Record]) -> Vec<Group<'a>> {
     let named = |record: &'a Record| (record.scene.as_str(), record.image_size, record.device.as_str());
     let identity = |record: &'a Record| (named(record), record.key.as_str());
-    // Of records with the same identity, the map has the last one.
+    // If several records have the same scene, image size, device and key, the map has the last of them.
     let last: HashMap<_, &Record> = records.iter().map(|record| (identity(record), record)).collect();
     let mut indices: HashMap<_, usize> = HashMap::new();
     let mut groups: Vec<Group<'a>> = Vec::new();

@@ -43,7 +43,7 @@ fn host_line(group: &Group<'_>) -> String {
     format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join("; "))
 }
 
-/// Returns a group's table; `device` is the name of its device as people know it.
+/// Returns a group's table; `device` is the common name of the group's device.
 fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     let (mut names, mut sizes) = (Vec::new(), Vec::new());
     for record in &group.records {
@@ -79,9 +79,9 @@ fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
-/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy
-/// reaches; empty if the peak was not measured. The fraction is unknown if the tests of a strategy are counted, but not
-/// the operations of a test.
+/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy reaches; empty if the
+/// peak was not measured. The fraction is unknown if a strategy's rate of ray-triangle tests is known, but not the
+/// number of operations of a test.
 fn peak_line(group: &Group<'_>) -> String {
     let (mut parts, mut unknown): (Vec<(&str, f64)>, Vec<&str>) = (Vec::new(), Vec::new());
     for record in group.ranking().ranked {

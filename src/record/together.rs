@@ -44,7 +44,7 @@ pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     }
 }
 
-/// Computes each record's relative times, and those of the anchors. A record whose median is 0 has none.
+/// Computes each record's relative times, and those of the anchors. A record whose median is 0 has no relative times.
 fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
@@ -72,7 +72,7 @@ struct Table {
     together: blake3::Hash,
     /// The indices of these records in the list of all records.
     indices: Vec<usize>,
-    /// The anchors. In `paired`, they follow the points of the records.
+    /// The anchors. In `paired`, the indices of the anchors follow those of the records.
     anchors: Vec<Anchor>,
     paired: Paired,
 }
@@ -360,9 +360,9 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns the smallest difference that two points need so that the samples can show that they do not tie. Two points
-/// tie if their times differ by less than 1%. `part` is the smallest difference, as a fraction, that the samples can
-/// show at all.
+/// Returns the smallest difference, as a fraction, that two points need so that the samples can show that they do not
+/// tie. Two points tie unless the samples show that one takes more than 1% longer. `part` is the smallest difference,
+/// as a fraction, that the samples can show at all.
 fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }

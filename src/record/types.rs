@@ -207,6 +207,12 @@ pub struct Record {
     /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification compares such
     /// a pixel with the range of values that the moved rays yield.
     pub uncertain_pixels: Option<u64>,
+    /// Number of pixels whose rays hit something in the reference.
+    #[serde(default)]
+    pub hits: Option<u64>,
+    /// Number of uncertain pixels whose rays hit something in the reference.
+    #[serde(default)]
+    pub uncertain_hits: Option<u64>,
     /// Number of uncertain pixels whose values are outside the range that their moved rays yield; verification limits
     /// this number.
     pub unexplained_pixels: Option<u64>,
@@ -293,7 +299,7 @@ pub struct Record {
     pub throttled_samples: Option<u32>,
     /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
-    /// The seed of the random orders: of the groups of points in a launch, and of the points in a round.
+    /// The seed of two random orders: that of the groups' launches, and that of the points in each round.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
@@ -316,8 +322,8 @@ impl Record {
         self.host.iter().flat_map(|names| names.split(", "))
     }
 
-    /// Returns whether the record is no failure, and would be the same at any other moment. A point that lacked memory
-    /// may fit when other programs, or other points of the run, hold less memory.
+    /// Returns whether the record is not a failure, and the point would have the same outcome at any other moment. A
+    /// point that lacked memory may fit when other programs, or other points of the run, hold less memory.
     pub fn is_final(&self) -> bool {
         let is_of_the_moment = self.outcome == Outcome::Infeasible
             && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
@@ -327,12 +333,14 @@ impl Record {
     /// Returns the record's rank among the records of a point that several attempts have. The record with the lowest
     /// rank is the point's result.
     pub fn rank(&self) -> u8 {
+        let is_of_the_session = self.reason.as_deref().is_some_and(Infeasible::is_of_the_session);
         match self.outcome {
             // An error must not be hidden by another attempt.
             Outcome::WrongImage => 0,
             Outcome::Measured => 1,
-            // A lack of memory at one moment must not hide that another attempt had enough memory and failed.
-            Outcome::Infeasible if !self.is_final() => 4,
+            // A lack of memory at one moment or in one session must not hide that another attempt had enough memory and
+            // failed.
+            Outcome::Infeasible if is_of_the_session || !self.is_final() => 4,
             // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
             Outcome::Infeasible | Outcome::BuildFailed => 2,
             Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,

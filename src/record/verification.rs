@@ -1,16 +1,19 @@
-//! Names the points whose images were hardly verified.
+//! Names the points whose images were hardly verified, because too few of their pixels are certain.
 
 use super::numbers::by;
 use super::types::{Outcome, Record};
 use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 
-/// Returns a note on the measured points of whose pixels too few were certain; `None` if there are no such points.
+/// Returns a note on the measured points in whose images too few pixels are certain; `None` if there are no such
+/// points.
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
         let pixels = record.image_size.iter().map(|side| *side as usize).product();
-        hardly_verified(record.uncertain_pixels? as usize, pixels)
+        // Records of earlier versions do not have the numbers of pixels with a surface. For them, all pixels count.
+        let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
+        hardly_verified([record.uncertain_pixels? as usize, pixels], hits)
     };
     let (first, reason) = measured().find_map(|record| Some((record, why(record)?)))?;
     let count = measured().filter(|record| why(record).is_some()).count();
@@ -42,5 +45,14 @@ mod tests {
         let start =
             "1 of 3 images was hardly verified; the first, of fence 40 x 25: 99 of 1000 pixels were certain";
         assert!(note.starts_with(start), "{note}");
+        // Only pixels with a surface count, if their number is known.
+        let hits = |uncertain, hits| Record {
+            uncertain_hits: Some(uncertain),
+            hits: Some(hits),
+            ..of(Outcome::Measured, Some(500))
+        };
+        let note = hardly_verified_images(&[hits(500, 500)]).unwrap_or_default();
+        assert!(note.contains(": 0 of 500 pixels with a surface were certain"), "{note}");
+        assert_eq!(hardly_verified_images(&[hits(450, 500)]), None);
     }
 }

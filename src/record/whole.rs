@@ -88,8 +88,8 @@ pub fn refuse_file(folder: &Path) -> Result<()> {
     }))
 }
 
-/// Fails with this remedy if this process may not create files in a folder. If the folder does not exist, the closest
-/// folder above it that exists is checked instead, since the missing folder would have to be made there.
+/// Fails if this process may not create files in a folder; the error's help is `remedy`. If the folder does not exist,
+/// the closest folder above it that exists is checked instead, since the missing folder would have to be made there.
 pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
     let Some(existing) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
     may_write(existing).map_err(|error| {
@@ -105,9 +105,9 @@ fn or_current(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
-/// Returns the error of a folder that cannot be made, with this remedy. The error counts as a mistake of the user in
-/// these cases: something else has this path, no folder can have this path, or this process may not make folders in
-/// that place.
+/// Returns the error for a folder that cannot be made; the error's help is `remedy`. The error counts as a mistake of
+/// the user in these cases: something else has this path, no folder can have this path, or this process may not make
+/// folders in that place.
 pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
     use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
     let other = || {

@@ -57,7 +57,7 @@ pub struct Asked<'a> {
     pub frame: &'a PixelFrame,
     /// The distance from a surface at which its shadow rays start.
     pub bias: f64,
-    /// The lights, each at the point that the sample sees, and the sky.
+    /// The sky and the lights. A light with a radius is replaced by its point to which the sample's shadow ray runs.
     pub seen: Seen<'a>,
     /// The pixel coordinates of the pixel's centre.
     pub centre: [f64; 2],
@@ -103,7 +103,8 @@ impl Asked<'_> {
         let by = TEXTURE_SHIFT * largest;
         let width = Frame::<f64>::new(self.frame).cone_width(ray, hit.t);
         let hit = Hit { triangle: 0, ..*hit };
-        // The entry after those of the lights is the sky's.
+        // `known` has an element for each light, and a last element for the sky: whether it is visible, once that is
+        // known.
         let known = RefCell::new(vec![None; self.seen.lights.len() + 1]);
         let reaches_once = |sight: &Sight<f64>| {
             let earlier: Option<bool> = known.borrow()[sight.light];
@@ -178,7 +179,7 @@ impl Asked<'_> {
         self.shift_texture(sample, (ray, hit), &|sight| caster.reaches(sight, bias));
     }
 
-    /// Returns true for a light, false for the sky.
+    /// Returns true if `sight` is of a light, false if it is of the sky.
     fn is_light(&self, sight: &Sight<f64>) -> bool {
         sight.light < self.seen.lights.len()
     }
@@ -192,8 +193,8 @@ impl Asked<'_> {
     }
 }
 
-/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from elsewhere. Copying the
-/// lights and the sky would take time for every pixel.
+/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from another argument (a
+/// [`Seen`]). Copying the lights and the sky would take time for every pixel.
 fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     Scene {
         name: String::new(),
@@ -319,7 +320,7 @@ mod tests {
     use glam::{Vec3, vec3};
 
     /// Returns the percentage of pixels for which `quick_sample` has a result. Checks first that each of these results
-    /// equals that of `sample`.
+    /// equals the result of `sample`.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
         let size = [80, 50];
         let tree = Tree::new(&scene.mesh, culling);

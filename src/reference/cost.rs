@@ -29,16 +29,16 @@ pub struct Cost {
     pub nodes: u32,
 }
 
-/// Returns the cost of every pixel if each ray tests triangles in the mesh's order: a primary ray tests all triangles,
-/// and a shadow ray stops at the first occluder. In a scene with cut-outs, a shadow ray is counted as if it tested all
-/// triangles.
+/// Returns the cost (numbers of tests and nodes) of every pixel if each ray tests triangles in the mesh's order: a
+/// primary ray tests all triangles, and a shadow ray stops at the first occluder. In a scene with cut-outs, a shadow
+/// ray is counted as if it tested all triangles.
 pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;
     each_pixel(scene, size, |tally| InOrder { tree: &tree, count, tally })
 }
 
-/// Returns the cost of every pixel if each ray traverses a tree, nearer boxes first.
+/// Returns the cost (numbers of tests and nodes) of every pixel if each ray traverses a tree, nearer boxes first.
 ///
 /// # Errors
 ///
@@ -47,7 +47,7 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
 
-/// Builds the tree for which costs are counted.
+/// Builds the tree for which costs (numbers of tests and nodes) are counted.
 ///
 /// # Errors
 ///
@@ -56,7 +56,7 @@ pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }
 
-/// Returns the cost of every pixel if each ray traverses this tree.
+/// Returns the cost (numbers of tests and nodes) of every pixel if each ray traverses this tree.
 pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
@@ -69,7 +69,7 @@ struct Tally {
     nodes: AtomicU32,
 }
 
-/// Casts each pixel at its centre with a separate finder that counts tests, and returns the counts.
+/// Casts each pixel at its centre, with a separate finder (search for hits) that counts tests, and returns the counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     [width, height]: [u32; 2],
@@ -119,7 +119,7 @@ impl Finder<f64> for InOrder<'_> {
     }
 }
 
-/// Counts the tests of a traversal.
+/// Traverses a tree and counts the tests.
 struct Walking<'a> {
     tree: &'a WideBvh,
     mesh: &'a Mesh,

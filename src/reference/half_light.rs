@@ -87,7 +87,8 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the weight of one pixel in a mean for another pixel, given the unoccluded light of both.
+/// Returns the weight of one pixel in the filter for another pixel, from the unoccluded light of both: largest if it is
+/// equal.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)

@@ -96,7 +96,8 @@ mod tests {
 
     #[test]
     fn a_triangle_before_the_ground() {
-        // Triangle 0 lies in z = -2; triangles 2 and 3 are the ground, y = -1, whose normal points up.
+        // Triangle 0 lies in the plane z = -2. Triangles 2 and 3 are the ground, the plane y = -1, whose normal points
+        // up.
         let scene = fixtures::figure_4();
         let layers = layers(&scene, &[0, 1, 2], [80, 80], Culling::None).unwrap();
         let at = |x: usize, y: usize| y * 80 + x;

@@ -81,6 +81,11 @@ impl Reference {
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
+
+    /// Returns the number of uncertain pixels whose rays hit a triangle, without those that are nearly certain.
+    pub fn uncertain_hits(&self) -> usize {
+        self.doubts.iter().filter(|doubt| doubt.hit && !doubt.nearly_certain).count()
+    }
 }
 
 /// An uncertain pixel.
@@ -90,6 +95,8 @@ pub struct Doubt {
     pub pixel: usize,
     /// True if only wide nudges change the pixel (see [`certainty`]). Its possible values are then nearly equal.
     pub nearly_certain: bool,
+    /// True if the pixel's ray, or the ray of one of its samples, hits a triangle.
+    pub hit: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],
     /// The greatest value of each channel under the pixel's nudges, except wide ones.
@@ -160,7 +167,8 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
         certain[pixel] = is_certain(sample, floor);
         if !certain[pixel] {
             let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
-            doubts.push(Doubt { pixel, nearly_certain: is_nearly_certain(sample, floor), low, high });
+            let nearly_certain = is_nearly_certain(sample, floor);
+            doubts.push(Doubt { pixel, nearly_certain, hit: sample.hit, low, high });
         }
     }
     let hits = samples.iter().filter(|sample| sample.hit).count();
@@ -169,7 +177,7 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
     Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
-/// Returns the samples of these pixels, in their order.
+/// Casts these pixels, and returns their samples in the same order.
 fn samples(
     scene: &Scene,
     tree: &Arc<Tree>,

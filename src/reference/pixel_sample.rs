@@ -25,7 +25,7 @@ pub struct PixelSample {
 }
 
 impl PixelSample {
-    /// Returns a sample that no nudge has changed yet.
+    /// Returns a sample with this radiance, in which no nudge is included yet.
     pub(super) fn of(radiance: DVec3, hit: bool) -> Self {
         let (coverage, range) = (f32::from(hit), [radiance; 2]);
         Self { radiance, hit, coverage, turns: false, change: 0.0, near_change: 0.0, range }

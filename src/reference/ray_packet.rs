@@ -55,12 +55,12 @@ impl RayPacket {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let sizes = [ab, bc, ca].map(DVec3::length);
-        // These are the largest rounding errors of all determinants of a ray-triangle test, as in `leaning`. Rays of
-        // the packet end near `end`, not exactly there; the factor 1.01 allows for this.
+        // `errors` are bounds of the rounding errors of all determinants of a ray-triangle test, as in `leaning`. Rays
+        // of the packet end near `end`, not exactly there; the factor 1.01 allows for this.
         let part = 1.01 * ROUNDING * self.reach(corners);
         let error_of_slope = ROUNDING * sizes[0] * sizes[2];
         let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];
-        // b x bc equals b x c, but has smaller rounding errors if the triangle is small and far away.
+        // The cross product b x bc equals b x c, but has smaller rounding errors if the triangle is small and far away.
         let planes = [(b.cross(bc), errors[0]), (c.cross(ca), errors[1]), (a.cross(ab), errors[2])];
         let sides = planes.map(|(plane, error)| self.side(plane, error));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
@@ -117,7 +117,7 @@ impl RayPacket {
         }
     }
 
-    /// Returns the largest distance of a corner from an end of the rays.
+    /// Returns the largest distance of one of these corners from an end of the rays.
     fn reach(&self, corners: &[DVec3; 3]) -> f64 {
         let squared =
             |from: DVec3| corners.iter().map(|corner| corner.distance_squared(from)).fold(0.0, f64::max);

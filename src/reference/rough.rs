@@ -2,7 +2,13 @@
 //! visibly after the first samples. `cl/common/mark_rough.cl` does the same on devices.
 
 use crate::image::Radiance;
-use crate::manifest::SAMPLED_BLOCK;
+use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
+
+/// Returns the difference of neighbouring pixels, in 8-bit steps, beyond which a block is rough after `first` samples
+/// per pixel.
+pub fn rough_steps(first: u32) -> f64 {
+    f64::from(ROUGH_STEPS) / f64::from(first).sqrt()
+}
 
 /// Returns the largest difference of neighbouring pixels in each block and in the ring of pixels around the block;
 /// blocks are in order, row by row. `means` contains the mean of the first samples of each pixel. Differences are

@@ -27,22 +27,23 @@ pub struct Points {
     pub triangle: u32,
     /// The point at the centre.
     pub centre: DVec3,
-    /// The unit normal at the centre, with which lights are shaded.
+    /// The unit normal at the centre, with which the surface is shaded.
     pub normal: DVec3,
     /// The largest distance of a point from the centre.
     pub spread: f64,
 }
 
-/// True if a light reaches all points, false if it reaches none of them; `None` if that is uncertain.
+/// True if a light reaches all points near a hit, false if it reaches none of them; `None` if that is uncertain.
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {
-    /// Prepares the search for the lights of a sample.
+    /// Prepares to find which lights of a pixel's sample reach these points.
     pub fn new(seen: &'a Seen<'a>, tree: &'a Tree, points: Points, bias: f64) -> Self {
         Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
     }
 
-    /// Returns whether a light reaches all points; `None` if that is uncertain, or if `light` stands for the sky.
+    /// Returns whether a light reaches all points near the hit; `None` if that is uncertain, or if `light` stands for
+    /// the sky.
     pub fn reaches(&self, light: usize) -> Reaches {
         // The sky has no entry in `known`, since it is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;
@@ -58,7 +59,7 @@ impl<'a> Shadows<'a> {
         self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }
 
-    /// Searches from the light, from which all shadow rays start.
+    /// Computes the result of [`Self::reaches`] by one search from the light, where all shadow rays to it meet.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
         let Points { triangle, centre, normal, spread } = self.points;
@@ -66,8 +67,8 @@ impl<'a> Shadows<'a> {
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
         let [_, end] = ends(self.bias, distance, -off.dot(normal) / distance);
-        // The factor 1.1 allows for the other points, at which the light's distance and cosine differ from those at the
-        // centre.
+        // The factor 1.1 allows for the points around the centre, at which the light's distance and cosine differ from
+        // those at the centre.
         let end = 1.1 * end.max(2.0 * self.bias);
         let [least, most] = [distance - spread - end, distance + spread - 0.5 * self.bias];
         if least <= 4.0 * at_light || spread > 0.01 * distance {

@@ -24,11 +24,11 @@ pub struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// Returns the lights and the sky as a sample of a pixel sees them. With a single sample,
+    /// Returns the lights and the sky as a sample of a pixel sees them. In a picture with a single sample per pixel,
     /// lights are points.
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
         let unoccluded = sample.light == SampleLight::Unoccluded;
-        let are_points = unoccluded || sample.count == 1;
+        let are_points = unoccluded || sample.most == 1;
         let soft = !are_points && scene.lights.iter().any(|light| light.radius > 0.0);
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
@@ -143,6 +143,7 @@ mod tests {
     use super::*;
     use crate::launch::alone::Alone;
     use crate::manifest::SOFT_HEAD_FLOATS;
+    use crate::scene::Sampling;
     use glam::Vec3;
     use ocl::prm::Uint2;
     use std::collections::BTreeSet;
@@ -161,7 +162,7 @@ mod tests {
     }
 
     fn samples(count: u32) -> impl Iterator<Item = Sample> {
-        (0..count).map(move |number| Sample { number, count, ..Sample::CENTRE })
+        (0..count).map(move |number| Sample { number, count, most: count, ..Sample::CENTRE })
     }
 
     #[test]
@@ -206,6 +207,19 @@ mod tests {
         assert_ne!(seen.sky.map(|(_, point)| point), other.sky.map(|(_, point)| point));
     }
 
+    /// Of two adaptive samples, the first is the only one of its round, and so is the other.
+    #[test]
+    fn the_only_sample_of_a_round_sees_points_of_balls() {
+        let scene = scene();
+        let rounds = Sampling::adaptive(2).rounds().concat();
+        assert_eq!(rounds.iter().map(|sample| sample.count).collect::<Vec<_>>(), [1, 1]);
+        for sample in rounds {
+            let lights = Seen::of(&scene, sample, [3, 4]).lights;
+            assert_ne!(lights[0], scene.lights[0]);
+            assert_eq!(lights[1], scene.lights[1]);
+        }
+    }
+
     #[test]
     fn samples_of_a_pixel_and_of_a_square_of_pixels_are_one_to_each_stratum() {
         let strata = |numbers: &[[f64; 3]], axis: usize| {
@@ -237,7 +251,7 @@ mod tests {
                       out[3 * at] = u.x, out[3 * at + 1] = u.y, out[3 * at + 2] = u.z;\n}\n";
         let options = format!(
             "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0 -D ROUNDING=0 -D EDGE_ON_ROUNDING=0 -D CULL_BACK=0 -D SKY=0 -D RECORD_FLOATS=12 \
-             -D SOFT_HEAD_FLOATS={SOFT_HEAD_FLOATS}"
+             -D SAMPLED=0 -D SOFT_HEAD_FLOATS={SOFT_HEAD_FLOATS}"
         );
         let files = ["common/width.cl", "common/vec3.cl", "common/rows.cl", "common/soft.cl"];
         let device = Alone::of([before, kernel], &files, &options);

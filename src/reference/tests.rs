@@ -22,7 +22,7 @@ fn assert_near(actual: Vec3, expected: Vec3) {
 
 #[test]
 fn the_single_triangle_seen_straight_on() {
-    // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The
+    // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (calculated on paper). The
     // expected radiance follows from the shading formulas, which were evaluated outside this program.
     let actual = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
     assert_near(actual, vec3(0.023589239, 0.018874577, 0.000015931));
@@ -154,7 +154,7 @@ fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() 
 }
 
 /// From texel to texel, the alpha of this mask grows by 8 steps, so a move by a quarter of a texel changes it by only 2
-/// steps. The least alpha is 127.5 steps; the exact alphas are 118 and 126 steps.
+/// steps. The least alpha of a solid point is 127.5 steps; the exact alphas at the rays' hits are 118 and 126 steps.
 #[test]
 fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain() {
     let ramp = |x: u32, _: u32| 8 * x % 256;
@@ -165,7 +165,7 @@ fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain
     }
 }
 
-/// One texel is a hole. The alpha of all others equals the least alpha.
+/// One texel is a hole. The alpha of all other texels equals the least alpha of a solid point.
 #[test]
 fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
     for alpha in [255, 51] {
@@ -216,8 +216,8 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-    // The strip lies from half a microradian to five microradians beside the ray. Wide nudges turn the ray by ten
-    // microradians, past the strip.
+    // The triangle is a narrow strip. Seen from the eye, it lies from half a microradian to five microradians beside
+    // the middle pixel's ray. Wide nudges turn this ray by ten microradians, past the strip.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let reference = reference(&scene, [9, 5], Culling::None);
@@ -285,7 +285,7 @@ fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
             }
             verify(&image, None, &expected, scene.display).ok
         };
-        // The pixels may be dark or lit, but not of a third colour.
+        // A pixel may be dark or have exactly the light of the second triangle, but no other brightness.
         assert_eq!([0.0, 1.0, 1.01].map(is_right), [true, true, false], "{name}");
     }
 }
@@ -421,8 +421,8 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
         (1e5, 0.02, false),
         (1e5, 2.0, false),
         (1e5, 3.0, true),
-        // At this distance, rounding moves no surface by more than the bias, and a single search is enough for
-        // certain pixels.
+        // At this distance, rounding moves no surface by more than the bias, and for certain pixels, a single search
+        // finds out whether the light is visible.
         (1e3, 0.01, false),
         (1e3, 0.05, true),
     ] {

@@ -187,11 +187,11 @@ fn centre(t: &Indexed) -> DVec3 {
     a + b + c
 }
 
-/// Splits a part into two non-empty parts along the axis along which the triangles' centres are spread most, and
-/// returns the number of triangles in the first of the two parts. The split is where a ray is expected to test the
-/// fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On fast Construction of SAH-based
-/// Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin, the two
-/// parts have nearly equal numbers of triangles.
+/// Splits a node's triangles into two non-empty parts along the axis along which the triangles' centres are spread
+/// most, and returns the number of triangles in the first of the two parts. The split is where a ray is expected to
+/// test the fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On fast Construction of
+/// SAH-based Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin,
+/// the two parts have nearly equal numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -209,8 +209,9 @@ fn split(part: &mut [Indexed], level: usize) -> usize {
     middle
 }
 
-/// Returns the first bin of the right part for the cheapest split. The cost of a split is the sum, over both parts, of
-/// the box's area times the number of triangles. Returns `None` if all triangles are in one bin.
+/// Returns the first bin (interval of the axis) of the right part for the cheapest split. The cost of a split is the
+/// sum, over both parts, of the box's area times the number of triangles. Returns `None` if all triangles are in one
+/// bin.
 fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
     let mut bins = [(Bounds::NONE, 0_usize); BINS];
     for t in part {

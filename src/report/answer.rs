@@ -26,7 +26,7 @@ pub struct Answer {
     pub time: String,
     /// The 95% interval of this median as text.
     pub interval: String,
-    /// The speed-ups of the best point over the serial baselines and over the best naive point.
+    /// The speed-ups of the best point over the serial baselines and over the best point of the preset `naive`.
     pub speedups: Vec<Speedup>,
     /// If the best point of the preset `naive` is itself the fastest: its name, as it is written in speed-ups of other
     /// groups. Otherwise `None`.
@@ -128,7 +128,8 @@ fn naive<'a>(group: &Group<'a>) -> Option<&'a Record> {
     group.best_where(|record| record.preset.as_deref() == Some("naive"))
 }
 
-/// Returns the name of the point of `record` in speed-ups of another point over this point.
+/// Returns the name of a record's point, as a speed-up of another point over this point shows it: a baseline's name, or
+/// a text such as "the best naive point".
 fn over(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),

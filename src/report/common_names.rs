@@ -8,7 +8,8 @@ use std::collections::HashMap;
 /// The key under which an entry of a page's environment holds the driver's name of the device.
 const DRIVER: &str = "driver's_name";
 
-/// Returns the folders with the devices' common names, and for each common name the driver's name.
+/// Returns the folders with the devices' common names, and for each common name (the name that people know) the name
+/// that the driver reports.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
     let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
     let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();

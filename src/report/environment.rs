@@ -1,7 +1,8 @@
 //! Describes the machines, programs and commands of runs, so that others can repeat these runs.
 
+use crate::record::journals::earlier_environment;
 use crate::record::{Folder, Record};
-use crate::words::quote;
+use crate::words::{counted, quote};
 use serde_json::Value;
 
 /// The environment of a folder, as a page shows it.
@@ -12,7 +13,8 @@ pub struct EnvironmentView {
     /// The command that repeats the run.
     pub command: String,
     /// The version of raycl that made the run, and the commands that build this version again from its commit, or the
-    /// reason why it cannot be built again.
+    /// reason why it cannot be built again. If other versions measured some of the records, the text also lists the
+    /// commits of all versions.
     pub program: String,
     /// The config's text.
     pub config: String,
@@ -38,11 +40,11 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     let mut view = EnvironmentView {
         label: folder.label.clone(),
         command: command(environment),
-        program: program(environment),
+        program: program_of(folder),
         config: environment["config"].as_str().unwrap_or_default().to_owned(),
         ..EnvironmentView::default()
     };
-    let mut run = Vec::new();
+    let mut run: Vec<(String, String)> = sessions(folder).into_iter().collect();
     for (key, value) in environment.as_object().into_iter().flatten() {
         match value {
             Value::Object(_) => view.sections.push((words(key), facts(value))),
@@ -61,6 +63,47 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     }
     view.sections.insert(0, ("run".to_owned(), run));
     view
+}
+
+/// Returns the number of a run's sessions, with the files that describe the earlier ones; `None` if there was only one
+/// session.
+fn sessions(folder: &Folder) -> Option<(String, String)> {
+    let is_there = |number: &usize| folder.path.join(earlier_environment(*number)).is_file();
+    let earlier = (1..).take_while(is_there).count();
+    let first = earlier_environment(1);
+    let described = match earlier {
+        0 => return None,
+        1 => format!("{first} describes the earlier one"),
+        _ => format!("{first} to {} describe the earlier ones", earlier_environment(earlier)),
+    };
+    Some(("sessions".to_owned(), format!("{}; {described}", earlier + 1)))
+}
+
+/// Describes the raycl that wrote a folder's environment: that of the last session or, in a merged folder, of the first
+/// attempt. If other versions of raycl measured some of the records, also lists the commits of all versions that did.
+fn program_of(folder: &Folder) -> String {
+    let last = program(&folder.environment);
+    let own = folder.environment["git_revision"].as_str();
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    for revision in folder.records.iter().filter_map(|record| record.revision.as_deref().or(own)) {
+        match counts.iter_mut().find(|(known, _)| *known == revision) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((revision, 1)),
+        }
+    }
+    if counts.iter().all(|(revision, _)| Some(*revision) == own) {
+        return last;
+    }
+    let of = |(revision, count): &(&str, usize)| {
+        let (commit, changes) = match revision.strip_suffix("-dirty") {
+            Some(commit) => (commit, " with uncommitted changes"),
+            None => (*revision, ""),
+        };
+        format!("{commit}{changes} ({})", counted(*count, "record"))
+    };
+    let all: Vec<String> = counts.iter().map(of).collect();
+    let all = all.join(", ");
+    format!("The environment is that of {last}. The records were measured by raycl of these commits: {all}")
 }
 
 /// Describes the git revision from which the raycl of a run was built.
@@ -186,6 +229,50 @@ mod tests {
         assert_eq!(text(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
         assert!(text(Some("abc-dirty")).contains("with uncommitted changes"));
         assert_eq!(text(None), "raycl 1, the commit from which it was built is unknown");
+    }
+
+    #[test]
+    fn records_of_other_commits_than_that_of_the_last_session_are_counted_by_commit() {
+        let of = |revisions: &[Option<&str>]| {
+            let record = |revision: &Option<&str>| Record {
+                revision: revision.map(str::to_owned),
+                ..Record::default()
+            };
+            let environment = serde_json::json!({"raycl_version": "1", "git_revision": "b"});
+            program_of(&Folder {
+                environment,
+                records: revisions.iter().map(record).collect(),
+                ..Folder::default()
+            })
+        };
+        let last = "raycl 1; to build it again: git checkout b, then make build";
+        assert_eq!([of(&[]), of(&[Some("b"), None])], [last; 2]);
+        let others = of(&[Some("a"), Some("c-dirty"), None, Some("a")]);
+        let commits = "a (2 records), c with uncommitted changes (1 record), b (1 record)";
+        let expected = format!(
+            "The environment is that of {last}. The records were measured by raycl of these commits: {commits}"
+        );
+        assert_eq!(others, expected);
+    }
+
+    #[test]
+    fn a_run_of_several_sessions_names_the_files_of_the_earlier_ones() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = Folder { path: temporary.path().to_owned(), ..Folder::default() };
+        let said = || {
+            let run = view(&folder).sections.swap_remove(0).1;
+            run.into_iter().find(|(name, _)| name == "sessions").map(|(_, value)| value)
+        };
+        let mut found = vec![said()];
+        for number in [1, 2] {
+            std::fs::write(temporary.path().join(earlier_environment(number)), "{}").unwrap();
+            found.push(said());
+        }
+        let expected = [
+            "2; environment-1.json describes the earlier one",
+            "3; environment-1.json to environment-2.json describe the earlier ones",
+        ];
+        assert_eq!(found, [None, Some(expected[0].to_owned()), Some(expected[1].to_owned())]);
     }
 
     #[test]

@@ -133,8 +133,7 @@ pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     Some([fit.exponent, fit.error])
 }
 
-/// The power law y = exp(offset) x^exponent that fits some marks best, by least squares in
-/// logarithms.
+/// The power law y = exp(offset) x^exponent that fits some marks of a plot best, by least squares in logarithms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {
     exponent: f64,

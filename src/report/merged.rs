@@ -1,6 +1,6 @@
 //! Combines several folders of results into one list of records.
 
-use crate::record::{Folder, Record, latest, point};
+use crate::record::{CurrentPlan, Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -9,7 +9,9 @@ use std::path::Path;
 /// name of the point's device in the folder's records, so that the results are shown separately. If the point is a
 /// baseline, its device is the host, whose name does not change. Instead, each folder's label is added to the names of
 /// all baselines in the folder's records. The labels are also added to the names of scenes that have the same name but
-/// different content. If a point was measured twice under the same conditions, the later folder's record is used.
+/// different content. If a point was measured twice under the same conditions, the keys of the two records are equal.
+/// In this case, the later folder's record and names are used, even if the folders have different names for the device
+/// or the strategy.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(labelled(folders, &labels(folders)).concat(), point)
 }
@@ -53,6 +55,10 @@ impl<'a> Origins<'a> {
 /// says.
 fn labelled(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut all = with_one_name_a_scene(folders, labels);
+    for index in (0..all.len()).rev() {
+        let (earlier, later) = all.split_at_mut(index + 1);
+        later.iter().for_each(|later| rename(&mut earlier[index], later));
+    }
     let clashing = clashing(&all);
     for (records, label) in all.iter_mut().zip(labels) {
         for record in records.iter_mut().filter(|record| clashing.contains(&record.device)) {
@@ -89,10 +95,13 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
             }
         }
     }
-    let namesakes = |name: &str| scenes.iter().filter(|(_, other, _)| *other == name).count();
-    let named = |(hash, name, label): &(&str, &str, &str)| match namesakes(name) {
-        1 => ((*hash).to_owned(), (*name).to_owned()),
-        _ => ((*hash).to_owned(), format!("{name} ({label})")),
+    // Within a folder, different scenes have different names. A scene whose camera depends on the images' shape has one
+    // name, but several contents.
+    let has_namesake =
+        |name: &str, label: &str| scenes.iter().any(|(_, other, of)| *other == name && *of != label);
+    let named = |(hash, name, label): &(&str, &str, &str)| match has_namesake(name, label) {
+        false => ((*hash).to_owned(), (*name).to_owned()),
+        true => ((*hash).to_owned(), format!("{name} ({label})")),
     };
     let names: HashMap<String, String> = scenes.iter().map(named).collect();
     let renamed = |record: &Record| {
@@ -100,6 +109,38 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
         Record { scene: name.unwrap_or(&record.scene).clone(), ..record.clone() }
     };
     folders.iter().map(|folder| folder.records.iter().map(renamed).collect()).collect()
+}
+
+/// Renames devices and strategies of a folder's records as a later folder names them. Records with equal keys show
+/// which names belong together. A record keeps its names if another record of its folder has the new names.
+fn rename(records: &mut [Record], later: &[Record]) {
+    let devices = device_names(records, later);
+    let named: HashMap<&str, &Record> = later.iter().map(|record| (record.key.as_str(), record)).collect();
+    let mut taken: HashSet<String> = records.iter().map(point).collect();
+    for record in records {
+        let mut renamed = record.clone();
+        if let Some(device) = devices.get(&record.device) {
+            renamed.device.clone_from(device);
+        }
+        if let Some(later) = named.get(record.key.as_str()) {
+            renamed.name.clone_from(&later.name);
+            renamed.kernels_of.clone_from(&later.kernels_of);
+        }
+        if taken.insert(point(&renamed)) {
+            *record = renamed;
+        }
+    }
+}
+
+/// Returns the names that the records `other` have for devices of the records `own`, by these devices' names in `own`.
+/// A device's name depends on the machine's other devices. Records with equal keys were measured on the same device, so
+/// they show which names belong together.
+pub fn device_names(own: &[Record], other: &[Record]) -> HashMap<String, String> {
+    let other = CurrentPlan::of(other);
+    let points = || own.iter().map(|record| (record.key.as_str(), record.device.as_str()));
+    let devices: HashSet<&str> = own.iter().map(|record| record.device.as_str()).collect();
+    let named = |device: &str| Some((device.to_owned(), other.device_called(device, points())?.to_owned()));
+    devices.into_iter().filter_map(named).collect()
 }
 
 /// Returns the devices, including the host, that have two records with different keys for the same
@@ -143,6 +184,70 @@ mod tests {
         let old = || folder("old", "driver 1", None);
         assert_eq!(devices(&[old(), folder("new", "driver 2", None)]), ["gpu (old)", "host", "gpu (new)"]);
         assert_eq!(devices(&[old(), folder("new", "driver 1", None)]), ["gpu", "host"]);
+    }
+
+    #[test]
+    fn a_scene_whose_content_depends_on_the_images_shape_has_one_name_in_a_folder() {
+        let record = |hash: &str, image_size| Record {
+            key: hash.into(),
+            scene: "bunny".into(),
+            scene_hash: Some(hash.into()),
+            image_size,
+            ..Record::default()
+        };
+        let folder = |label: &str, [square, wide]: [&str; 2]| Folder {
+            label: label.into(),
+            records: vec![record(square, [8, 8]), record(wide, [8, 5])],
+            ..Folder::default()
+        };
+        let scenes = |folders: &[Folder]| -> Vec<_> {
+            merged(folders).into_iter().map(|record| record.scene).collect()
+        };
+        let (old, new) = (folder("old", ["1", "2"]), folder("new", ["3", "4"]));
+        assert_eq!(scenes(std::slice::from_ref(&old)), ["bunny", "bunny"]);
+        assert_eq!(scenes(&[old, new]), ["bunny (old)", "bunny (old)", "bunny (new)", "bunny (new)"]);
+    }
+
+    fn on(device: &str, name: &str, key: &str) -> Record {
+        Record { key: key.into(), device: device.into(), name: name.into(), ..Record::default() }
+    }
+
+    fn names(folders: &[Folder]) -> Vec<(String, String, String)> {
+        merged(folders).into_iter().map(|record| (record.key, record.device, record.name)).collect()
+    }
+
+    /// On the second folder's machine, the device had a namesake, so its name was longer. The second folder's config
+    /// gives another name to a strategy.
+    #[test]
+    fn a_record_whose_key_a_later_folder_has_too_is_shown_once_under_the_later_names() {
+        let [one, other] = [
+            ("one", vec![on("gpu", "before", "1"), on("gpu", "wide", "2"), on("gpu", "bvh", "3")]),
+            ("other", vec![on("cuda-gpu", "after", "1"), on("cuda-gpu-2", "wide", "4")]),
+        ]
+        .map(|(label, records)| Folder { label: label.into(), records, ..Folder::default() });
+        let expected = [
+            ("1", "cuda-gpu", "after"),
+            ("2", "cuda-gpu", "wide"),
+            ("3", "cuda-gpu", "bvh"),
+            ("4", "cuda-gpu-2", "wide"),
+        ]
+        .map(|(key, device, name)| (key.to_owned(), device.to_owned(), name.to_owned()));
+        let folders = [one, other];
+        assert_eq!(names(&folders), expected);
+        let origins = Origins::of(&folders);
+        let labels: Vec<_> =
+            merged(&folders).iter().map(|record| origins.label(record) == Some("one")).collect();
+        assert_eq!(labels, [false, true, true, false], "the first record is that of the later folder");
+    }
+
+    /// The second folder's config gives a strategy the name that another strategy of the first folder has.
+    #[test]
+    fn no_record_is_lost_if_a_strategy_gets_the_name_of_another_one() {
+        let [one, other] =
+            [("one", vec![on("gpu", "a", "1"), on("gpu", "b", "2")]), ("other", vec![on("gpu", "b", "1")])]
+                .map(|(label, records)| Folder { label: label.into(), records, ..Folder::default() });
+        let keys: Vec<String> = names(&[one, other]).into_iter().map(|(key, ..)| key).collect();
+        assert_eq!(keys, ["1", "2", "1"]);
     }
 
     #[test]

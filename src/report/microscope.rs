@@ -278,7 +278,7 @@ mod tests {
         assert!(!other.contains("compiled without a line table"), "{other}");
     }
 
-    /// The body of such a kernel is empty.
+    /// A compiler's line table has no line for a kernel whose body is empty.
     #[test]
     fn a_kernel_without_lines_is_not_taken_for_a_missing_line_table() {
         let listing = listing();

@@ -17,10 +17,10 @@ const REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, except those of
-/// rasterisers, whose main kernel does not have work-groups of the point's local size. If `compute_capability` is
-/// `None`, the prediction is for the paper's device. Returns `None` if all strategies have fewer than three marks, or
-/// if raycl has no data on the compute capability.
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, except points without a
+/// local size (casters on the host) and points of rasterisers, whose main kernel does not have work-groups of the
+/// point's local size. If `compute_capability` is `None`, the prediction is for the paper's device. Returns `None` if
+/// all strategies have fewer than three marks, or if raycl has no data on the compute capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -114,7 +114,8 @@ fn ranking(ranks: &[f64]) -> String {
     )
 }
 
-/// Returns the mark of a record; `None` if the point's main kernel does not have work-groups of the point's local size.
+/// Returns a record's mark in the plot; `None` if the point has no local size, or if its main kernel does not have
+/// work-groups of this size.
 fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     if record.rasterises() {
         return None;
@@ -136,7 +137,8 @@ fn known(record: &Record) -> (Option<u32>, u64) {
     (registers, bytes.or(record.local_bytes).unwrap_or(0))
 }
 
-/// Returns Spearman's rank correlation of x and y; `None` for fewer than four marks, or if x or y is constant.
+/// Returns Spearman's rank correlation of the marks' x and y values; `None` for fewer than four marks, or if x or y is
+/// constant.
 fn spearman(marks: &[Mark]) -> Option<f64> {
     if marks.len() < 4 {
         return None;

@@ -68,7 +68,8 @@ pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     devices
 }
 
-/// Returns each strategy's fastest point of every group. A mark's x is the index of its group in `columns`.
+/// Returns each strategy's fastest point of every group. In the returned series, the x value of a point's mark is the
+/// index of the point's group in `columns`.
 pub(super) fn best_of_each(
     groups: &[&Group<'_>],
     columns: &[(&str, [u32; 2])],

@@ -98,7 +98,8 @@ pub struct HostRow {
 impl Page {
     /// Collects the data of the page from the folders.
     pub fn of(folders: &[Folder]) -> Self {
-        let folders = &with_common_names(folders).0[..];
+        let (folders, drivers) = with_common_names(folders);
+        let folders = &folders[..];
         let records = merged(folders);
         let groups = groups(&records);
         let looks = Looks::of(&groups);
@@ -113,7 +114,7 @@ impl Page {
         overview.extend(pairs);
         overview.extend(side_by_side::side_by_side(&groups));
         overview.extend(growth::growth(&groups, &looks));
-        overview.extend(roofline::rooflines(&groups, &looks, folders));
+        overview.extend(roofline::rooflines(&groups, &looks, folders, &drivers));
         Self {
             style: STYLE,
             script: SCRIPT,

@@ -13,12 +13,19 @@ use crate::device::common_name;
 use crate::peak::{Peak, Traffic, operations_per_test};
 use crate::record::{Folder, Group, Record, significant};
 use crate::words::counted;
+use std::collections::HashMap;
 
 /// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
-/// Returns a plot for every device that has points with a known number of ray-triangle tests.
-pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<Plot> {
+/// Returns a plot for every device that has points with a known number of ray-triangle tests. `drivers` contains, for
+/// each common name of a device (the name that people know), the name that the driver reports.
+pub fn rooflines(
+    groups: &[Group<'_>],
+    looks: &Looks,
+    folders: &[Folder],
+    drivers: &HashMap<String, String>,
+) -> Vec<Plot> {
     let mut peaks: Vec<(String, Peak)> = Vec::new();
     let mut unreadable: Vec<(String, &Folder, String)> = Vec::new();
     for (label, folder) in labels(folders).into_iter().zip(folders) {
@@ -34,12 +41,7 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         let records: Vec<(&Group<'_>, &Record)> = own
             .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
             .collect();
-        // Pages show the device's common name, and the name of its folder of results may follow.
-        let is_its = |(label, peak): &&(String, Peak)| {
-            [peak.device.clone(), common_name(&peak.device)]
-                .iter()
-                .any(|name| device == name || device == format!("{name} ({label})"))
-        };
+        let is_its = |(label, peak): &&(String, Peak)| is_of(peak, label, device, drivers);
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
         let has = |label: &str, folder: &Folder| {
             let mut devices = folder.records.iter().map(|record| &record.device);
@@ -50,6 +52,17 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         roofline(&records, looks, device, (peak, &unreadable), numbered("roofline", index))
     };
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
+}
+
+/// Returns whether peak rates are those of a device. Pages show the device as `shown`: its common name or, if it has
+/// none of its own, the driver's name. The label of the folder of results may follow.
+fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String>) -> bool {
+    let without_label = shown.strip_suffix(format!(" ({label})").as_str());
+    [Some(shown), without_label].into_iter().flatten().any(|name| match drivers.get(name) {
+        // Devices of other drivers, whose peak rates differ, can have the same common name.
+        Some(driver) => *driver == peak.device,
+        None => name == peak.device || name == common_name(&peak.device),
+    })
 }
 
 /// Returns the plot of a device with its peak rates, if they are known; `unreadable` says which files of peak rates
@@ -79,10 +92,11 @@ fn roofline(
     }
     let ends = ends(&series, peak);
     let roofs: Vec<Series> = peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)).collect();
+    let has_roofs = !roofs.is_empty();
     // If the tests are counted, but the operations of none of them are known, the plot has the measured roofs, and its
     // caption says why it has no marks.
     let are_counted = left_out.iter().any(|record| record.tests_per_s.is_some());
-    if series.is_empty() && (roofs.is_empty() || !are_counted) {
+    if series.is_empty() && !(has_roofs && are_counted) {
         return None;
     }
     series.sort_by_key(|one| one.look.number);
@@ -96,11 +110,11 @@ fn roofline(
         diagonal: false,
         series,
     };
-    Some(Plot::of(name, caption(peak.is_some(), unreadable, &left_out), &chart))
+    Some(Plot::of(name, caption(has_roofs, unreadable, &left_out), &chart))
 }
 
-/// Returns the mark of a record; `None` unless its ray-triangle tests per second, and the
-/// operations and bytes per test, are known.
+/// Returns a record's mark in the plot; `None` if the record's ray-triangle tests per second, or the operations or the
+/// bytes per test, are unknown.
 fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     let (tests_per_s, traffic) = (record.tests_per_s?, Traffic::of(record)?);
     let operations = f64::from(operations(record)?);
@@ -125,8 +139,8 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 
 /// Returns the operations of a record's ray-triangle test, as the record states them. Records of earlier versions state
 /// the operations only if the device's peak rate was known; for these records, which state no bytes either, the
-/// operations follow from the headers that this process has read. A later record without operations is of a test whose
-/// header states none.
+/// operations follow from the headers of the kernel files that this process has read. A later record without operations
+/// belongs to a ray-triangle test whose file has a header without `operations`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
@@ -193,7 +207,8 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     )
 }
 
-/// Says how many points have no mark, for each of the two reasons.
+/// Says how many points have no mark, for each of the two reasons: the number of ray-triangle tests is unknown, or the
+/// number of operations of a test is unknown.
 fn not_shown(left_out: &[&Record]) -> String {
     let uncounted = left_out.iter().filter(|record| record.tests_per_s.is_none()).count();
     let reasons = [
@@ -211,6 +226,7 @@ mod tests {
     use crate::peak::Figure;
     use crate::record::fixtures::{judged, measured};
     use crate::record::groups;
+    use crate::report::common_names::with_common_names;
     use crate::strategy::preset;
     use std::path::Path;
 
@@ -239,7 +255,31 @@ mod tests {
     fn plots(records: Vec<Record>, folders: &[Folder]) -> Vec<Plot> {
         let records = judged(records);
         let groups = groups(&records);
-        rooflines(&groups, &Looks::of(&groups), folders)
+        rooflines(&groups, &Looks::of(&groups), folders, &HashMap::new())
+    }
+
+    #[test]
+    fn a_devices_roofs_are_those_of_its_own_driver() {
+        let [own, other] = ["basic", "pthread"].map(|driver| format!("{driver}-Intel(R) Xeon(R) Processor"));
+        let rates = |device: &str, rate: f64| Peak {
+            device: device.into(),
+            fma_per_s: Figure::of(&[rate]),
+            ..peak()
+        };
+        let temporary = tempfile::tempdir().unwrap();
+        let peaks = [rates(&own, 4e12), rates(&other, 9e12)];
+        Peak::write(&peaks, &temporary.path().join(crate::peak::FILE)).unwrap();
+        let records = vec![Record { device: own, ..record("naive", Some(1e9)) }];
+        let folder = Folder { path: temporary.path().to_owned(), records, ..Folder::default() };
+        let (folders, drivers) = with_common_names(&[folder]);
+        let records = judged(folders[0].records.clone());
+        let groups = groups(&records);
+        let plots = rooflines(&groups, &Looks::of(&groups), &folders, &drivers);
+        assert!(plots[0].svg.contains("up to 4000 Gfma/s"), "{}", plots[0].svg);
+        // On a page of several folders, a folder's label may follow the name.
+        let are_of = |shown: &str| peaks.each_ref().map(|peak| is_of(peak, "mine", shown, &drivers));
+        assert_eq!(are_of("Intel Xeon, PoCL (mine)"), [true, false]);
+        assert_eq!(are_of("Intel Xeon, PoCL (another)"), [false, false]);
     }
 
     #[test]
@@ -261,6 +301,17 @@ mod tests {
             assert!(with.svg.contains(part), "{part}: {}", with.svg);
         }
         assert!(!with.caption.contains("no roofs"), "{}", with.caption);
+    }
+
+    #[test]
+    fn a_plot_without_lines_has_no_caption_about_lines() {
+        let records = judged(vec![record("naive", Some(1e9))]);
+        let groups = groups(&records);
+        let points = [(&groups[0], &records[0])];
+        let (looks, peak, name) = (Looks::of(&groups), Peak::default(), "roofline".to_owned());
+        let plot = roofline(&points, &looks, "a gpu", (Some(&peak), &[]), name).unwrap();
+        assert!(!plot.svg.contains("roof: "), "{}", plot.svg);
+        assert!(!plot.caption.contains("Dashed lines"), "{}", plot.caption);
     }
 
     #[test]
@@ -313,7 +364,8 @@ mod tests {
         assert!(actual.tip.ends_with(expected), "{}", actual.tip);
     }
 
-    /// The built-in test of the same name has `operations`, but the user's own file has none.
+    /// The header of the user's own file of a ray-triangle test has no `operations`, but that of the built-in file of
+    /// the same name has.
     #[test]
     fn a_test_whose_header_states_no_operations_has_no_mark() {
         let own = Record {
@@ -333,7 +385,7 @@ mod tests {
         ] {
             assert!(caption.contains(part), "{caption}");
         }
-        // If no point has a mark, the reason is beside the roofs that were measured.
+        // If no point has a mark, the plot shows the measured roofs, and its caption states the reason.
         assert!(plots(vec![own.clone()], &[]).is_empty());
         let temporary = tempfile::tempdir().unwrap();
         let plot = &plots(vec![own], &[with_rates(temporary.path())])[0];

@@ -13,7 +13,7 @@ use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quar
 
 /// The image size in the paper's figures; the paper's times are shown only in plots of images of this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// The largest number of characters of a word in a cell.
+/// The largest number of characters of a word in a cell of a heat map.
 const LONGEST_CODE: usize = 8;
 /// The largest number of rows in the plot of samples.
 const STRIPS: usize = 14;
@@ -161,7 +161,8 @@ fn code(record: &Record) -> String {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            // The last part is used: in "work-group" and "largest buffer", it says more than the first part.
+            // The last part of the word is used: in "work-group" and "largest buffer", the last part says more than the
+            // first part.
             let last = word.rsplit([' ', '-']).next().unwrap_or_default();
             if (1..=LONGEST_CODE).contains(&last.chars().count()) {
                 last.to_owned()

@@ -18,6 +18,7 @@ use super::{
     Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, facing, framing, normals,
 };
 use crate::error::Result;
+use crate::image::transform;
 use camera::{base_camera, camera};
 use framing::Ball;
 use glam::{DVec3, Vec3};
@@ -26,6 +27,15 @@ use std::sync::Arc;
 
 /// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
+/// The least default shadow bias, as a fraction of the largest coordinate of the surfaces and of the eye. Rounding
+/// moves a hit off its surface by less than `EPSILON` times this coordinate: along each axis, by up to half of
+/// `EPSILON` times the coordinate. With a bias of eight times `EPSILON`, only shadow rays that nearly graze the surface
+/// start below the surface.
+const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
+/// A scene counts as far from the origin if its largest coordinate is more than this many times its diagonal. At this
+/// distance, ten of the 24 significant bits of a coordinate only state the distance from the origin; the other bits
+/// distinguish the points of the scene.
+const FAR_DIAGONALS: f32 = 1000.0;
 
 /// The scene that a document (the text of a scene file) describes, with further results that callers need.
 pub(super) struct Assembled {
@@ -38,6 +48,9 @@ pub(super) struct Assembled {
     /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
     /// scene file.
     pub dressed: bool,
+    /// True if the camera may depend on the shape of the pictures, since it sees the whole scene and its position is
+    /// not set.
+    pub is_framed: bool,
 }
 
 /// Builds the scene that a document describes, for the pictures that `shot` describes.
@@ -67,8 +80,8 @@ pub(super) fn assemble(
         turn_normals(Arc::make_mut(&mut mesh), around, &camera, shot);
     }
     let bounds = cache.bounds(&mesh);
-    notes.extend(too_small(document, bounds));
-    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(bounds), |bias| bias.0);
+    notes.extend(too_small(document, bounds).into_iter().chain(too_far(document, bounds)));
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(bounds, camera.position), |bias| bias.0);
     let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let orbit = Orbit {
         centre: around.map_or(DVec3::ZERO, |ball| ball.centre),
@@ -101,11 +114,12 @@ pub(super) fn assemble(
         lights,
         sky: sky.or(studio.as_ref().map(|studio| studio.sky.clone())),
         camera,
-        background: background(&wire, studio.as_ref(), display),
+        background: background(document, &wire, studio.as_ref(), display, notes),
         transparent: wire.is_transparent(),
         display,
     };
-    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
+    let is_framed = framed && wire.camera.position.is_none();
+    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some(), is_framed })
 }
 
 /// Returns the scene's name. It is not empty, since results have files and points that are named after their scene.
@@ -143,15 +157,41 @@ fn display(wire: &SceneWire) -> Display {
     }
 }
 
-fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Vec3 {
+fn background(
+    document: &Document,
+    wire: &SceneWire,
+    studio: Option<&Studio>,
+    display: Display,
+    notes: &mut Vec<String>,
+) -> Vec3 {
     match wire.background {
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
-        Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
+        Some(BackgroundWire::Displayed(colour)) => {
+            let radiance = display.radiance_of(colour);
+            notes.extend(not_displayed(document, colour, radiance, display));
+            radiance
+        }
         // A transparent background adds no radiance: a pixel only has the surfaces' radiance,
         // multiplied by the share of the pixel that they cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
+}
+
+/// Returns a note if the background's radiance is not displayed as the colour that the user wrote.
+fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: Display) -> Option<String> {
+    let shown = radiance.to_array().map(|channel| transform(channel, display));
+    let note = || {
+        let name = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");
+        let [wanted, shown] = [colour, shown].map(name);
+        let Display { exposure, gamma } = display;
+        format!(
+            "{}: the background {wanted} is displayed as {shown}: with display.exposure = {exposure:?} and \
+             display.gamma = {gamma:?}, no radiance that a background may have is displayed as {wanted}",
+            document.name
+        )
+    };
+    (shown != colour).then(note)
 }
 
 /// The objects of a scene, joined into one mesh.
@@ -270,9 +310,35 @@ fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     (Placement::of(low, high).scale > 1.0).then(note)
 }
 
-/// Returns the default shadow bias of surfaces within these bounds.
-fn default_bias((low, high): (Vec3, Vec3)) -> f32 {
-    RELATIVE_SHADOW_BIAS * high.distance(low)
+/// Returns a note if a scene with these bounds is so far from the origin that single precision distinguishes few of its
+/// points. A mesh without a scene file is moved to the origin when it is read.
+fn too_far(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
+    // The diagonal is computed in double precision, since the squares of very small lengths are 0 in single precision.
+    let (farthest, diagonal) =
+        (largest_coordinate(low, high), high.as_dvec3().distance(low.as_dvec3()) as f32);
+    let note = || {
+        format!(
+            "{}: the diagonal of the scene's box is only {diagonal}, but coordinates reach {farthest}, where single \
+             precision rounds them to steps of about {:.1e}; surfaces and shadows may look rough: subtract about {} \
+             from all positions (the camera's, those of lights and the `translation` of objects)",
+            document.name,
+            f32::EPSILON * farthest,
+            (low + high) / 2.0
+        )
+    };
+    (farthest > FAR_DIAGONALS * diagonal).then(note)
+}
+
+/// Returns the default shadow bias of surfaces within these bounds, seen from `eye`. The bias depends on the distance
+/// from the origin only if the surfaces or the eye are far from the origin.
+fn default_bias((low, high): (Vec3, Vec3), eye: Vec3) -> f32 {
+    let rounding = ROUNDING_SHADOW_BIAS * largest_coordinate(low.min(eye), high.max(eye));
+    rounding.max(RELATIVE_SHADOW_BIAS * high.distance(low))
+}
+
+/// Returns the largest absolute value of the coordinates within these bounds.
+fn largest_coordinate(low: Vec3, high: Vec3) -> f32 {
+    low.abs().max(high.abs()).max_element()
 }
 
 fn light(wire: &LightWire) -> Light {

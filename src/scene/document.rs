@@ -119,7 +119,7 @@ impl Document {
         Ok(())
     }
 
-    /// Returns the text of the file, without settings.
+    /// Returns the text of the file, without the values that options, a config or tracks have set.
     pub fn original(&self) -> &str {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
@@ -275,6 +275,7 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Shot, load_scene_named_in};
 
     #[test]
     fn text_that_is_not_utf_8_is_shown_with_its_line() {
@@ -303,7 +304,7 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let of = if is_in_folder { folder.path() } else { Path::new("/elsewhere") };
         let shown = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
-        let loaded = crate::scene::load_scene_named_in(of, &path, &[], None);
+        let loaded = load_scene_named_in(of, &path, &[], Shot::SQUARE);
         let loaded = loaded.map(|loaded| loaded.notes.into_iter().map(shown).collect());
         loaded.map_err(|error| shown(error.to_string()))
     }

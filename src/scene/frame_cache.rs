@@ -91,7 +91,7 @@ impl FrameCache {
     }
 
     /// Returns the texels of a sky's picture, multiplied by `strength`. Frames with the same picture and strength share
-    /// them. The text of an error is meant to follow the file's name in a message.
+    /// the multiplied texels. The text of an error is meant to follow the file's name in a message.
     pub fn picture(&mut self, path: &Path, strength: f32) -> std::result::Result<FileTexels, String> {
         let wanted = (path.to_owned(), strength);
         if let Some((_, texels)) = self.strengthened.as_ref().filter(|(of, _)| *of == wanted) {

@@ -33,9 +33,9 @@ const OUTWARDS_PART: f64 = 0.9;
 /// There are bodies (such as furniture) between the walls if the surfaces between the walls have at least this fraction
 /// of the mesh's area.
 const BODIES_PART: f64 = 0.02;
-/// The length of the sum of the bodies' area vectors is at most this fraction of the bodies' area. For a cube that
-/// stands on the floor and has no bottom face, the fraction is a fifth. For a recessed part of a shell, the fraction is
-/// larger.
+/// The surfaces between the walls count as bodies only if the length of the sum of their area vectors (normal times
+/// area) is at most this fraction of their area. For a cube that stands on the floor and has no bottom face, the
+/// fraction is a fifth. For a recessed part of a shell, the fraction is larger.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's normal is
 /// less than this.
@@ -53,7 +53,7 @@ pub(super) struct Ball {
     /// The horizontal direction in which an open mesh, such as a room without its front wall, is open; `None` for other
     /// meshes.
     opening: Option<DVec3>,
-    /// True if the area vectors of the mesh's triangles nearly add up to zero.
+    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero.
     closed: bool,
 }
 
@@ -144,10 +144,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Four planes through the ball's centre are parallel to the sides of the view pyramid. `reach_after` returns five
-    // numbers.
-    // The first four say how far a corner is beyond the right, left, upper and lower plane. The last number says how
-    // much nearer to the eye the corner is than the centre.
+    // Four planes through the centre of the mesh's ball are parallel to the sides of the view pyramid. `reach_after`
+    // returns five numbers. The first four say how far a corner is beyond the right, left, upper and lower plane. The
+    // last number says how much nearer to the eye the corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -162,9 +161,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
-    // Move the left and the right plane outwards until they touch the mesh: these two planes intersect in a line. Do
-    // the same with the upper and the lower plane. An eye at the distance of the farther of the two lines sees the
-    // whole mesh.
+    // If the left and the right plane are moved outwards until they touch the mesh, these two planes intersect in a
+    // line. The upper and the lower plane, moved in the same way, intersect in another line. An eye at the distance of
+    // the farther of the two lines sees the whole mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);
@@ -224,7 +223,8 @@ impl Areas {
         }
     }
 
-    /// Returns whether the mesh is closed. The area vectors of a closed mesh's triangles add up to zero.
+    /// Returns whether the mesh is closed. The area vectors (normal times area) of a closed mesh's triangles add up to
+    /// zero.
     fn are_closed(&self) -> bool {
         self.vector.length() <= OPEN_PART * self.area
     }
@@ -265,7 +265,7 @@ impl Areas {
     }
 }
 
-/// Returns the key light's power, and the light's distance from the nearest point of the ball.
+/// Returns the key light's power, and the light's distance from the nearest point of the ball that represents the mesh.
 pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     let distance = (LIGHT_RADII - 1.0) * ball.radius;
     (key_power(distance), distance)

@@ -27,6 +27,9 @@ pub struct Loaded {
     /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
     /// scene file.
     pub dressed: bool,
+    /// True if raycl may have placed the camera for the shape of the pictures, so that pictures of another shape need
+    /// another camera.
+    pub is_framed: bool,
     /// The scene's animation, if its file has one. The animation makes the scenes of the later
     /// frames.
     pub animation: Option<Animation>,
@@ -91,19 +94,14 @@ pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<L
 }
 
 /// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the folder of that other
-/// file; messages quote the scene only if the scene's file is in this folder. Shapes that have more than
-/// `most_triangles` triangles together are refused before they are made.
+/// file; messages quote the scene only if the scene's file is in this folder. `shot` describes the pictures, as for
+/// [`load_scene_for`].
 ///
 /// # Errors
 ///
 /// Fails like [`load_scene_with`].
-pub fn load_scene_named_in(
-    folder: &Path,
-    path: &Path,
-    settings: &[Setting],
-    most_triangles: Option<u64>,
-) -> Result<Loaded> {
-    load(path, settings, Shot { most_triangles, ..Shot::SQUARE }, lies_in(path, folder))
+pub fn load_scene_named_in(folder: &Path, path: &Path, settings: &[Setting], shot: Shot) -> Result<Loaded> {
+    load(path, settings, shot, lies_in(path, folder))
 }
 
 fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<Loaded> {
@@ -122,7 +120,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
             (animation.assemble(1, &mut notes)?, Some(animation))
         }
     };
-    let Assembled { scene, orbit, starts, dressed } = assembled;
+    let Assembled { scene, orbit, starts, dressed, is_framed } = assembled;
     scene.validate()?;
     // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals of the
     // scene or none.
@@ -132,6 +130,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
         orbit,
         object_starts: starts,
         dressed,
+        is_framed,
         animation,
         notes: notes.into_iter().map(shortened).collect(),
     })

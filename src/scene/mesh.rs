@@ -8,7 +8,10 @@ use rayon::prelude::*;
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into the mesh's lists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+///
+/// Kernels with indexed normals read triangles as words (`cl/tile_cpu/layout/indexed32.cl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::NoUninit)]
+#[repr(C)]
 pub struct Triangle {
     /// The indices of the triangle's corners in `Mesh::positions`.
     pub positions: [u32; 3],
@@ -16,6 +19,13 @@ pub struct Triangle {
     pub normals: [u32; 3],
     /// The index of the triangle's material in `Mesh::materials`.
     pub material: u32,
+}
+
+impl Triangle {
+    /// Number of 32-bit words of a triangle.
+    pub const WORDS: usize = size_of::<Self>() / size_of::<u32>();
+    /// The number, from 0, of the triangle's first word that is the index of a normal.
+    pub const FIRST_NORMAL: usize = std::mem::offset_of!(Self, normals) / size_of::<u32>();
 }
 
 /// Triangles with their materials. Normals need not have length 1.
@@ -76,7 +86,7 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
-    /// Appends another mesh. The indices in its triangles grow by the lengths of this mesh's lists.
+    /// Appends the mesh `other`. The indices in the triangles of `other` grow by the lengths of this mesh's lists.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;

@@ -37,7 +37,8 @@ impl Textures {
             let levels = || with_levels(texture.size, &texture.texels, by_alpha);
             texture.texels = Arc::clone(made.entry(key).or_insert_with(levels));
         }
-        // A mask that is also a colour elsewhere gets the texels of that colour, so that a device stores them once.
+        // A mask whose picture is also used as a colour gets the texels of that colour's texture, so that a device
+        // stores them once.
         let masks = self.list.iter_mut().zip(&weights).filter(|(_, by_alpha)| by_alpha.is_none());
         for (texture, _) in masks {
             let key = Arc::as_ptr(&texture.texels);

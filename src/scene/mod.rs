@@ -51,6 +51,7 @@ pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_valu
 
 use glam::Vec3;
 use std::sync::Arc;
+use validate::MAX_POWER;
 
 /// Returns the JSON schema of a scene's file.
 pub fn schema() -> serde_json::Value {
@@ -86,19 +87,21 @@ impl Default for Display {
 }
 
 impl Display {
-    /// Returns the radiance that is displayed as an 8-bit colour.
+    /// Returns the radiance that is displayed as an 8-bit colour. With an extreme exposure or gamma, there may be no
+    /// such radiance; the result is then another radiance that a background may have.
     pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
         // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
         let radiance = |value| {
             let nearest = (shown(value).powf(self.gamma.into()) / f64::from(self.exposure)) as f32;
-            // White has no half step. If its radiance was rounded down, it would be displayed as 254.
+            // No half step is added for white, the largest value. If its radiance was rounded down, it would be
+            // displayed as 254.
             let is_too_dark = value == u8::MAX && f64::from(self.exposure) * f64::from(nearest) < 1.0;
             if is_too_dark { nearest.next_up() } else { nearest }
         };
         let radiance = Vec3::from_array(colour.map(radiance));
         // With an exposure of 0, everything is displayed as black.
-        if radiance.is_finite() { radiance } else { Vec3::ZERO }
+        if radiance.is_finite() { radiance.min(Vec3::splat(MAX_POWER)) } else { Vec3::ZERO }
     }
 }
 
@@ -203,7 +206,7 @@ impl Scene {
     }
 }
 
-/// Adds 32-bit words to a hash in pieces of efficient size.
+/// Adds 32-bit words to a hash, many words at a time, since adding them one by one would be slow.
 fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
     let mut piece = Vec::with_capacity(1 << 16);
     for word in words {

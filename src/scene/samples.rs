@@ -17,7 +17,7 @@ const HALVINGS: u32 = 54;
 const FIRST_OF: u32 = 16;
 /// The least width of a sample's ray cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
-/// Arbitrary seeds of Owen's scrambling.
+/// Arbitrary seeds for Owen's scrambling, which makes the samples' positions random.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
 /// One sample; its offset is the same in every pixel.
@@ -30,6 +30,8 @@ pub struct Sample {
     pub number: u32,
     /// The number of samples per pixel in the sample's round.
     pub count: u32,
+    /// The largest number of samples that a pixel of the picture gets. If it is 1, lights are points.
+    pub most: u32,
     /// The number of samples that are cast before this sample.
     pub earlier: u32,
     /// Which light the sample receives.
@@ -40,7 +42,7 @@ pub struct Sample {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
     /// Light arrives from one point of each light and one direction of the sky, which depend on the pixel and the
-    /// sample. With a single sample per pixel, lights are points.
+    /// sample. In a picture with a single sample per pixel, lights are points.
     #[default]
     Own,
     /// The sample receives light as with `Own`, but it belongs to a half picture (half the width and height) for soft
@@ -58,8 +60,8 @@ pub struct Sampling {
     /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels differ
     /// after the first samples.
     pub most: u32,
-    /// The number of samples per pixel of the half picture in which soft light is cast. If this number is 1, lights are
-    /// points in the half picture. If it is 0, there is no half picture.
+    /// The number of samples per pixel of the half picture in which soft light is cast. If it is 0, there is no half
+    /// picture.
     pub half_light: u32,
 }
 
@@ -102,8 +104,9 @@ impl Sampling {
     /// Returns the samples of a half picture for soft light, at pixels' centres. These samples differ only in the
     /// points of lights, so unoccluded light, which comes from the lights' centres, needs only one sample.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
-        let count = if light == SampleLight::Unoccluded { 1 } else { self.half_light };
-        let sample = |number| Sample { number, count, earlier: number, light, ..Sample::CENTRE };
+        let Self { most, half_light, .. } = *self;
+        let count = if light == SampleLight::Unoccluded { 1 } else { half_light };
+        let sample = |number| Sample { number, count, most, earlier: number, light, ..Sample::CENTRE };
         (0..count).map(sample).collect()
     }
 }
@@ -143,7 +146,7 @@ impl SampleCounts {
 impl Sample {
     /// The single sample at pixels' centres.
     pub const CENTRE: Self =
-        Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0, light: SampleLight::Own };
+        Self { offset: [0.0; 2], number: 0, count: 1, most: 1, earlier: 0, light: SampleLight::Own };
 
     /// Returns the number of pixels, across and down, after which the numbers that choose points of lights repeat;
     /// `None` if these numbers do not repeat.
@@ -164,10 +167,9 @@ impl Sample {
 
 /// Returns the samples of a pixel that gets `count` samples. All pixels that get `count` samples have the same samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
-    let offsets = (0..).zip(pixel_offsets(count));
-    let sample =
-        |(number, offset)| Sample { offset, number, count: count.max(1), earlier: number, ..Sample::CENTRE };
-    offsets.map(sample).collect()
+    let (offsets, most) = ((0..).zip(pixel_offsets(count)), count.max(1));
+    let one = Sample { count: most, most, ..Sample::CENTRE };
+    offsets.map(|(number, offset)| Sample { offset, number, earlier: number, ..one }).collect()
 }
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
@@ -294,6 +296,7 @@ mod tests {
             for round in [&first, &rest] {
                 for (number, sample) in (0..).zip(round) {
                     assert_eq!((sample.number, sample.count), (number, round.len() as u32));
+                    assert_eq!(sample.most, sampling.most);
                 }
             }
             for (earlier, (sample, expected)) in (0..).zip(first.iter().chain(&rest).zip(&all)) {
@@ -371,8 +374,8 @@ mod tests {
         assert_eq!((Sampling::all(4).half_light, Sampling::adaptive(4).half_light), (0, 0));
     }
 
-    /// Different lights use different seeds. If two seeds gave the same order of strata, the points on different lights
-    /// would be correlated.
+    /// Different lights use different seeds. In this test, the strata are the eighths of the range from 0 to 1. If two
+    /// seeds gave the same order of strata, the points on different lights would be correlated.
     #[test]
     fn each_seed_has_its_own_order_of_the_same_strata() {
         let order = |seed: u32| -> Vec<u32> {

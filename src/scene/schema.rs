@@ -2,7 +2,7 @@
 //! vectors, colours.
 
 use super::shapes::Shape;
-use super::wire::{BackgroundWire, NonNegative, Number, Range, Triple, Vector};
+use super::wire::{BackgroundWire, Number, Power, Range, Triple, Vector};
 use crate::schema::{names, schema_by_hand};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Value, json};
@@ -56,7 +56,7 @@ fn three(one: Value) -> Schema {
 
 fn background() -> Schema {
     let colour = "^(#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})|black|white|transparent)$";
-    let radiance = number::<NonNegative>();
+    let radiance = number::<Power>();
     json_schema!({ "anyOf": [{ "type": "string", "pattern": colour }, radiance, three(radiance.clone().to_value())] })
 }
 

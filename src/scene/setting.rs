@@ -125,7 +125,8 @@ impl Changed {
         if let Some(span) = original.and_then(|table| span_in(table.get_ref(), path, is_key)) {
             return Origin::File(span);
         }
-        // The file does not have this path, so a change created the path and everything below it.
+        // The file does not have this path, so one of the values that were set (a change) created the path and
+        // everything below it.
         let created = latest.find(|change| change.keys().starts_with(path));
         created.map_or(Origin::Unknown, |change| Origin::Setting(self.shown(change)))
     }
@@ -253,7 +254,7 @@ fn span_in_value(value: &Spanned<DeValue<'_>>, path: &[&str], is_key: bool) -> O
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::load_scene_named_in;
+    use crate::scene::{Shot, load_scene_named_in};
 
     const SCENE: &str =
         "# The scene.\n\n[[object]]\nshape = \"sphere\"\n\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
@@ -274,7 +275,7 @@ mod tests {
         };
         let settings: Vec<_> = values.iter().map(set).collect();
         let of = if quotes { folder.path() } else { std::path::Path::new("/elsewhere") };
-        let Error::Input(error) = load_scene_named_in(of, &path, &settings, None).unwrap_err() else {
+        let Error::Input(error) = load_scene_named_in(of, &path, &settings, Shot::SQUARE).unwrap_err() else {
             panic!("not an input error")
         };
         let marked = error.span.map(|span| {

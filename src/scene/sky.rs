@@ -2,7 +2,9 @@
 
 use super::{INPUTS, files};
 use crate::filetype::FileType;
-use crate::image::{HdrExposure, decoder_message, picture_reader, with_usual_signature};
+use crate::image::{
+    HdrExposure, check_channels, decoder_message, header_remarks, picture_reader, with_usual_signature,
+};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use glam::{DQuat, DVec3, Vec3};
@@ -68,6 +70,9 @@ pub(super) struct FileTexels {
     pub texels: Arc<[[f32; 3]]>,
     /// The number of texels that had a value that was clearly negative or not a number.
     pub invalid: usize,
+    /// Remarks on properties that a sky's picture should have but this picture lacks, such as being twice as wide as
+    /// high. They are meant to follow the file's name in a message.
+    pub remarks: Vec<String>,
 }
 
 impl FileTexels {
@@ -82,7 +87,7 @@ impl FileTexels {
         let invalid = texels.iter().filter(is_invalid).count();
         // The maximum of 0 and a value that is not a number is 0.
         texels.as_flattened_mut().iter_mut().for_each(|value| *value = value.max(0.0));
-        Self { size, texels: texels.into(), invalid }
+        Self { size, texels: texels.into(), invalid, remarks: Vec::new() }
     }
 }
 
@@ -107,6 +112,7 @@ impl SkyPicture {
             });
         };
         let damaged = |why: String| format!("cannot be decoded ({why})");
+        check_channels(bytes)?;
         let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
         let mut limits = image::Limits::no_limits();
         limits.max_alloc = Some(DECODING_BYTES);
@@ -124,7 +130,8 @@ impl SkyPicture {
         let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
         let picture = picture.into_rgb32f();
         let texels = picture.pixels().map(|texel| exposure.radiance(texel.0)).collect();
-        Ok(FileTexels::of([size.0, size.1], texels))
+        let remarks = header_remarks(bytes).into_iter().chain(stretched(size)).collect();
+        Ok(FileTexels { remarks, ..FileTexels::of([size.0, size.1], texels) })
     }
 
     /// Returns a file's picture multiplied by `strength`. An error's text is meant to follow the file's name in a
@@ -137,7 +144,7 @@ impl SkyPicture {
         };
         let valid = |texel: &[f32; 3]| texel.iter().all(|value| *value <= most);
         match texels.iter().position(|texel| !valid(texel)) {
-            None => Ok(FileTexels { texels, ..*file }),
+            None => Ok(FileTexels { texels, ..file.clone() }),
             Some(at) => {
                 let [x, y] = [at as u32 % file.size[0], at as u32 / file.size[0]];
                 Err(format!(
@@ -157,6 +164,16 @@ impl SkyPicture {
         let level = (forward - up * forward.dot(up)).normalize_or_zero();
         (DQuat::from_axis_angle(up, turn_degrees.to_radians()) * level).as_vec3()
     }
+}
+
+/// Returns a remark on a picture that is not twice as wide as high. An odd width cannot be exactly twice the height.
+fn stretched((width, height): (u32, u32)) -> Option<String> {
+    let remark = || {
+        format!(
+            "has {width} x {height} texels, but is used as an equirectangular picture, which is twice as wide as high"
+        )
+    };
+    (width.abs_diff(2 * height) > 1).then(remark)
 }
 
 #[cfg(test)]
@@ -240,6 +257,16 @@ mod tests {
         assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file);
         let message = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
         assert!(message.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{message}");
+    }
+
+    #[test]
+    fn a_picture_that_is_not_twice_as_wide_as_high_is_remarked() {
+        for size in [(2, 1), (8192, 4096), (1, 1), (1025, 512), (1023, 512)] {
+            assert_eq!(stretched(size), None, "{size:?}");
+        }
+        let start = "has 4 x 4 texels, but is used as an equirectangular picture";
+        assert!(stretched((4, 4)).is_some_and(|remark| remark.starts_with(start)));
+        assert!(stretched((1026, 512)).is_some() && stretched((512, 1024)).is_some());
     }
 
     #[test]

@@ -27,11 +27,12 @@ const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square frames. The constant has the distances of the squares' edges
-/// from the middle, in radii; the last distance is beyond the end of a usual view. The ground is divided into frames,
-/// because rounding errors of a ray-triangle test grow with the triangle's size: on a single large triangle, shadow
-/// rays at a low angle would hit the ground from which they start.
+/// from the middle, in radii of the mesh's ball; the last distance is beyond the end of a usual view. The ground is
+/// divided into frames, because rounding errors of a ray-triangle test grow with the triangle's size: on a single large
+/// triangle, shadow rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
-/// Distance of the ground below the mesh, in radii, so that the ground does not coincide with a mesh's flat bottom.
+/// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide with a
+/// mesh's flat bottom.
 const GAP_RADII: f64 = 2e-4;
 
 /// The default surroundings of a mesh.
@@ -70,8 +71,8 @@ impl Studio {
     }
 }
 
-/// Returns a square below a mesh; `None` if the eye is not above the square, or if the square would
-/// exceed the allowed coordinates.
+/// Returns the ground, a square below a mesh; `None` if the eye is not above the ground, or if the ground would exceed
+/// the limit of coordinates.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     let (centre, radius) = ball.centre_and_radius();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
@@ -180,7 +181,7 @@ mod tests {
         let [key, fill] = &studio.lights[..] else { panic!("{:?}", studio.lights) };
         let part = |light: &Light| light.power / power as f32;
         assert!(part(key).distance(Vec3::new(0.7696, 0.74, 0.6956)) < 1e-5, "{}", part(key));
-        // Without a studio, the fill light has 0.3 of the key light's power.
+        // Without a studio (the default surroundings), the fill light has 0.3 of the key light's power.
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
 
@@ -213,8 +214,8 @@ mod tests {
             };
             ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)
         };
-        // The ground's edges are 60 radii away, and the mesh's radius is more than 5e10 in the second case, so the
-        // ground would exceed the coordinate limit of 1e12.
+        // The ground's edges are 60 radii of the mesh away from the middle, and this radius is more than 5e10 in the
+        // second case, so the ground would exceed the coordinate limit of 1e12.
         assert!(ground(1e9).is_some() && ground(5e10).is_none());
     }
 }

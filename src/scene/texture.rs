@@ -77,16 +77,22 @@ pub struct Mapped {
 impl Mapped {
     /// Number of floats per triangle on a device, without the floats for mip levels.
     const FLOATS: usize = 8;
+    /// The largest coordinate that need not be read in double precision. Up to here, single precision has steps of at
+    /// most 2^-18.
+    pub(super) const NEAR: f64 = 64.0;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
     /// Returns a triangle's coordinates in textures with the wrap modes `wrap`. In a repeated or mirrored texture, the
-    /// coordinates are shifted close to 0, where single precision is finest. The shift does not change the triangle's
-    /// picture.
-    pub fn new(corners: [[f32; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
-        let mut corners = corners;
+    /// coordinates are shifted close to 0, where single precision is finest, before they are rounded to single
+    /// precision. The shift does not change the triangle's picture.
+    pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
+        // Coordinates near 0 are rounded once more, before the shift, so that they get the same bits whether they were
+        // read or computed in single or in double precision.
+        let rounded = |value: f64| if value.abs() > Self::NEAR { value } else { f64::from(value as f32) };
+        let mut corners = corners.map(|corner| corner.map(rounded));
         for (axis, wrap) in wrap.into_iter().enumerate() {
-            let least = corners.iter().map(|corner| corner[axis]).fold(f32::INFINITY, f32::min);
+            let least = corners.iter().map(|corner| corner[axis]).fold(f64::INFINITY, f64::min);
             let whole = match wrap {
                 Wrap::Repeat => least.floor(),
                 Wrap::Clamp => 0.0,
@@ -94,6 +100,7 @@ impl Mapped {
             };
             corners.iter_mut().for_each(|corner| corner[axis] -= whole);
         }
+        let corners = corners.map(|corner| corner.map(|value| value as f32));
         Self { corners, texture, mask }
     }
 
@@ -146,8 +153,8 @@ impl Textures {
         linear_values().len() + TEXTURE_HEAD_WORDS * self.list.len()
     }
 
-    /// Returns the first earlier texture with the same texels as this one, if there is one: textures of one picture may
-    /// differ in their wrap mode, or one may be a colour and the other a mask.
+    /// Returns the first texture before the texture `number` that has the same texels, if there is one: textures of one
+    /// picture may differ in their wrap mode, or one may be a colour and the other a mask.
     pub(crate) fn same_as(&self, number: usize) -> Option<usize> {
         let texels = &self.list[number].texels;
         self.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, texels))
@@ -202,7 +209,21 @@ mod tests {
         let of = |wrap| Mapped::new(corners, Some(0), None, [wrap; 2]).corners;
         assert_eq!(of(Wrap::Repeat), [[0.25, 0.5], [0.5, 0.75], [2.0, 3.0]]);
         assert_eq!(of(Wrap::Mirror), [[1.25, 0.5], [1.5, 0.75], [3.0, 3.0]]);
-        assert_eq!(of(Wrap::Clamp), corners);
+        assert_eq!(of(Wrap::Clamp).map(|corner| corner.map(f64::from)), corners);
+    }
+
+    #[test]
+    fn coordinates_far_from_0_move_before_they_are_rounded_and_those_near_0_are_rounded_first() {
+        let near = [[0.1, 0.2], [0.7, 2.3], [1.4, 0.9]];
+        let far = near.map(|[u, v]| [u + 1e6, v - 1e6]);
+        for wrap in [Wrap::Repeat, Wrap::Mirror] {
+            let [near, far] = [near, far].map(|corners| Mapped::new(corners, Some(0), None, [wrap; 2]));
+            assert_eq!(far, near);
+        }
+        // Without the first rounding, the coordinate of the first corner would be smaller by the last bit.
+        let corners = [[1.0 - f64::from(0.001_f32), 0.0], [-0.5, 0.0], [0.0, 0.0]];
+        let moved = Mapped::new(corners, Some(0), None, [Wrap::Repeat; 2]).corners;
+        assert_eq!(moved.map(|[u, _]| u), [(1.0_f32 - 0.001) + 1.0, 0.5, 1.0]);
     }
 
     #[test]

@@ -11,7 +11,9 @@ use rayon::prelude::*;
 /// below f32's 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// Largest power of a light; enough for a scene of the largest allowed size.
+/// Largest power of a light, enough for a scene of the largest allowed size. Also the largest radiance of the sky and
+/// of the background: kernels add several samples before they divide the sum, so this radiance must be well below
+/// f32's 3.4e38.
 pub const MAX_POWER: f32 = 1e28;
 
 /// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up to 3.4e38.
@@ -38,8 +40,12 @@ impl Scene {
 
     /// Checks everything except the mesh and the limits that depend on its size.
     pub(super) fn validate_view(&self) -> Result<()> {
+        let background = self.background;
+        let valid = background.is_finite() && background.min_element() >= 0.0;
+        require(valid && background.max_element() <= MAX_POWER, || {
+            format!("the background is {:?}; expected values from 0 to {MAX_POWER:e}", background.to_array())
+        })?;
         let numbers = [
-            ("the background", self.background.min_element(), self.background.is_finite()),
             ("shadow_bias", self.shadow_bias, self.shadow_bias.is_finite()),
             ("the exposure", self.display.exposure, self.display.exposure.is_finite()),
         ];
@@ -81,7 +87,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     require(orthonormal, || "the camera's axes are not an orthonormal basis".to_owned())?;
     let tan = camera.tan_half_fov;
     require(tan > 0.0 && tan.is_finite(), || {
-        "the field of view is not between 0 and 180 degrees".to_owned()
+        format!("the camera's tan_half_fov is {tan}; expected a finite number of more than 0")
     })?;
     let near = camera.z_near;
     require(near >= 0.0 && near.is_finite(), || {
@@ -250,6 +256,17 @@ mod tests {
     }
 
     #[test]
+    fn the_tangent_of_half_the_field_of_view_is_finite_and_more_than_0() {
+        let check = |tan_half_fov| check_camera(&Camera { tan_half_fov, ..Camera::PAPER });
+        assert!([1e-9, 1.0, 1e9].into_iter().all(|tan| check(tan).is_ok()));
+        for (tan, shown) in [(0.0, "0"), (-1.0, "-1"), (f32::INFINITY, "inf"), (f32::NAN, "NaN")] {
+            let error = check(tan).unwrap_err().to_string();
+            let expected = "expected a finite number of more than 0";
+            assert_eq!(error, format!("the camera's tan_half_fov is {shown}; {expected}"));
+        }
+    }
+
+    #[test]
     fn normals_are_finite_and_not_zero() {
         for (normal, is_valid) in [(Vec3::NEG_Z, true), (Vec3::ZERO, false), (Vec3::NAN, false)] {
             let mut scene = single_triangle();
@@ -264,6 +281,20 @@ mod tests {
         assert!(scene.validate().is_ok());
         scene.display.gamma = 0.0;
         assert!(scene.validate().is_err());
+    }
+
+    #[test]
+    fn a_background_has_a_radiance_whose_sum_over_samples_is_finite() {
+        let check = |blue| {
+            let background = Vec3::new(0.0, 1.0, blue);
+            Scene { background, ..single_triangle() }.validate_view()
+        };
+        assert!([0.0, MAX_POWER].into_iter().all(|blue| check(blue).is_ok()));
+        for (blue, shown) in [(-0.5, "-0.5"), (2e28, "2e28"), (f32::NAN, "NaN")] {
+            let error = check(blue).unwrap_err().to_string();
+            let expected = "expected values from 0 to 1e28";
+            assert_eq!(error, format!("the background is [0.0, 1.0, {shown}]; {expected}"));
+        }
     }
 
     #[test]

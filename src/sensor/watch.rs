@@ -27,13 +27,15 @@ impl Watch {
     pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
         let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
         let (shared, end) = (Arc::clone(&readings), Arc::clone(&ended));
-        std::thread::spawn(move || {
+        let watch = move || {
             let Some(mut sensor) = find() else { return };
             while !end.load(Ordering::Relaxed) {
                 append(&shared, (Instant::now(), sensor.read()));
                 std::thread::sleep(PERIOD);
             }
-        });
+        };
+        // If no thread can be started, there are no readings.
+        let _ = std::thread::Builder::new().spawn(watch);
         Self { readings, ended }
     }
 

@@ -2,6 +2,7 @@
 //! therefore need no lock, and a first attempt that is still running cannot damage the files of a second attempt.
 
 use super::Shard;
+use crate::device::variables;
 use crate::error::{Error, Result};
 use crate::record::{Host, cannot_make, write_whole};
 use serde::{Deserialize, Serialize};
@@ -43,6 +44,10 @@ pub struct About {
     /// The word of the variable `RAYCL_DEVICE` or of the user's settings that selected the devices; null if the command
     /// or the config names the devices, if all devices are used, and in files of earlier versions.
     pub device: Option<String>,
+    /// The environment variables that the user had set and that a repetition of the command needs, each as
+    /// `NAME=VALUE`; missing in files of earlier versions.
+    #[serde(default)]
+    pub variables: Vec<String>,
     /// The hash of the blocks of the plan that the attempt used; null in files of earlier versions.
     pub plan: Option<String>,
 }
@@ -83,6 +88,7 @@ impl About {
             devices,
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
             folder: std::env::current_dir().ok().and_then(|folder| folder.to_str().map(str::to_owned)),
+            variables: variables::of_user().to_vec(),
             ..Self::default()
         };
         own.started_by(&|name| std::env::var(name).ok(), Host::read().name)
@@ -249,6 +255,18 @@ mod tests {
         ] {
             assert_eq!(job_of(variables, machine), expected, "{variables}");
         }
+    }
+
+    #[test]
+    fn an_attempt_of_an_earlier_version_has_no_variables() {
+        let folder = tempfile::tempdir().unwrap();
+        let attempt = Attempt::begin(folder.path(), &about(3, "n1")).unwrap();
+        let file = attempt.folder.join(ABOUT);
+        let text = std::fs::read_to_string(&file).unwrap();
+        let earlier = text.replace("\"variables\":[],", "");
+        assert_ne!(earlier, text);
+        std::fs::write(&file, earlier).unwrap();
+        assert_eq!(attempt.about(), Some(about(3, "n1")));
     }
 
     #[test]

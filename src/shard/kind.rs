@@ -53,8 +53,8 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder, the host first, the others sorted by file name. Of several kinds with the same
-    /// points, only the first is returned.
+    /// Returns all kinds in a folder, the host first, the others sorted by file name. Of several kinds whose points
+    /// have equal keys, only the first is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
             .into_iter()
@@ -73,8 +73,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Two kinds have the same points if they differ only in the build of raycl or in the device's name on its
-        // machine.
+        // Two kinds have points with equal keys if they differ only in the build of raycl or in the device's name on
+        // its machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)
@@ -95,12 +95,21 @@ impl Kind {
             let own: Vec<String> = parts(kind)
                 .into_iter()
                 .filter(|part| !namesakes.iter().all(|other| other.contains(part)))
+                .map(|part| in_singular(&part).unwrap_or(part))
                 .collect();
             (namesakes.len() > 1)
                 .then(|| if own.is_empty() { "another program".to_owned() } else { own.join(", ") })
         };
         kinds.iter().map(of).collect()
     }
+}
+
+/// Returns a part of a kind's identity, such as "1 threads", with the noun in the singular; `None` if its number
+/// differs from one. Identities have the plural after every number. The identities themselves are not corrected, since
+/// keys of records depend on their text.
+fn in_singular(part: &str) -> Option<String> {
+    let noun = part.strip_prefix("1 ")?.strip_suffix('s')?;
+    Some(format!("1 {noun}"))
 }
 
 /// Returns the error for a kind's file without a whole line.
@@ -126,7 +135,7 @@ mod tests {
         let kinds =
             [kind("cpu", "PoCL | 1 compute units"), kind("cpu", "PoCL | 2 compute units"), kind("gpu", "x")];
         let actual = Kind::distinctions(&kinds);
-        assert_eq!(actual, [Some("1 compute units".to_owned()), Some("2 compute units".to_owned()), None]);
+        assert_eq!(actual, [Some("1 compute unit".to_owned()), Some("2 compute units".to_owned()), None]);
     }
 
     #[test]

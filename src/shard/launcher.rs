@@ -161,7 +161,8 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignme
 impl Assignment {
     fn shard(&self, of: Option<u32>) -> Result<Shard> {
         let launcher = self.launcher;
-        // If the element's number is the shard's number, the array may have fewer elements than there are shards.
+        // If `number` is set, the number of an array's element is the shard's number, and the array may have fewer
+        // elements than there are shards.
         let count = self.count.filter(|count| self.number.is_none() && Some(*count) != of);
         if let (Some(of), Some(count)) = (of, count) {
             let message = format!("--shard auto/{of}, but {launcher} started {count} processes");

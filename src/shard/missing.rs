@@ -1,6 +1,7 @@
 //! Compares records with the plan to find what still has to be measured or failed, and the command that measures it.
 
 use super::{Attempt, Kind, ShardPlan};
+use crate::device::variables::is_to_be_repeated;
 use crate::record::{HOST, Outcome};
 use crate::words::{option, path_word, quote};
 use std::collections::BTreeSet;
@@ -116,9 +117,9 @@ pub fn missing(
     Missing { kinds: missing_kinds, failed, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns the points of each kind of device that failed. Points with a wrong image are left out, because it is useless
-/// to measure them again: a merge prefers a record with a wrong image to all other records of its point. `start`
-/// returns the command that measures the points again.
+/// Returns, for each kind of device, the points whose measurement failed on this kind. Points with a wrong image are
+/// left out, because it is useless to measure them again: a merge prefers a record with a wrong image to all other
+/// records of its point. `start` returns the command that measures the points again.
 fn failed(
     plan: &ShardPlan,
     kinds: &[Kind],
@@ -143,7 +144,7 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
 }
 
 /// Returns the plan's casters on the host and the plan's other points, as indices. Every kind of device except the host
-/// has all of the other points, so the points of one kind are enough to divide the plan.
+/// measures all points that are not casters on the host, so the points of one such kind are enough to divide the plan.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -177,6 +178,8 @@ fn lacking(plan: &ShardPlan, device: String, (lacks, of): (&[usize], usize), sta
 struct Start {
     /// The folder in which the attempt was started, if this is another folder than the current one.
     folder: Option<PathBuf>,
+    /// The environment variables that the user had set, each as `NAME=VALUE`.
+    variables: Vec<String>,
     /// The program, the subcommand, the config and the options.
     words: Vec<String>,
 }
@@ -200,14 +203,15 @@ impl Start {
         let mut words = without_out(&without_shard(&open_ended(&about.command)));
         words.extend(about.device.iter().flat_map(|device| option("--device", device)));
         words.extend(option("--out", absolute.as_deref().unwrap_or(out).display()));
-        Self { folder, words }
+        Self { folder, variables: about.variables, words }
     }
 
-    /// Returns the command for another device.
+    /// Returns the command for another device, without the environment variables, which the user had set for the
+    /// attempt's own device.
     fn on(self, device: &str) -> Self {
         let mut words = without(&self.words, "--device");
         words.extend(option("--device", device));
-        Self { words, ..self }
+        Self { words, variables: Vec::new(), ..self }
     }
 
     /// Returns the command that measures failed points again.
@@ -219,7 +223,9 @@ impl Start {
 
     /// Returns the command line that measures these shards, out of `of` shards in all.
     fn of_shards(&self, shards: &BTreeSet<u32>, of: u32) -> String {
-        let words = self.words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
+        let assignments = self.variables.iter().filter_map(|setting| assignment(setting));
+        let words = assignments.chain(self.words.iter().map(|word| quote(word)));
+        let words = words.collect::<Vec<_>>().join(" ");
         let command = match shards.iter().copied().collect::<Vec<_>>()[..] {
             [one] => format!("{words} --shard {one}/{of}"),
             _ => {
@@ -233,6 +239,13 @@ impl Start {
             None => command,
         }
     }
+}
+
+/// Returns the words with which a shell sets a variable for one command; `None` if the variable is none that a repeated
+/// command needs, since the file that names it may come from a stranger.
+fn assignment(setting: &str) -> Option<String> {
+    let (name, value) = setting.split_once('=')?;
+    is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))
 }
 
 /// Returns a command line without the word `--`, after which no option can be added. The words after it are paths; one
@@ -416,6 +429,32 @@ mod tests {
         let words = ["raycl", "run", "--out", "o", "--shard", "1/4", "-q", "--", "-g.toml"];
         let expected = "raycl run -q ./-g.toml --device 'my gpu' --out results --shard 3/4";
         assert_eq!(repeated(None, Some("my gpu"), &words, false), expected);
+    }
+
+    #[test]
+    fn the_command_sets_the_variables_that_the_user_had_set() {
+        use crate::shard::About;
+        let out = tempfile::tempdir().unwrap();
+        let variables = [
+            "POCL_DEVICES=pthread basic",
+            "POCL_MAX_PTHREAD_COUNT=1",
+            "POCL_VECTORIZER_$(id)=1",
+            "LD_PRELOAD=x.so",
+        ];
+        let about = About {
+            variables: variables.map(str::to_owned).to_vec(),
+            command: ["/x/raycl", "run", "a.toml"].map(str::to_owned).to_vec(),
+            ..About::default()
+        };
+        let attempts = [Attempt::begin(out.path(), &about).unwrap()];
+        let start = || Start::of(Path::new("o"), None, &attempts);
+        let command = "POCL_DEVICES='pthread basic' POCL_MAX_PTHREAD_COUNT=1 raycl run a.toml --out o";
+        assert_eq!(start().of_shards(&BTreeSet::from([3]), 4), format!("{command} --shard 3/4"));
+        let several = start().again().of_shards(&BTreeSet::from([2, 3]), 4);
+        let again = format!("{command} --resume --retry-failed");
+        assert_eq!(several, format!("for shard in 2 3; do {again} --shard $shard/4; done"));
+        let other = start().on("h200").of_shards(&BTreeSet::from([3]), 4);
+        assert_eq!(other, "raycl run a.toml --out o --device h200 --shard 3/4");
     }
 
     #[test]

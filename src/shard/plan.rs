@@ -19,7 +19,8 @@ pub struct Header {
     pub config_hash: String,
     /// The overrides, each as a line of TOML.
     pub overrides: Vec<String>,
-    /// The hash of each scene's content, in the config's order.
+    /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, and the images have
+    /// several shapes, the scene has a hash for each shape; these hashes are joined with `+`.
     pub scenes: Vec<String>,
     /// The hash of the kernels' files, built-in or not; null if a file cannot be read.
     pub kernels: Option<String>,
@@ -140,7 +141,7 @@ fn versions(stored: &Header, wanted: &Header) -> String {
     }
 }
 
-/// Returns the file's path in a folder.
+/// Returns the path of the file `shards.json` in a folder.
 pub fn path(out: &Path) -> PathBuf {
     out.join(SHARDS)
 }

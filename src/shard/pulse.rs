@@ -9,17 +9,17 @@ use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-/// The file's name.
+/// The name of the file that contains the counter.
 const FILE: &str = "pulse";
 /// The time between two counts.
 const BEAT: Duration = Duration::from_secs(1);
 /// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// The contents of the file.
+/// The contents of the counter's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
     /// The number of counts so far; the process counts once per second.
@@ -46,8 +46,8 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// Returns the line of the file. The line's length is constant, so that a simultaneous reader sees either the old
-    /// line or the new one.
+    /// Returns the only line of the counter's file. The line's length is constant, so that a simultaneous reader sees
+    /// either the old line or the new one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }
@@ -73,13 +73,12 @@ impl Pulse {
     /// Starts counting in an attempt's folder.
     pub fn start(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
-        let mut file = File::create(&path)
-            .map_err(|error| Error::run(format!("cannot write {}: {error}", path.display())))?;
+        let mut file = File::create(&path).map_err(|error| Error::unwritable(&path, &error))?;
         let (steps, waits, ended): (Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>) = Default::default();
         let thread = {
             let (steps, waits, ended) = (Arc::clone(&steps), Arc::clone(&waits), Arc::clone(&ended));
-            std::thread::spawn(move || {
-                // A count that cannot be written is skipped.
+            let count = move || {
+                // If a count cannot be written, the error is ignored, and the next count replaces it.
                 let mut write = |beat: Beat| {
                     let _ =
                         file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(beat.line().as_bytes()));
@@ -93,7 +92,8 @@ impl Pulse {
                 // The steps since the last count are written now, so that the status of the ended attempt includes
                 // them.
                 write(Beat { steps: steps.load(Ordering::Relaxed), ..beat });
-            })
+            };
+            Builder::new().spawn(count).map_err(|error| Error::no_thread(&error))?
         };
         Ok(Self { steps, waits, ended, thread: Some(thread) })
     }
@@ -104,8 +104,8 @@ impl Pulse {
     }
 }
 
-/// Returns whether the attempt has waited since the last call. The next call returns false, unless the attempt waits
-/// again.
+/// Returns whether the attempt has waited for another process since the last call of this function. The next call
+/// returns false, unless the attempt waits again.
 fn taken(waits: &AtomicBool) -> bool {
     waits.swap(false, Ordering::Relaxed)
 }

@@ -53,7 +53,7 @@ pub fn scripts(wishes: &Wishes) -> String {
     let minutes = (2 * seconds).div_ceil(60) + 10;
     let run = match is_array {
         true => format!("exec {command} --shard auto/{n}"),
-        // If one task of the step is lost, the other tasks must continue.
+        // If one task of the job step is lost, the tasks of the other shards must continue.
         false => format!("exec srun --kill-on-bad-exit=0 {command} --shard auto"),
     };
     // Writing to a String cannot fail, so the results are ignored.
@@ -78,7 +78,7 @@ fn devices(on_gpu: Option<bool>) -> &'static str {
     }
 }
 
-/// Returns a job's name as one word.
+/// Returns a name for a Slurm job that contains only letters, digits and the characters `-` and `_`.
 fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).collect()
 }

@@ -1,4 +1,4 @@
-//! The state of each attempt in a folder: begun, running, hung, lost, or ended. Each attempt increases a counter in its
+//! The state of each attempt in a folder: begun, going, hung, lost, or ended. Each attempt increases a counter in its
 //! own folder while it runs. This module reads all counters twice, and so finds out which of them increase.
 
 use super::{Attempt, Beat, End};

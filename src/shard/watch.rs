@@ -3,6 +3,7 @@
 //! the process that replaces it, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
+use crate::error::{Error, Result};
 use crate::printer;
 use std::time::Duration;
 
@@ -33,13 +34,18 @@ const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "
 /// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
 /// process, and the points that are being measured get no record. Nothing is checked if three conditions hold together:
 /// no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the shard's number.
-/// Nothing is checked on systems other than Linux either.
-pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
+/// Nothing is checked either if the parent is process 1, the first process of a container or of the system: all other
+/// processes end with it. Nothing is checked on systems other than Linux.
+///
+/// # Errors
+///
+/// Fails if no thread can be started.
+pub fn watch_launcher(attempt: &Attempt, asked: Asked) -> Result<()> {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
-        return;
+        return Ok(());
     }
-    std::thread::spawn(move || {
+    let watch = move || {
         loop {
             std::thread::sleep(LOOK_UP);
             if let Some(lost) = chain.lost() {
@@ -52,7 +58,9 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
                 std::process::exit(1);
             }
         }
-    });
+    };
+    // The thread runs for as long as the process, so no code waits for the thread's end.
+    std::thread::Builder::new().spawn(watch).map(drop).map_err(|error| Error::no_thread(&error))
 }
 
 /// A process. Its start time distinguishes it from a later process with the same ID.

@@ -83,8 +83,9 @@ macro_rules! axis {
     };
 }
 
-/// Declares an axis whose values are files. A value consists only of its name, so that strategies can be constants and
-/// can be copied; its other properties are in the file. The constants are the values that presets use.
+/// Declares an axis whose values are files. In the declared type, a value consists only of its name, so that strategies
+/// can be constants and can be copied. The value's other properties are in its file. The type's constants are the
+/// values that presets use.
 macro_rules! file_axis {
     ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
         $($value:ident $name:literal,)+
@@ -247,14 +248,14 @@ axis! {
 }
 
 impl NodeWidth {
-    /// Returns the number of children.
+    /// Returns the number of children of a tree node.
     pub fn children(self) -> usize {
         2 << (self as usize)
     }
 }
 
 impl LeafSize {
-    /// Returns the number of triangles.
+    /// Returns the largest number of triangles in a leaf.
     pub fn triangles(self) -> usize {
         4 << (self as usize)
     }

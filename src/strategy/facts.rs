@@ -1,4 +1,5 @@
-//! Properties of values that are files, as described in their headers, and properties of whole strategies.
+//! Returns properties of values of axes, which the headers of the values' kernel files state, and properties of whole
+//! strategies.
 
 use super::{
     Intersector, Layout, Passes, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
@@ -14,7 +15,7 @@ pub enum WorkingMemory {
     Local,
     /// A buffer that the host allocates for all work-items.
     Scratch,
-    /// A pool from which the kernel allocates.
+    /// The heap: a buffer from which the kernel allocates.
     Heap,
 }
 
@@ -74,8 +75,8 @@ impl Triangles {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
     }
 
-    /// Returns whether the test can read its data from a table in global memory, either directly or copied one tile
-    /// at a time.
+    /// Returns whether the ray-triangle test can read the data of each triangle from a table in global memory, either
+    /// directly or after a work-group has copied the rows of one tile of triangles to `__local` memory.
     pub fn take_tables(self) -> bool {
         !self.are_constant() && !self.are_staged()
     }
@@ -97,12 +98,13 @@ impl Shading {
 }
 
 impl Intersector {
-    /// Returns the number of floats in a triangle's record for the test.
+    /// Returns the number of floats in a triangle's record for the ray-triangle test.
     pub fn record_floats(self) -> usize {
         self.header().number("record_floats").unwrap_or(0) as usize
     }
 
-    /// Returns whether planes per triangle are prepared for the eye and each light.
+    /// Returns whether the ray-triangle test reads planes of each triangle that were prepared for the eye and each
+    /// light.
     pub fn prepares_planes(self) -> bool {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
@@ -113,13 +115,14 @@ impl Intersector {
         self.header().word("prepared_for") == "pixels"
     }
 
-    /// Returns whether the test needs exact signs, which math = fast does not preserve.
+    /// Returns whether the ray-triangle test needs the exact signs of computed values, which `math = fast` does not
+    /// preserve.
     pub fn needs_exact_signs(self) -> bool {
         self.header().word("exact_signs") == "yes"
     }
 
-    /// Returns how many operations a test takes to show that a ray misses; `None` if the header of its file does not
-    /// state this number.
+    /// Returns how many operations the ray-triangle test takes to show that a ray misses a triangle; `None` if the
+    /// header of the test's file does not state this number.
     pub fn operations(self) -> Option<u32> {
         self.header().number("operations")
     }
@@ -145,8 +148,9 @@ impl Strategy {
         self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
     }
 
-    /// Returns whether the strategy has a property that the manifest names, such as [`Fact::Tree`]. Assumes a scene
-    /// with lights but without textures or soft light, one sample per pixel, and no rays that the caller provides.
+    /// Returns whether the strategy has a property that the manifest (the table of kernels) uses as a condition, such
+    /// as [`Fact::Tree`]. Assumes a scene with lights but without textures or soft light, one sample per pixel, and no
+    /// rays that the caller provides.
     pub fn holds(&self, fact: Fact) -> bool {
         match fact {
             Fact::Always => true,
@@ -170,7 +174,8 @@ impl Strategy {
         }
     }
 
-    /// Returns whether the strategy and the workload have a property that the manifest names.
+    /// Returns whether the strategy and the workload have a property that the manifest (the table of kernels) uses as a
+    /// condition.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),

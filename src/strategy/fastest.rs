@@ -73,7 +73,7 @@ pub enum Candidate {
 
 const TILES: Candidate = Candidate::Tiles { large: false, separate: false };
 
-/// Classes of devices, each with its own candidates.
+/// Classes of devices. Each class has its own candidates (strategies among which raycl chooses the fastest).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
@@ -91,9 +91,9 @@ pub enum Class {
 /// faster than testing all triangles. An H200 was measured (`single` and `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
-/// The limits between the candidates, for one class of devices that support tiles. Some limits are compared with the
-/// number of pixels multiplied or divided by a root of the number of triangles. These roots were fitted to the times of
-/// 346 pictures on an H200 (docs/results/rule/h200.json).
+/// The limits at which another candidate becomes the fastest one, for one class of devices that support tiles. Some
+/// limits are compared with the number of pixels multiplied or divided by a root of the number of triangles. These
+/// roots were fitted to the times of 346 pictures on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
@@ -181,7 +181,8 @@ impl Class {
         }
     }
 
-    /// Returns the class's constants; `None` if its devices do not support tiles.
+    /// Returns the limits that decide between the candidates of the class; `None` if devices of the class do not
+    /// support tiles.
     pub fn constants(self, watertight: bool) -> Option<Constants> {
         match (self, watertight) {
             (Self::TilesInVectors, false) => Some(constants::CPU),
@@ -194,7 +195,7 @@ impl Class {
         }
     }
 
-    /// Returns all candidates.
+    /// Returns the candidates for devices of this class.
     pub fn candidates(self) -> Vec<Candidate> {
         let tiles = |large, separate| Candidate::Tiles { large, separate };
         let tiles = match self {
@@ -235,7 +236,7 @@ impl Candidate {
         }
     }
 
-    /// Returns the candidate's strategy on a device, and the local size.
+    /// Returns the candidate's strategy on a device with these limits, and the local size for it.
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);

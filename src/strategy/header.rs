@@ -107,7 +107,8 @@ impl Reader<'_> {
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: parsed.contradicts, facts })
     }
 
-    /// Refuses a key of a header in the comment that another file of the same value begins with: nothing would read it.
+    /// Checks another file of the same value. The comment at its start must contain no key of a header, because raycl
+    /// reads only the header of the value's first file.
     pub fn refuse_another(&self, path: &str, text: &str) -> Result<()> {
         match entries(text).find(|(_, key, _)| self.key_names().any(|own| own == *key)) {
             Some((line, key, _)) => Err(Error::input(format!(
@@ -228,8 +229,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Checks `record_floats` if a kernel prepares planes for each triangle and origin: the planes of a triangle always
-    /// have [`PLANES_FLOATS`] floats.
+    /// Checks `record_floats` if a kernel prepares planes for each triangle and each origin (eye or light): the planes
+    /// of a triangle always have [`PLANES_FLOATS`] floats.
     fn check_planes(&self, parsed: &Entries) -> Result<()> {
         let said = |name: &str| parsed.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
@@ -245,7 +246,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Refuses a test for the rays of a tile in the folder of the families that have no tiles of rays.
+    /// Refuses a ray-triangle test whose header says that it is prepared for a tile of rays, if its file is in the
+    /// folder of the families without tiles of rays.
     fn check_tile(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
         match parsed.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
             Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
@@ -285,7 +287,7 @@ impl Reader<'_> {
     }
 }
 
-/// Number of floats of the planes that are prepared for a triangle and an origin.
+/// Number of floats of the planes that are prepared for a triangle and an origin (the eye or a light).
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
 /// The folder of the ray-triangle tests of the families that have no tiles of rays.

@@ -1,7 +1,7 @@
 //! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest number of bytes in
 //! use at any moment.
 
-use super::requirements::{global, scene, scratch};
+use super::requirements::{global_beside_mesh, scene_beside_mesh, scratch};
 use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
@@ -15,8 +15,8 @@ const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
 const PROGRAM_BYTES_BESIDE_GPU: u64 = 432_000_000;
-/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle, of which it takes only
-/// 44, and 72 bytes for two nodes.
+/// An upper bound of the bytes per triangle in the reference's tree. The sum assumes 80 bytes for the triangle,
+/// although a triangle takes only 44 bytes, and 72 bytes for two nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, the alpha, and whether the pixel
 /// is certain.
@@ -51,7 +51,7 @@ pub struct Afterwards {
 /// needs.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
-    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes them.
+    /// The bytes that the program, its libraries and the driver need. The sum of every moment includes these bytes.
     program_bytes: u64,
     moments: Vec<(&'static str, Sum)>,
 }
@@ -81,7 +81,7 @@ impl HostNeeds {
             casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
         }
         if shared {
-            casting.join(global(strategy, w));
+            casting.join(global_beside_mesh(strategy, w));
             casting.join(scratch(strategy, w));
         }
         casting.add("picture", &[(PICTURE_BYTES, " B"), (pixels, " pixels")]);
@@ -98,7 +98,7 @@ impl HostNeeds {
             }
             if shared {
                 // An experiment keeps the caster while its picture is compared, since the caster is timed afterwards.
-                sum.join(global(strategy, w));
+                sum.join(global_beside_mesh(strategy, w));
                 sum.join(scratch(strategy, w));
             }
             moments.push(("verifying", sum));
@@ -106,7 +106,7 @@ impl HostNeeds {
         Self { program_bytes, moments }
     }
 
-    /// Returns the largest number of bytes in use at any of the moments.
+    /// Returns the largest number of bytes in use at any moment.
     pub fn bytes(&self) -> u64 {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
@@ -146,14 +146,14 @@ fn base_memory(w: &Workload, program_bytes: u64) -> Sum {
     base
 }
 
-/// Returns the memory in use while a picture's layers are computed, and while they are written. The caster's frame is
-/// freed before; a device that shares the host's memory then still holds the scene. Another tree serves to find out how
-/// many tests each ray needs. It is freed before the reference's tree is built, and is smaller, so the sum leaves it
-/// out.
+/// Returns the memory in use while a picture's layers are computed, and while they are written. The buffers of the
+/// caster's frame are freed before the layers are computed, but a device that shares the host's memory still holds the
+/// scene. raycl also builds another tree, to find out how many tests each ray needs. This tree is freed before the
+/// reference's tree is built, and is smaller than the reference's tree, so the sum leaves it out.
 fn with_layers(strategy: &Strategy, w: &Workload, shared: bool, base: &Sum) -> [(&'static str, Sum); 2] {
     let mut computing = base.clone();
     if shared {
-        computing.join(scene(strategy, w));
+        computing.join(scene_beside_mesh(strategy, w));
     }
     let mut writing = computing.clone();
     computing.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -173,7 +173,7 @@ fn mesh_bytes(w: &Workload) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Requirements, preset};
+    use super::super::{Layout, Requirements, preset};
     use super::*;
 
     fn workload(triangles: usize, side: u32) -> Workload {
@@ -251,6 +251,26 @@ mod tests {
         let beside_program = |shared| needs("naive", &w, shared, false).bytes_beside_program();
         let [shared, own] = [true, false].map(beside_program);
         assert_eq!(shared - own, Requirements::buffer_bytes(&naive, &w));
+    }
+
+    #[test]
+    fn a_device_that_shares_the_hosts_memory_reads_indexed_normals_in_place() {
+        let w = workload(1_000_000, 100);
+        let rows = preset("tile").unwrap().strategy;
+        let indexed = Strategy { layout: Layout::INDEXED_32, ..rows };
+        let bytes = |strategy: &Strategy, shared| {
+            HostNeeds::of(strategy, &w, shared, Afterwards::default()).bytes_beside_program()
+        };
+        let casting = |strategy: &Strategy, shared| {
+            let needs = HostNeeds::of(strategy, &w, shared, Afterwards::default());
+            needs.moments.iter().find(|(moment, _)| *moment == "casting").unwrap().1.recorded()
+        };
+        assert_eq!(casting(&rows, true) - casting(&indexed, true), 36 * 1_000_001);
+        assert_eq!(casting(&rows, false), casting(&indexed, false));
+        assert!(bytes(&indexed, true) < bytes(&rows, true));
+        // A device with memory of its own holds a copy of the mesh's normals (12 bytes each) and triangles (28 bytes).
+        let of_tree = |strategy: &Strategy| Requirements::tree_bytes(strategy, &w);
+        assert_eq!(of_tree(&rows) + (12 * 500_000 + 28 * 1_000_000), of_tree(&indexed) + 36 * 1_000_001);
     }
 
     #[test]

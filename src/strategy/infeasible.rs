@@ -29,9 +29,16 @@ pub enum Cause {
 impl Infeasible {
     /// The words with which a reason begins if the host has too little memory.
     pub const ON_HOST: &'static str = "the host's memory";
+    /// The words with which a reason begins if a buffer is larger than the device's largest buffer.
+    pub const LARGEST_BUFFER: &'static str = "largest buffer";
+    /// The words with which a reason begins if a device has too little global memory.
+    pub const GLOBAL_MEMORY: &'static str = "global memory";
+    /// The words with which a reason begins if the stacks of a CPU's threads are too small.
+    pub const CPU_STACK: &'static str = "a CPU thread's stack";
     /// The words by which a reason mentions memory that other points of the run hold.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
-    /// The words with which a reason ends if the limit is not the device's, but one that the config sets.
+    /// The words with which a reason ends if the limit is not the device's own, but one that the experiment's config
+    /// sets.
     pub const EMULATED: &'static str = "the limit in [emulate]";
 
     /// Returns whether a reason holds only for a moment: other programs use the host's memory, or other points of the
@@ -40,12 +47,22 @@ impl Infeasible {
         reason.starts_with(Self::ON_HOST) || reason.contains(Self::BESIDE_OTHERS)
     }
 
+    /// Returns whether a reason is the size of a device's global memory, of its largest buffer or of its threads'
+    /// stacks. The same device may have larger ones in another session, for example if a variable of its driver or
+    /// `ulimit -s` changes. A device's other limits cannot change in this way, since everything that determines them is
+    /// part of a point's key.
+    pub fn is_of_the_session(reason: &str) -> bool {
+        let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
+        !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))
+    }
+
     /// Returns the reason why a point exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
         Self { reason, cause: Cause::Size }
     }
 
-    /// Returns this reason, which names `[emulate]` as the origin of the limit if `is_emulated`.
+    /// Returns this reason. If `is_emulated` is true, the reason also says that the limit comes from `[emulate]`, the
+    /// section of a config that imitates a smaller device.
     #[must_use]
     pub fn emulated_if(self, is_emulated: bool) -> Self {
         match is_emulated {

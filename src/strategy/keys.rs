@@ -17,7 +17,7 @@ pub(super) enum Said {
 pub(super) enum Takes {
     /// One of these words.
     Words(&'static [&'static str]),
-    /// A number in the range that is the first field, and a multiple of the second field.
+    /// A number that lies in the range in the first field and is a multiple of the second field.
     Numbers(RangeInclusive<u32>, u32),
 }
 
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn the_document_names_every_folder_of_values_and_no_other() {
-        let rows = table("| folder | axis | families that include it |");
+        let rows = table("| folder | axis | families that can use a new file |");
         let documented: BTreeSet<_> = rows.iter().flat_map(|row| in_quotes(row[0])).collect();
         assert_eq!(documented, FOLDERS.iter().map(|(folder, _)| *folder).collect());
         for (folder, axis) in FOLDERS {

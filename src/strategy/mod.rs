@@ -46,7 +46,7 @@ macro_rules! strategy {
         pub const AXES: &[AxisInfo] = &[$($type::INFO),+];
 
         impl Strategy {
-            /// Changes the value of one axis by name. An unknown name or value is a user error.
+            /// Changes the value of one axis by name. An unknown name or value is a mistake of the user.
             pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
                 match axis {
                     $(stringify!($field) => self.$field = $type::parse(value)?,)+
@@ -126,8 +126,8 @@ impl Strategy {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
-    /// Returns whether the strategy's kernels read the mesh in the strategy's layout. Kernels for tiles read triangles
-    /// only from the tree.
+    /// Returns whether the strategy's kernels read whole triangles in the strategy's layout. Kernels for tiles read
+    /// corners only from the tree; the layout decides only where they read normals.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
@@ -152,14 +152,16 @@ impl Strategy {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
 
-    /// Returns the rays across and down in a tile that 32 work-items share; `None` if they share no tiles.
+    /// Returns the numbers of rays across and down in a tile that 32 work-items share; `None` if work-items share no
+    /// tiles.
     pub fn shared_tile(&self) -> Option<[usize; 2]> {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
     /// Returns the number of lights in a round. Work-items that share a tile cast the shadow rays to all lights of a
-    /// round at the same time. The bits of a word limit this number: each pair of a light and a ray of the work-item
-    /// has one bit, and bit 31 is reserved for leftover shadow rays.
+    /// round at the same time. The number is limited because each work-item stores its results in a word of 32 bits:
+    /// each pair of a light and a ray of the work-item has one bit, and bit 31 is reserved to mark leftover shadow
+    /// rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;

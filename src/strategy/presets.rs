@@ -40,7 +40,7 @@ const PAPER: Strategy = Strategy {
     math: Math::Strict,
 };
 
-/// The base of strategies that are not the paper's.
+/// The strategy from which presets that are not the paper's differ in a few axes.
 const MODERN: Strategy = Strategy {
     vectors: Vectors::PRIVATE,
     shading: Shading::DEFERRED,

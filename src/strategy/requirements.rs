@@ -13,12 +13,14 @@ use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
-use crate::scene::Material;
+use crate::memory::thread_stack_bytes;
+use crate::scene::{Material, Triangle};
 
 /// Bytes of a triangle without shared vertices.
 const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
-/// Bytes of a leaf's triangle, or of the planes for a triangle and an origin: three float4.
+/// Bytes of a triangle in a leaf of the tree, or of the planes for a triangle and an origin (the eye or a light): three
+/// float4.
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 /// Size of a triangle's normals in bytes.
 const NORMAL_BYTES: u64 = crate::accel::NORMAL_FLOATS as u64 * 4;
@@ -36,17 +38,21 @@ const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
 /// device has no faster way.
 const BOARD_BYTES: u64 = 2 * 4 * GROUP_LANES as u64;
-/// Bytes of a leaf's triangle that has to be tested, and of the number of the lane that prepared the triangle.
+/// Bytes of a triangle of a leaf that the rays of a tile have to be tested against, and of the number of the lane that
+/// prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
 const QUEUE_ENTRY_BYTES: u64 = 8;
-/// Bytes of the word of a ray from the eye, which records the lights that reach the ray's hit.
+/// Bytes of the word that stores, for a ray from the eye, which lights reach the ray's hit.
 const LIT_BYTES: u64 = 4;
 
-/// Limit on the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. If a value lives across
-/// a barrier, drivers keep a copy of it for each work-item of a group. If the copies are too large, they overflow the
-/// stack without an error.
-const CPU_STACK_BYTES: u64 = 5 << 20;
+/// Returns the largest number of bytes that the private arrays of a work-group may take on a CPU whose threads have
+/// stacks of this size: 5 MiB if the stacks have 8 MiB or more. If a value lives across a barrier, drivers keep a copy
+/// of the value for each work-item of a work-group. If the copies are too large, they overflow the stack without an
+/// error.
+fn cpu_stack_bytes(thread_stack_bytes: u64) -> u64 {
+    thread_stack_bytes.min(8 << 20) / 8 * 5
+}
 
 /// The bytes of memory that a strategy needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -55,7 +61,8 @@ pub struct Requirements {
     pub local_bytes: u64,
     /// Bytes of `__constant` memory.
     pub constant_bytes: u64,
-    /// Bytes of global scratch or heap memory, in addition to the scene and the image.
+    /// Bytes of global memory for working vectors (a scratch buffer or a heap), in addition to the memory for the scene
+    /// and the image.
     pub scratch_bytes: u64,
     /// Bytes of private memory that a whole work-group needs at the same time, for working vectors and the rays of
     /// tiles.
@@ -65,7 +72,8 @@ pub struct Requirements {
 }
 
 impl Requirements {
-    /// Returns the needs of `strategy` for `workload` on a device whose work-items can exchange values by `lanes`.
+    /// Returns the needs of `strategy` for `workload` on a device whose work-items exchange values by the operations
+    /// `lanes`.
     pub fn of(strategy: &Strategy, workload: &Workload, lanes: LaneOperations) -> Self {
         Self {
             local_bytes: local(strategy, workload, lanes).recorded(),
@@ -81,7 +89,8 @@ impl Requirements {
         buffers(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of the scratch or heap memory of a frame and of the frame's half pictures, if it has any.
+    /// Returns the bytes of global memory that the working vectors of a frame and of its half pictures take (in scratch
+    /// buffers or heaps); 0 if the working vectors are in other memory.
     pub fn working_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         scratch(strategy, workload).recorded()
     }
@@ -97,6 +106,7 @@ impl Requirements {
     pub fn tree_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         let mut sum = Sum::default();
         add_tree(&mut sum, strategy, workload);
+        add_lists_of_mesh(&mut sum, strategy, workload);
         sum.recorded()
     }
 
@@ -124,13 +134,14 @@ impl Requirements {
             .within("__constant memory", limits.constant_bytes)
             .map_err(|refused| refused.emulated_if(limits.constant_is_emulated))?;
         if limits.is_cpu {
-            private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES).map_err(
-                |refused| refused.of_large_group_if(private(strategy, &smallest).fits(CPU_STACK_BYTES)),
-            )?;
+            let stack_bytes = cpu_stack_bytes(thread_stack_bytes());
+            private(strategy, workload).within(Infeasible::CPU_STACK, stack_bytes).map_err(|refused| {
+                refused.of_large_group_if(private(strategy, &smallest).fits(stack_bytes))
+            })?;
         }
         let all = buffers(strategy, workload);
-        all.each_within("largest buffer", limits.allocation_bytes)?;
-        all.within("global memory", limits.global_bytes)
+        all.each_within(Infeasible::LARGEST_BUFFER, limits.allocation_bytes)?;
+        all.within(Infeasible::GLOBAL_MEMORY, limits.global_bytes)
             .map_err(|refused| Infeasible { cause: Cause::GlobalMemory, ..refused })?;
         counters(strategy, workload)?;
         Ok(Self::of(strategy, workload, lanes))
@@ -261,8 +272,16 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the global memory for the scene and its tree. Each term is one buffer.
+/// Returns the global memory for the scene and its tree. Each term of the sum is one buffer.
 pub(super) fn scene(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = scene_beside_mesh(strategy, w);
+    add_lists_of_mesh(&mut sum, strategy, w);
+    sum
+}
+
+/// Returns the same memory as [`scene`], but without lists of the mesh. A device that shares the host's memory reads
+/// these lists in place.
+pub(super) fn scene_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
         add_scene(&mut sum, strategy, w);
@@ -278,29 +297,47 @@ pub(super) fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Adds the buffers of the strategy's tree, if it uses one.
+/// Adds the lists of the mesh that kernels read. Only kernels that cast tiles and read indexed normals read such lists:
+/// the normals, and the triangles, which contain the normals' indices.
+fn add_lists_of_mesh(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    if strategy.traversal == Traversal::Tile && strategy.layout.index_bits().is_some() {
+        sum.add("normals", &[(POINT_BYTES, " B"), (w.normals as u64, "")]);
+        sum.add("their indices", &[(size_of::<Triangle>() as u64, " B"), (w.triangles as u64, " triangles")]);
+    }
+}
+
+/// Adds the buffers of the strategy's tree, if the strategy uses a tree. Lists of the mesh that the kernels read are
+/// not among these buffers.
 fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.needs_tree() {
         let (bytes, nodes) = node_bytes(strategy, w);
         sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
         sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
     }
-    if strategy.traversal == Traversal::Tile {
+    if strategy.traversal == Traversal::Tile && strategy.layout.index_bits().is_none() {
         sum.add("normals in leaf order", &[(NORMAL_BYTES, " B"), (w.triangles as u64 + 1, " rows")]);
     }
 }
 
-/// Returns the memory of all buffers. Each term is one buffer.
+/// Returns the memory of all buffers. Each term of the sum is one buffer.
 fn buffers(strategy: &Strategy, workload: &Workload) -> Sum {
     let mut all = global(strategy, workload);
     all.join(scratch(strategy, workload));
     all
 }
 
-/// Returns the global memory for the scene, the image and the data passed between kernels. Each term is one
+/// Returns the global memory for the scene, the image and the data passed between kernels. Each term of the sum is one
 /// buffer.
 pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
-    let mut sum = scene(strategy, w);
+    let mut sum = global_beside_mesh(strategy, w);
+    add_lists_of_mesh(&mut sum, strategy, w);
+    sum
+}
+
+/// Returns the same memory as [`global`], but without lists of the mesh. A device that shares the host's memory reads
+/// these lists in place.
+pub(super) fn global_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = scene_beside_mesh(strategy, w);
     add_frame(&mut sum, strategy, w);
     for half in half_pictures(w) {
         add_frame(&mut sum, strategy, &half);
@@ -312,7 +349,7 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Adds the buffers of one frame.
+/// Adds the bytes of the buffers of one frame to the sum.
 fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);

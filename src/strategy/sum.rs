@@ -2,7 +2,7 @@
 
 use super::infeasible::Infeasible;
 
-/// A sum of bytes with its terms. Overflow gives the largest `u128`.
+/// A sum of bytes with its terms. If the sum is too large for a `u128`, it is the largest `u128`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,

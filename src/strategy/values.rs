@@ -12,10 +12,11 @@ use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
 
 /// The folders of values, and the axis to which their files belong. A value may have files in several folders, which
 /// belong to different kernel families; the first of these files contains the header.
-pub const FOLDERS: [(&str, &str); 7] = [
+pub const FOLDERS: [(&str, &str); 8] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
     ("cast/layout/", "layout"),
+    ("tile_cpu/layout/", "layout"),
     ("cast/shading/", "shading"),
     ("cast/intersect/", "intersector"),
     ("tile_cpu/intersect/", "intersector"),
@@ -159,7 +160,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
         let file = files.next().unwrap_or_default();
         let path = sources.path_of(&file);
         let included_at = || {
-            // A built-in value may also be included by other files.
+            // Kernel files of raycl may include the file of a built-in value, so such an `#include` shows no mistake.
             if Sources::Embedded.read(&file).is_ok() {
                 return None;
             }
@@ -175,7 +176,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
             let checked = reader.refuse_another(&sources.path_of(&other), &sources.read(&other)?);
             checked.map_err(|error| match sources.own_path(&other) {
                 Some(_) => error,
-                // The user cannot edit a built-in file.
+                // If the other file is built in, the user cannot edit it, so the error is about the user's own file.
                 None => taken(&path, &named.name, &other),
             })?;
         }
@@ -229,8 +230,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
     let used = files_with_effect(&files, &includes, includes_file);
     unknown.retain(|file| !used.contains(&file.as_str()));
-    // The error names a file that no file includes, if there is one: it is the reason why the files that it includes
-    // have no effect.
+    // The error names a file that no file includes, if there is one: such a file is the reason why the files that it
+    // includes have no effect.
     let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
     match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
         Some(file) => Err(unused(folder, file, &includes, is_included(file))),
@@ -239,7 +240,7 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
 }
 
 /// Returns the files that have an effect: the built-in files, values, and all files that these include, directly or
-/// through other files. `includes_file` returns whether an `#include` may be of a file.
+/// through other files. `includes_file` returns whether an `#include` may include a file.
 fn files_with_effect<'a>(
     files: &'a [String],
     includes: &[Include],
@@ -287,7 +288,8 @@ impl Include {
     }
 }
 
-/// Returns the lines with which kernel files include other files, built-in files and those of the folder.
+/// Returns the lines with which kernel files include other files. The kernel files are the built-in ones and those in
+/// the user's folder.
 fn includes_of_all(sources: &Sources) -> Result<Vec<Include>> {
     let files = sources.files()?;
     let mut all = Vec::new();
@@ -319,14 +321,14 @@ fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include>
     wrong.find(|include| stem(&include.path) == meant)
 }
 
-/// Returns whether the last part of an include's path is the name of this file. If it is only similar, another file may
-/// be meant.
+/// Returns whether the last part of an include's path is the name of this file. If the last part is only similar to the
+/// file's name, another file may be meant.
 fn has_name_of(include: &Include, file: &str) -> bool {
     stem(&include.path) == stem(file)
 }
 
-/// Returns the error about a file without effect. `is_included` means that some file includes it, which then has no
-/// effect either.
+/// Returns the error about a file without effect. `is_included` means that another file includes this file; that other
+/// file has no effect either.
 fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
     let by = if is_included { "only files without effect include it" } else { "no file includes it" };
@@ -358,8 +360,8 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
     })
 }
 
-/// Returns the folder around `folder` relative to which the file has the path of a value or of a built-in file; `None`
-/// if there is no such folder.
+/// Returns the folder that the user should have named with `--cl-dir` instead of `folder`: `folder` lies in it, and the
+/// file's path from there is that of a value or of a built-in file. Returns `None` if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {

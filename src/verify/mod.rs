@@ -108,12 +108,22 @@ pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns the reason why a right image is hardly verified: fewer than one in ten of the `judged` pixels are certain or
-/// nearly certain. `None` if more of them are.
-pub fn hardly_verified(uncertain_pixels: usize, judged: usize) -> Option<String> {
-    let sure = judged.saturating_sub(uncertain_pixels);
+/// Returns the reason why a right image is hardly verified: fewer than one in ten of the judged pixels that hit
+/// something are certain or nearly certain. `None` if more of them are. If no pixel hits anything, all judged pixels
+/// count; else misses do not, because even an image with wrong surfaces shows the background where the reference does.
+/// The arguments are the numbers of uncertain pixels and of all judged pixels, and the same numbers of those that hit
+/// something.
+pub fn hardly_verified(
+    [uncertain_pixels, judged]: [usize; 2],
+    [uncertain_hits, hits]: [usize; 2],
+) -> Option<String> {
+    let (uncertain, judged, what) = match hits {
+        0 => (uncertain_pixels, judged, "pixel"),
+        _ => (uncertain_hits, hits, "pixel with a surface"),
+    };
+    let sure = judged.saturating_sub(uncertain);
     (10 * sure < judged).then(|| {
-        let were = counted_of_were(sure, judged, "pixel");
+        let were = counted_of_were(sure, judged, what);
         format!(
             "{were} certain or nearly certain; rounding may decide the values of all others, which were only compared \
              with ranges of possible values"
@@ -134,7 +144,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     (apart > strays).then(|| format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"))
 }
 
-/// A certain pixel that differs from the reference, or a pixel that is not finite.
+/// A certain pixel that differs from the reference by more than is allowed, or a pixel that is not finite.
 struct Finding {
     pixel: [u32; 2],
     difference: f64,
@@ -163,7 +173,8 @@ impl Finding {
     }
 }
 
-/// Returns all certain pixels that differ, and all pixels that are not finite.
+/// Returns all certain pixels that differ from the reference by more than is allowed, and all pixels that are not
+/// finite.
 fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Finding> {
     let shown = [to_rgb8(image, display), to_rgb8(&reference.radiance, display)];
     let pairs = image.pixels.iter().zip(&reference.radiance.pixels).zip(&reference.certain);

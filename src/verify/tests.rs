@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::reference::{fixtures, reference, reference_of, some_pixels};
-use crate::scene::{Sample, Scene};
+use crate::scene::{PAPER_BACKGROUND, Sample, Scene};
 use crate::strategy::Culling;
 
 fn judged() -> Reference {
@@ -57,7 +57,11 @@ fn one_wrong_pixel_is_named_with_both_values() {
 /// 0.5.
 fn doubt_first(reference: &mut Reference, count: usize) {
     reference.certain[..count].fill(false);
-    let doubt = |pixel| Doubt { pixel, nearly_certain: false, low: [0.0; 3], high: [0.5; 3] };
+    let pixels = &reference.radiance.pixels;
+    let doubt = |pixel: usize| {
+        let hit = pixels[pixel] != PAPER_BACKGROUND.to_array();
+        Doubt { pixel, nearly_certain: false, hit, low: [0.0; 3], high: [0.5; 3] }
+    };
     reference.doubts = (0..count).map(doubt).collect();
 }
 
@@ -76,7 +80,8 @@ fn what_is_not_finite_is_wrong_even_where_uncertain() {
     }
 }
 
-/// Without certain pixels, no difference is known, not even one of 0. A pixel may then have any value of its range.
+/// Without certain pixels, the largest difference is unknown (`None`), and not 0. A pixel may then have any value of
+/// its range.
 #[test]
 fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     let mut reference = judged();
@@ -84,13 +89,30 @@ fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     doubt_first(&mut reference, 4000);
     let verdict = judge(&grey, &reference);
     assert!(verdict.ok && verdict.max_difference.is_none() && verdict.worst_pixel.is_none(), "{verdict:?}");
-    let reason = hardly_verified(verdict.uncertain_pixels, reference.judged).unwrap_or_default();
-    assert!(reason.starts_with("0 of 4000 pixels were certain or nearly certain; rounding may"), "{reason}");
-    // Nearly certain pixels have narrow ranges.
-    reference.doubts[..400].iter_mut().for_each(|doubt| doubt.nearly_certain = true);
-    assert_eq!(hardly_verified(reference.uncertain_pixels(), reference.judged), None);
-    reference.doubts[0].nearly_certain = false;
-    assert!(hardly_verified(reference.uncertain_pixels(), reference.judged).is_some());
+    let hits = reference.hits;
+    assert!((400..4000).contains(&hits), "{hits}");
+    assert_eq!([verdict.uncertain_pixels, reference.uncertain_hits()], [4000, hits]);
+    let reason = hardly_verified([4000, 4000], [hits, hits]).unwrap_or_default();
+    let start = format!("0 of {hits} pixels with a surface were certain or nearly certain; rounding may");
+    assert!(reason.starts_with(&start), "{reason}");
+    // Nearly certain pixels have narrow ranges of values, so they do not count as uncertain.
+    let doubts_of_hits = reference.doubts.iter_mut().filter(|doubt| doubt.hit);
+    doubts_of_hits.take(hits / 2).for_each(|doubt| doubt.nearly_certain = true);
+    assert_eq!(reference.uncertain_hits(), hits - hits / 2);
+    // It is enough if one in ten of the pixels that hit something is certain.
+    assert_eq!(hardly_verified([0, 100], [90, 100]), None);
+    assert!(hardly_verified([0, 100], [91, 100]).is_some());
+}
+
+/// The background says nothing about surfaces. But if the picture has no surfaces, only the background can be compared.
+#[test]
+fn certain_misses_do_not_make_up_for_uncertain_hits() {
+    let note = hardly_verified([50, 100], [50, 50]).unwrap_or_default();
+    assert!(note.starts_with("0 of 50 pixels with a surface were certain"), "{note}");
+    assert_eq!(hardly_verified([95, 100], [0, 5]), None);
+    assert_eq!(hardly_verified([90, 100], [0, 0]), None);
+    let note = hardly_verified([100, 100], [0, 0]).unwrap_or_default();
+    assert!(note.starts_with("0 of 100 pixels were certain"), "{note}");
 }
 
 #[test]

@@ -73,7 +73,7 @@ fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
     size.map(|side| side.div_ceil(block))
 }
 
-/// Returns a picture in which a block of pixels shows each count as a colour.
+/// Returns a picture in which a block of pixels shows each count of tests as a colour.
 fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =

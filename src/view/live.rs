@@ -35,7 +35,7 @@ pub struct Live {
     sources: Sources,
     loaded: Loaded,
     scene: Arc<Scene>,
-    /// The first picture's size, for which the scene's camera is placed.
+    /// The size of the first picture. The scene's camera is placed so that the scene fits into a picture of this size.
     framed: [u32; 2],
     device: Device,
     queue: Queue,
@@ -93,7 +93,7 @@ impl Live {
         &self.scene
     }
 
-    /// Returns the scene as it was loaded, with its notes.
+    /// Returns the scene as it was loaded, with the notes about it for the user.
     pub fn loaded(&self) -> &Loaded {
         &self.loaded
     }
@@ -135,7 +135,7 @@ impl Live {
         (fitted(camera, self.framed, self.size()), lights)
     }
 
-    /// Returns half the height of the image plane at distance 1.
+    /// Returns half the height of the image plane at distance 1 from the eye.
     pub fn half_height(&self) -> f64 {
         half_height(&fitted(self.scene.camera, self.framed, self.size()), self.size())
     }
@@ -374,7 +374,7 @@ fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     Camera { tan_half_fov: tan as f32, fov_is_vertical, ..camera }
 }
 
-/// Returns half the height of the image plane at distance 1, for a picture of this size.
+/// Returns half the height of the image plane at distance 1 from the eye, for a picture of this size.
 fn half_height(camera: &Camera, size: [u32; 2]) -> f64 {
     let [width, height] = size.map(f64::from);
     f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }

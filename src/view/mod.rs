@@ -146,8 +146,8 @@ impl<S: Screen> Viewer<S> {
         Ok(true)
     }
 
-    /// Returns the next picture or heat map. Returns `None` after the last sample or the finest heat map, until
-    /// something changes.
+    /// Returns the next picture or heat map. After the last sample or the finest heat map, returns `None` until
+    /// something changes, for example the camera.
     fn next_picture(&mut self) -> Result<Option<RgbImage>> {
         if let Some(heat) = &mut self.heat {
             let view = self.live.view(&self.pose);
@@ -176,7 +176,7 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the last picture again if that is necessary.
+    /// Shows the last picture again if `redraws` is set.
     fn redraw(&mut self) -> Result<()> {
         match self.shown.take() {
             Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
@@ -269,7 +269,7 @@ impl<S: Screen> Viewer<S> {
         self.changed();
     }
 
-    /// Begins a new picture.
+    /// Begins a new picture or heat map, because the eye, the scene or the way of casting has changed.
     fn changed(&mut self) {
         self.live.moved();
         self.picked = None;

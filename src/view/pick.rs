@@ -9,7 +9,7 @@ use crate::reference::tree::Tree;
 use crate::scene::{Camera, Scene};
 use crate::strategy::Culling;
 use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 
 /// A triangle at a pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +80,8 @@ impl Picker {
             let of = Arc::clone(scene);
             self.scene = Some(Arc::clone(scene));
             self.tree = None;
-            self.building = Some(std::thread::spawn(move || Tree::new(&of.mesh, Culling::None)));
+            // If no thread can be started, there is no tree, and no triangle is found.
+            self.building = Builder::new().spawn(move || Tree::new(&of.mesh, Culling::None)).ok();
         }
         if let Some(done) = self.building.take_if(|building| building.is_finished()) {
             // If the thread panicked, there is no tree, and no triangle is found.

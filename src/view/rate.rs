@@ -43,8 +43,8 @@ pub struct Total {
     pub frames: u32,
     /// The time from the first frame to the last.
     pub seconds: f64,
-    /// The number of frames after the first, divided by `seconds`.
-    pub frames_per_s: f64,
+    /// The number of frames after the first, divided by `seconds`; `None` if there are none.
+    pub frames_per_s: Option<f64>,
     /// The number of frames that the device cast since the last switch.
     pub timed_frames: usize,
     /// The median device time of the frames that `timed_frames` counts; `None` if there are none.
@@ -117,7 +117,7 @@ impl Rate {
         Total {
             frames,
             seconds,
-            frames_per_s: per(f64::from(frames.saturating_sub(1)), seconds).unwrap_or(0.0),
+            frames_per_s: per(f64::from(frames.saturating_sub(1)), seconds),
             timed_frames: self.times_ms.len(),
             frame_ms: median_of(&self.times_ms),
             rays_per_s: per(self.rays, self.times_ms.iter().sum::<f64>() / 1e3),
@@ -132,10 +132,13 @@ mod tests {
     #[test]
     fn the_first_frame_begins_the_time_and_is_not_counted_in_it() {
         let mut rate = Rate::new();
-        (0..5).for_each(|_| rate.count());
+        assert_eq!(rate.total().frames_per_s, None);
+        rate.count();
+        assert_eq!((rate.total().frames, rate.total().frames_per_s), (1, None));
+        (0..4).for_each(|_| rate.count());
         rate.last = rate.first.expect("a frame") + Duration::from_secs(2);
         let total = rate.total();
-        assert_eq!((total.frames, total.seconds, total.frames_per_s), (5, 2.0, 2.0));
+        assert_eq!((total.frames, total.seconds, total.frames_per_s), (5, 2.0, Some(2.0)));
     }
 
     #[test]

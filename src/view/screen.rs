@@ -22,7 +22,7 @@ pub struct Input {
     pub orbit: [f64; 2],
     /// The drag that moves the eye aside, in the units of `orbit`.
     pub pan: [f64; 2],
-    /// The steps of the wheel; steps away from the user are positive.
+    /// The steps of the mouse wheel; steps away from the user are positive.
     pub wheel: f64,
     /// The size of the largest picture for which the screen has room, in pixels across and down; `None` if the size is
     /// not known.

@@ -345,7 +345,7 @@ fn times_are_those_of_the_frames_since_the_last_key_that_switched_something() {
         (before, viewer.rate.total().timed_frames)
     };
     assert_eq!(timed_after('r'), (0, 1));
-    // The key `r` moves the camera back, which changes nothing about how a frame is cast.
+    // The key `r` brings the scene's own camera back, which changes nothing about how a frame is cast.
     assert_eq!([timed_after('r'), timed_after('w'), timed_after('s')], [(1, 2), (0, 1), (0, 1)]);
     viewer.tried(|_| Err(Error::input("it does not fit")));
     assert_eq!((viewer.rate.total().timed_frames, viewer.rate.frames()), (1, 4));

@@ -27,7 +27,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// A row contains the triangle's three corners. The edges are computed at each test.
+// A row (the data that the test reads of a triangle) contains the three corners. The edges are computed at each test.
 Row row_of(Corners corners) {
     Row row;
     const Uniform3 corner[3] = { corners.a, corners.b, corners.c };
@@ -51,8 +51,8 @@ Vec3 store_and_load(volatile varying *at, Vec3 value) {
 // the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // The index at which a vector begins in its array. This index is always 0, because no coordinate is larger than
-    // 1e38, but the compiler cannot know that.
+    // The index at which a vector begins in its array. The index is always 0, because no coordinate is larger than
+    // 1e38. But the compiler cannot know the coordinates.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = store_and_load(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));

@@ -25,7 +25,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// A row holds a corner, two edges, and three numbers:
+// A row (the data that the test reads of a triangle) holds a corner, two edges, and three numbers:
 #define SLACK1(row) (row).u  // the rounding error allowed for w1, per unit of distance
 #define SLACK2(row) (row).v  // the rounding error allowed for w2, per unit of distance
 #define EDGE_ON(row) (row).w // the largest |a| of a triangle seen edge-on, which is not hit
@@ -41,7 +41,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
 // digit of the determinant `a` is correct after rounding, so the triangle is not hit. With PAPER_EPSILONS, the two
 // slacks of the weights and the bound of `a` are the paper's constants. Otherwise, they are proportional to the
-// rounding errors: a slack to the size of one edge (its 1-norm), the bound of `a` to the product of both sizes.
+// rounding errors: a slack to the size of one edge (its 1-norm), the bound of `a` to the product of both edges' sizes.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;

@@ -11,8 +11,8 @@
 
 #include "cast/planes_of_origin.cl"
 
-// Returns a plane as a function of the pixel (x, y): the coefficients of its dot product with corner + x step_x +
-// y step_y.
+// Returns a plane as a function of the pixel (x, y): the coefficients of its dot product with the ray's direction,
+// corner + x step_x + y step_y.
 Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
@@ -24,7 +24,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 // coordinate. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
-// Returns a row whose planes are functions of the pixel, with the larger overlap that such planes need.
+// Returns a triangle's row (its planes) as functions of the pixel, with the larger overlap that such planes need.
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);

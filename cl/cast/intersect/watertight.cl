@@ -44,8 +44,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. The
-    // first row then changes its sign.
+    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. To
+    // prevent this, the shear's first row then changes its sign.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
@@ -54,7 +54,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Returns a row with the three corners, unchanged.
+// Returns a triangle's row (the data that the test reads): the three corners, unchanged.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a, row.b = corners.b, row.c = corners.c;

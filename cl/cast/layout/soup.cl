@@ -69,7 +69,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes the normals and the material of one lane's triangle to that lane of the columns.
+// Writes the normals and the material of one lane's triangle to that lane of the columns (vectors).
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + (size_t)triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + (size_t)triangle * MATERIAL_STRIDE;

@@ -57,17 +57,18 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // `height` is the origin's height above the triangle's plane, times |n|. The height's sign shows on which side of
-    // this plane the origin is; all stored planes are multiplied by the sign.
+    // `height` is the origin's height above the triangle's plane, times the length of the triangle's normal n. The
+    // height's sign shows on which side of this plane the origin is; all stored planes are multiplied by the sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
     // `unit` is a bound of the rounding error of edges, rounded to a power of two. Dividing planes by this power of two
-    // makes the overlap 1, and does not round.
+    // makes the overlap of neighbouring triangles 1, and does not round.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
-    // 1 / t = (d . n) / height. n is stored times the sign of height, so that `a`, the dot product of d and the stored
-    // n, is positive if the ray meets the triangle's plane in front of its origin. Then 1 / t = a / |height|.
+    // 1 / t = (d . n) / height, where n is the triangle's normal. n is stored times the sign of height, so that `a`,
+    // the dot product of d and the stored n, is positive if the ray meets the triangle's plane in front of its origin.
+    // Then 1 / t = a / |height|.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
@@ -82,10 +83,10 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// Tests a prepared triangle against the rays of the live vectors. With `any`, a ray that hits the triangle is finished;
-// otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
+// Tests a prepared triangle against the rays of the vectors in `live`. With `any`, a ray that hits the triangle is
+// finished; otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
-    // The floats of the triangle are loaded into registers once, for the tests of all live vectors.
+    // The floats of the triangle are loaded into registers once, for the tests of all vectors in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];
@@ -96,17 +97,18 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // u, v and w are dot products, one per edge, which are not negative inside the triangle. The 1 is the overlap.
+        // u, v and w (a dot product per edge) are at least 0 inside the triangle. Neighbouring triangles overlap by 1.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
         // The minimum of six numbers is compared once, instead of six comparisons, since operations on masks take
-        // longer than minima.
+        // longer than minima. None of the six numbers may be 0: of two hits at the same distance, the first one is
+        // kept.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
-        const Mask hits = SOLID_IN_TILE(bundle, vector, index, min(inside, seen) >= 0.0f);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, min(inside, seen) > 0.0f);
         if (any) {
             if (!ANY(hits)) continue;
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);

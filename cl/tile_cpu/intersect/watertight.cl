@@ -63,7 +63,7 @@ Mask intersect_sheared(const Bundle *bundle, int vector, const float *a, const f
     return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
 }
 
-// Does the same as intersect_sheared for a vector without a common axis.
+// Does the same as intersect_sheared for a vector whose rays have no common axis.
 Mask intersect_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const varying t_max = 1.0f / max(bundle->inv_t[vector], (varying)(LEAST_INV_T));
@@ -74,7 +74,7 @@ Mask intersect_single(const Bundle *bundle, int vector, Corners corners, varying
     return hit.lanes & (bundle->inv_t[vector] < FAR);
 }
 
-// A prepared triangle consists of its corners, and of its corners relative to the origin.
+// A prepared triangle consists of its corners, and of its corners relative to the rays' origin.
 #define PREPARED 1
 typedef struct {
     Corners corners;
@@ -97,7 +97,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// Tests the triangle against the rays of the live vectors, like the same function in edge_planes.cl.
+// Tests the triangle against the rays of the vectors in `live`, like the same function in edge_planes.cl.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {

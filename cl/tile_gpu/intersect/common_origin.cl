@@ -16,11 +16,11 @@
 // A pass along x reads the rows in the order y, z, x. Permuting the axes therefore costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// Half of the overlap of triangles in other tests, as in edge_planes.cl.
+// The overlap of neighbouring triangles is half as large as in other tests, as in edge_planes.cl.
 #define OVERLAP 0.5f
 
-// Returns `rest` plus the largest value of each of four planes over an interval of slopes. For a plane's coefficient p,
-// this value is p times the middle of the interval, plus |p| times half its width.
+// Returns `rest` plus the largest value of each of four planes over an interval of slopes (x or y per unit of z). For a
+// plane's coefficient p, this value is p times the middle of the interval, plus |p| times half its width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
@@ -32,7 +32,8 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`. A prepared triangle contains the planes' components along the pass's axes.
+// greater than `worst`, the smallest 1/z that matters. A prepared triangle contains the planes' components along the
+// pass's axes.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)index; // three rows have fewer than 2^32 quads
@@ -49,13 +50,13 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     triangle->c.w = shaft->sign * along.w;
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
-    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind every nearest
-    // hit.
+    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind the nearest hits
+    // of all rays.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
-// receives that 1/z. Eight multiply-adds give three edge functions and 1/z.
+// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
+// `ceiling`; `per_depth` receives that 1/z. Eight multiply-adds give three edge functions and 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
@@ -63,7 +64,7 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.
+    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

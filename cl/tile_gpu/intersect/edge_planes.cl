@@ -22,7 +22,7 @@ INLINED float per_power_of_two_below(float positive) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`.
+// greater than `worst`, the smallest 1/z that matters.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
 // `height` is six times the volume of the tetrahedron that the origin and the triangle form. The sign of `height` shows
@@ -50,24 +50,24 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
-    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind every nearest
-    // hit.
+    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind the nearest hits
+    // of all rays.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
 
-// Returns the value of a linear function at the slopes x and y.
+// Returns the value of a linear function at the slopes x and y of a ray (its direction is (x, y, 1)).
 INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
-// receives that 1/z.
+// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
+// `ceiling`; `per_depth` receives that 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.
+    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

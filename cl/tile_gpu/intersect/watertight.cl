@@ -8,14 +8,14 @@
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
-// Returns the largest value of `turn` times v . (x, y, 1) in a shaft; `turn` is 1 or -1.
+// Returns the largest value of `turn` times v . (x, y, 1) over a shaft's slopes (x, y); `turn` is 1 or -1.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`. The bounds allow for many times the rounding error of the test itself, so that they never
-// exclude a ray that hits.
+// greater than `worst`, the smallest 1/z that matters. The bounds allow for many times the rounding error of the test
+// itself, so that they never exclude a ray that hits.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -40,8 +40,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
-// receives that 1/z (with `any`, 0).
+// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
+// `ceiling`; `per_depth` receives that 1/z (with `any`, 0).
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;

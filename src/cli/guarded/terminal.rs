@@ -25,7 +25,8 @@ const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
 pub struct LentTerminal {
     /// The terminal's mode before the first child process.
     mode: Termios,
-    /// True while no child process uses the terminal. A signal of [`ENDING`] then ends this process at once.
+    /// True while no child process uses the terminal. While this value is true, a signal in [`ENDING`] ends this
+    /// process at once.
     is_back: Arc<AtomicBool>,
 }
 
@@ -41,8 +42,8 @@ impl LentTerminal {
     }
 
     /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this process gets a
-    /// signal of [`ENDING`] meanwhile, it does not end, but ends the child process. The returned status then says that
-    /// this signal ended the child process.
+    /// signal in [`ENDING`] (signals that end processes) while it waits, it does not end, but ends the child process.
+    /// The returned status then says that this signal ended the child process.
     pub fn wait(&self, child: &mut Child) -> Result<ExitStatus> {
         let process = Pid::from_child(child);
         let mut signals = Signals::new(ENDING)?;

@@ -3,16 +3,18 @@
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
+use crate::printer;
 use crate::program::CompiledKernel;
 use crate::record::{Folder, Record, by, median, ms, not_enough};
+use crate::words::{path_word, quote};
 use serde_json::json;
 use std::path::Path;
 
 /// Prints one row for each point of the run in `path`, with the point's predicted occupancy. With `as_json`, prints one
 /// JSON object for each point. `path` is a folder of results or the records.jsonl in it. Points with an unknown number
-/// of registers or an unknown occupancy are omitted, and points whose main kernel does not have work-groups of the
-/// point's local size. If `compute_capability` is given, the occupancy is predicted for this capability. Otherwise, it
-/// is the recorded occupancy, which was predicted for the device's own capability.
+/// of registers or an unknown occupancy are omitted, and points whose main kernel (the kernel that casts primary rays)
+/// does not have work-groups of the point's local size. If `compute_capability` is given, the occupancy is predicted
+/// for this capability. Otherwise, it is the recorded occupancy, which was predicted for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -23,17 +25,41 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .iter()
         .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
         .collect();
+    print_notes(&folder.notes, as_json || points.is_empty())?;
     if points.is_empty() {
-        let what = format!("{} has no point whose occupancy is known", path.display());
-        return Err(Error::run(what).with_help(help(&folder.records, compute_capability)));
+        return Err(nothing_known(&folder, path, compute_capability));
     }
     if as_json {
         return points
             .iter()
             .try_for_each(|(record, kernel)| super::super::print_json(&object(record, kernel)));
     }
-    folder.notes.iter().try_for_each(|note| super::super::print(format!("note: {note}")))?;
     super::super::print(text(&points))
+}
+
+/// Prints the notes on a folder: to standard error if `apart` is true, since standard output then has no table.
+fn print_notes(notes: &[String], apart: bool) -> Result<()> {
+    notes.iter().map(|note| format!("note: {note}")).try_for_each(|note| match apart {
+        true => {
+            printer::tell(note);
+            Ok(())
+        }
+        false => super::super::print(note),
+    })
+}
+
+/// Returns the error for a folder without a point whose occupancy is known.
+fn nothing_known(folder: &Folder, path: &Path, compute_capability: Option<&str>) -> Error {
+    let path = path.display();
+    if folder.records.is_empty() {
+        let help = format!(
+            "`raycl repair {}` removes damaged lines, and `raycl run CONFIG --resume` measures the missing points",
+            quote(&path_word(&folder.path))
+        );
+        return Error::run(format!("{path} has no record that can be read")).with_help(help);
+    }
+    Error::run(format!("{path} has no point whose occupancy is known"))
+        .with_help(help(&folder.records, compute_capability))
 }
 
 /// Returns the advice for the user if no record has a prediction. If the number of registers of a kernel is known, only
@@ -113,9 +139,9 @@ fn time(record: &Record) -> String {
 mod tests {
     use super::*;
     use crate::program::compiled::Resources;
-    use crate::record::JsonLines;
     use crate::record::fixtures::measured;
     use crate::record::journals::RECORDS;
+    use crate::record::{CurrentPlan, JsonLines};
 
     fn record(registers: Option<u32>) -> Record {
         let resources = Resources { registers, ..Resources::default() };
@@ -154,6 +180,17 @@ mod tests {
         assert!(!remedy_of(None, None).contains("choose one"));
         let without_capability = remedy_of(Some(32), None);
         assert!(without_capability.ends_with("choose one: --compute-capability 9.0"), "{without_capability}");
+    }
+
+    #[test]
+    fn a_folder_whose_records_are_all_damaged_gets_no_advice_on_registers() {
+        let folder = tempfile::tempdir().unwrap();
+        CurrentPlan::of(&[measured("gpu", "naive", 16, 10.0)]).write(folder.path()).unwrap();
+        std::fs::write(folder.path().join(RECORDS), "damaged\n").unwrap();
+        let error = run(folder.path(), None, false).unwrap_err();
+        assert!(error.to_string().ends_with(" has no record that can be read"), "{error}");
+        let remedy = error.remedy();
+        assert!(remedy.starts_with("`raycl repair ") && !remedy.contains("registers"), "{remedy}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! is the program that this scene needed last time. For a new OBJ file, the guess follows from the file's size. A wrong
 //! guess costs only the time in which the wrong program is built.
 
-use super::{Args, hurry, is_dressed};
+use super::{Args, hurry, is_dressed, large_mesh};
 use crate::cache::Cache;
 use crate::cli::subject::Subject;
 use crate::device::DeviceInfo;
@@ -30,7 +30,8 @@ const USUAL_LOCAL_STACK: usize = 64;
 struct Remembered {
     /// Each axis and its value.
     axes: Vec<(String, String)>,
-    /// The workload with which the program was last used.
+    /// The workload with which the program was last used: the properties of the scene, the image and the work-group on
+    /// which a program depends.
     workload: Workload,
 }
 
@@ -108,7 +109,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let sky = is_dressed(args);
     let covered_pixels = (pixels as f64 * USUAL_COVERED_SHARE) as usize;
     let task = Task { triangles: triangles as usize, pixels, covered_pixels, soft: sky, ..Task::default() };
-    let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
+    let (strategy, local_size) = large_mesh::strategy(args, device, task).ok()?;
     let stack_size = usual_stack(&strategy);
     let sampling = sampling(args);
     let many_samples = sampling.most > 1;

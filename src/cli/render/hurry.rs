@@ -76,7 +76,7 @@ pub fn choose(
 }
 
 /// Returns a strategy's program if it must still be compiled. Returns `None` also if the strategy cannot be prepared:
-/// the session reports the reason later, when it prepares the strategy for the picture.
+/// raycl reports the reason later, when it prepares the strategy for the picture.
 fn not_built(
     session: &mut Session,
     (strategy, local_size): (Strategy, [u32; 2]),

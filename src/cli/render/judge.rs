@@ -117,10 +117,16 @@ fn compare(
     let expected = reference_of(scene, size, strategy.culling, &pixels, (samples, &count));
     let verdict = verify(image, hits, &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
-    let [pixels, of_pixels] = [expected.judged, image.pixels.len()];
     match verdict.reason {
         Some(reason) => Err(reason),
-        None => Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels }),
+        None => Ok(Verified {
+            max_difference,
+            uncertain_pixels,
+            uncertain_hits: expected.uncertain_hits(),
+            pixels: expected.judged,
+            hits: expected.hits,
+            of_pixels: image.pixels.len(),
+        }),
     }
 }
 
@@ -220,7 +226,7 @@ mod tests {
     fn the_report_says_what_is_wrong_only_if_the_picture_is_verified() {
         let saved = Target::of_results("a.png");
         let agrees =
-            |_| Ok(Verified { max_difference: Some(0.0), uncertain_pixels: 0, pixels: 12, of_pixels: 12 });
+            |_| Ok(Verified { max_difference: Some(0.0), pixels: 12, of_pixels: 12, ..Verified::default() });
         let differs = |_| Err(wrong("pixel (0, 0) is black", &saved));
         let (good, mut broken) = (Radiance::new(4, 3), Radiance::new(4, 3));
         broken.pixels[6] = [f32::NAN; 3];

@@ -185,8 +185,8 @@ pub fn serve() -> Result<()> {
     Ok(())
 }
 
-/// Returns the program to be stored. `None` if the order contains no program, or if its program was made for other lane
-/// operations than those that raycl uses on the device.
+/// Returns the program that the background process is to store. Returns `None` if the order (the task of the process)
+/// contains no program, or if this program was made for other lane operations than those that raycl uses on the device.
 fn program_for(order: &Order, device: &DeviceInfo) -> Option<Source> {
     order.program.clone().filter(|_| order.lanes == device.limits.lane_operations)
 }

@@ -35,8 +35,8 @@ const HEADING: &str = "Moving pictures";
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 pub struct Motion {
-    /// Move the camera once around the centre of the scene's bounding box in FRAMES frames. The output is numbered
-    /// PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
+    /// Move the camera once around the centre of the scene's bounding box in FRAMES frames, 1 to 100,000. The output is
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = whole::<u32>(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
@@ -50,8 +50,8 @@ pub struct Motion {
     /// MPI); with auto/16, only the number of the part comes from the launcher
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
-    /// Frames per second of an .apng or a y4m stream [default: with --animate, the rate of the scene's animation; else
-    /// 30]
+    /// Frames per second of an .apng or a y4m stream, a whole number, 1 to 1000 [default: with --animate, the rate of
+    /// the scene's animation; else 30]
     #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = whole::<u16>(1..=1000))]
     rate: Option<u16>,
 }
@@ -129,12 +129,12 @@ struct Report {
     frames: u32,
     /// Number of frames that existed already.
     skipped: u32,
-    /// Median device time of a frame.
-    frame_ms: f64,
+    /// Median device time of a frame; null if no frame was cast.
+    frame_ms: Option<f64>,
     /// Time of the whole command.
     total_ms: f64,
-    /// Number of frames divided by the time from the first upload to the last write.
-    frames_per_s: f64,
+    /// Number of frames divided by the time from the first upload to the last write; null if no frame was cast.
+    frames_per_s: Option<f64>,
     output: String,
     notes: Vec<String>,
 }
@@ -194,9 +194,9 @@ pub fn run(args: &Args) -> Result<()> {
         image_size: args.subject.size(),
         frames,
         skipped,
-        frame_ms: median_of(&frame_ms).unwrap_or(0.0),
+        frame_ms: median_of(&frame_ms),
         total_ms: ms_since(start),
-        frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
+        frames_per_s: (frames > 0).then(|| f64::from(frames) / seconds),
         output,
         notes: notes.chain(last_notes(&first, sampling.most, None)).collect(),
     };
@@ -272,10 +272,10 @@ fn text(report: &Report) -> String {
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, {}", all_frames(report)),
     ];
-    let was_cast = report.frames > 0;
-    lines.extend(was_cast.then(|| format!("kernel    {:10.2} ms{}", report.frame_ms, kernel_remark(report))));
+    let kernel = |ms: f64| format!("kernel    {ms:10.2} ms{}", kernel_remark(report));
+    lines.extend(report.frame_ms.map(kernel));
     lines.push(format!("total     {:10.2} ms", report.total_ms));
-    lines.extend(was_cast.then(|| format!("speed     {:.1} frames/s", report.frames_per_s)));
+    lines.extend(report.frames_per_s.map(|rate| format!("speed     {rate:.1} frames/s")));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
     lines.push(format!("pictures  {}", report.output));
     lines.join("\n")
@@ -311,9 +311,9 @@ mod tests {
             image_size: [48, 30],
             frames,
             skipped,
-            frame_ms: 1.5,
+            frame_ms: (frames > 0).then_some(1.5),
             total_ms: 20.0,
-            frames_per_s: 4.0,
+            frames_per_s: (frames > 0).then_some(4.0),
             output: "a.png".to_owned(),
             notes: vec!["a remark".to_owned()],
         })

@@ -1,7 +1,7 @@
 //! Reads the scene while the driver starts, and builds the program that the scene will probably need.
 
 use super::timeline::Timeline;
-use super::{Args, guess, hurry, load, may_be_shown, sampling, target, timed};
+use super::{Args, guess, hurry, large_mesh, load, may_be_shown, sampling, target, timed};
 use crate::cli::choice::one_device_with;
 use crate::device::{Device, DeviceInfo, LaneTest};
 use crate::error::{Error, Result};
@@ -103,7 +103,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
     }
     let scene = &loaded.scene;
     let task = args.subject.task(scene, sampling(args, loaded.dressed).most);
-    let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
+    let (strategy, local_size) = large_mesh::strategy(args, device, task).ok()?;
     let workload = Workload::of(scene, args.subject.size(), local_size);
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }

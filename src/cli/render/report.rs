@@ -118,16 +118,17 @@ impl Verification {
         }
     }
 
-    /// Returns a note if the picture is right, but was hardly verified.
+    /// Returns a note if the picture is right, but was hardly verified because too few of its pixels are certain.
     pub fn note(&self) -> Option<String> {
         let Self::Right(verified) = self else { return None };
-        let reason = hardly_verified(verified.uncertain_pixels, verified.pixels)?;
+        let Verified { uncertain_pixels, pixels, uncertain_hits, hits, .. } = *verified;
+        let reason = hardly_verified([uncertain_pixels, pixels], [uncertain_hits, hits])?;
         Some(format!("the picture was hardly verified: {reason}"))
     }
 }
 
 /// The result of `--verify` if the picture agrees with the reference.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Verified {
     /// The largest relative difference from the reference, over all certain pixels; null if no pixel is certain. If
     /// soft light was cast in half pictures, this is the larger of two differences. The first is that of the pictures
@@ -137,8 +138,12 @@ pub struct Verified {
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.
     pub uncertain_pixels: usize,
+    /// Number of uncertain pixels whose rays hit something in the reference.
+    pub uncertain_hits: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,
+    /// Number of pixels that were compared and whose rays hit something in the reference.
+    pub hits: usize,
     /// Number of pixels in the picture.
     pub of_pixels: usize,
 }
@@ -336,7 +341,9 @@ mod tests {
     #[test]
     fn a_sample_of_the_pixels_is_distinguished_from_all_of_them() {
         let text = |pixels| {
-            Verified { max_difference: Some(1.5e-6), uncertain_pixels: 1, pixels, of_pixels: 40 }.text()
+            let max_difference = Some(1.5e-6);
+            Verified { max_difference, uncertain_pixels: 1, pixels, of_pixels: 40, ..Verified::default() }
+                .text()
         };
         let result = "against the reference picture: largest relative difference 1.5e-6, 1 pixel uncertain";
         assert_eq!(text(40), format!("verified  {result}"));
@@ -345,15 +352,22 @@ mod tests {
 
     #[test]
     fn a_picture_without_certain_pixels_has_a_note_but_no_difference() {
-        let verification = |max_difference, uncertain_pixels| {
-            Verification::Right(Verified { max_difference, uncertain_pixels, pixels: 40, of_pixels: 40 })
+        let of_hits = |max_difference, uncertain_pixels, [uncertain_hits, hits]: [usize; 2]| {
+            let [pixels, of_pixels] = [40; 2];
+            let verified =
+                Verified { max_difference, uncertain_pixels, uncertain_hits, pixels, hits, of_pixels };
+            Verification::Right(verified)
         };
+        let verification =
+            |max_difference, uncertain_pixels| of_hits(max_difference, uncertain_pixels, [0, 0]);
         let none = verification(None, 40);
         let text = "verified  against the reference picture: no pixel is certain, 40 pixels uncertain";
         assert_eq!(none.text(), text);
         let note = none.note().unwrap_or_default();
         assert!(note.starts_with("the picture was hardly verified: 0 of 40 pixels were certain"), "{note}");
         assert_eq!(verification(Some(0.0), 36).note(), None);
+        let note = of_hits(Some(0.0), 20, [20, 20]).note().unwrap_or_default();
+        assert!(note.contains(": 0 of 20 pixels with a surface were certain or nearly certain;"), "{note}");
         let wrong = Verification::Wrong { wrong: "it is black".to_owned() };
         assert_eq!(wrong.note(), None);
     }

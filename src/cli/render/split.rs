@@ -283,9 +283,9 @@ mod tests {
             total_ms: 5.0,
             verified: Some(Verification::Right(Verified {
                 max_difference: Some(0.0),
-                uncertain_pixels: 0,
                 pixels: 9,
                 of_pixels: 9,
+                ..Verified::default()
             })),
             output: "a.png".to_owned(),
             notes: vec!["a remark".to_owned()],

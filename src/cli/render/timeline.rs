@@ -1,5 +1,5 @@
-//! Measures how long each part of a command's work takes. The parts of this time follow one another without gaps, so
-//! that no time is left out.
+//! Measures how long each part of a command's work takes. The parts follow one another without gaps, so that their
+//! durations add up to the whole time of the command.
 
 use crate::load::processor_time;
 use serde::Serialize;
@@ -10,7 +10,8 @@ use std::time::Instant;
 pub struct Part {
     /// The part's name.
     pub part: &'static str,
-    /// The part's duration by the wall clock; for `start`, see [`Timeline::of_process`].
+    /// The part's duration by the wall clock. Only the part `start` has its processor time instead (see
+    /// [`Timeline::of_process`]).
     pub ms: f64,
 }
 

@@ -108,7 +108,8 @@ mod tests {
         };
         assert_eq!(counts(Outcome::BuildFailed, "no"), [0, 1]);
         assert_eq!(counts(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B"), [0, 1]);
-        assert_eq!(counts(Outcome::Infeasible, "global memory: 2 B > 1 B"), [0, 0]);
+        assert_eq!(counts(Outcome::Infeasible, "__local memory: 2 B > 1 B"), [0, 0]);
+        assert_eq!(counts(Outcome::Infeasible, "global memory: 2 B > 1 B"), [1, 1], "now the point fits");
         assert_eq!(counts(Outcome::OtherKind, "meant for CPUs"), [1, 1], "now the point is asked for");
     }
 }

@@ -43,7 +43,7 @@ pub fn execute(
             spawners.push(Box::new(workers()));
         }
         run.execute_spread(results, observer, spawners, interrupted)
-    });
+    })?;
     if measured.is_ok() && !args.quiet {
         ahead.tally().text().into_iter().for_each(|line| observer.says(&line));
     }
@@ -69,7 +69,8 @@ fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
-/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`].
+/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`]: first the workers of all
+/// devices, then, if the run compares two folders of kernels, the workers for the second folder.
 fn of_workers<T: Clone>(run: &Run<'_>, of: impl Fn(&DeviceInfo) -> T) -> Vec<T> {
     let own: Vec<T> = run.devices.iter().map(|&device| of(device)).collect();
     let sets = 1 + usize::from(run.other_sources.is_some());

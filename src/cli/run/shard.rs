@@ -42,7 +42,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
     let peak = super::peak_of_file(args)?;
     let experiment = distinct_scenes(experiment)?;
-    let header = header(&experiment, &sources[0], shard.of)?;
+    let header = header(&experiment, &sources[0], shard.of);
     refuse_others(&out, args.force)?;
     refuse_closed(&out, "choose another folder with --out DIR")?;
     let interrupted = interrupt_flag()?;
@@ -72,20 +72,16 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
 
 /// Returns the header that the plan has if this process makes it. The headers of all shards' processes must be equal,
 /// except for the config's path.
-fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
-    let hash = |scene: &config::SceneChoice| match &scene.hash {
-        Some(hash) => Ok(hash.clone()),
-        None => scene.load().map(|loaded| loaded.scene.content_hash()),
-    };
-    Ok(Header {
+fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
+    Header {
         shards,
         config: experiment.path.display().to_string(),
         config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
         overrides: experiment.overrides.clone(),
-        scenes: experiment.scenes.iter().map(hash).collect::<Result<_>>()?,
+        scenes: experiment.scenes.iter().map(|scene| scene.hashes.join("+")).collect(),
         kernels: sources.hash(),
         raycl: Some(version()),
-    })
+    }
 }
 
 /// Returns the version of raycl, with the git revision if it is known.
@@ -141,20 +137,24 @@ impl Part<'_> {
             ..About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64())
         };
         let attempt = Attempt::begin(&self.out, &about)?;
-        watch_launcher(&attempt, self.asked);
-        let pulse = Pulse::start(&attempt.folder)?;
-        let mut listener = observer(self.args.quiet, self.args.verbose);
-        let result =
-            self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
-        // The attempt's counter must have its last value in the folder before the attempt is marked as ended: from then
-        // on, other processes may copy the folder.
-        drop(pulse);
+        let result = self.watched(&attempt, &about.host, interrupted);
         attempt.ended(&match &result {
             Ok(_) => End::Done,
             Err(Error::Interrupted { .. }) => End::Interrupted,
             Err(error) => End::Failed(error.to_string()),
         })?;
         result
+    }
+
+    /// Measures while one thread watches the launcher, and another thread increases the counter in the attempt's
+    /// folder. When this function returns, the counter has its last value in the folder. Only then may the caller mark
+    /// the attempt as ended, since other processes may copy the folder of an attempt that has ended.
+    fn watched(&self, attempt: &Attempt, host: &str, interrupted: &AtomicBool) -> Result<Vec<Record>> {
+        watch_launcher(attempt, self.asked)?;
+        let pulse = Pulse::start(&attempt.folder)?;
+        let mut listener = observer(self.args.quiet, self.args.verbose);
+        let mut steps = pulse.listening(listener.as_mut());
+        self.attempt(attempt, host, &mut steps, interrupted)
     }
 
     fn attempt(
@@ -341,8 +341,8 @@ mod tests {
     #[test]
     fn shards_agree_only_on_the_same_config_scenes_and_kernels() {
         let of = |lines: &str| {
-            let experiment = fixtures::experiment(lines);
-            header(&experiment, &Sources::Embedded, 4).expect("a header")
+            let experiment = distinct_scenes(fixtures::experiment(lines)).expect("scenes");
+            header(&experiment, &Sources::Embedded, 4)
         };
         let first = of("local_sizes = [1]");
         let scene =

@@ -29,7 +29,8 @@ pub struct Look {
     /// bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
-    /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh
+    /// Turn normals to the viewer, so that back faces are lit like front faces. This is the default for a bare mesh;
+    /// `--set two_sided=false` turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light or sky, but with two point lights and one sample per pixel

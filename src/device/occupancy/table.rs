@@ -10,7 +10,7 @@ pub struct Multiprocessor {
     pub compute_capability: &'static str,
     /// Largest number of resident warps.
     pub warps: u64,
-    /// Largest number of resident groups.
+    /// Largest number of resident work-groups.
     pub groups: u64,
     /// Number of 32-bit registers.
     pub registers: u64,
@@ -20,7 +20,7 @@ pub struct Multiprocessor {
     pub local_bytes: u64,
     /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,
-    /// When registers are allocated, a group's number of warps is rounded up to a multiple of this number.
+    /// When registers are allocated, the number of warps of a work-group is rounded up to a multiple of this number.
     pub warp_granularity: u64,
 }
 

@@ -26,8 +26,8 @@ pub struct Patience<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
-/// The processes of one builder, either with or without the driver's cache. There is one process
-/// for each job, started when it is first needed.
+/// The processes of one builder, either with or without the driver's cache. There is one process for each job (the task
+/// of the workers of one device), started when it is first needed.
 pub struct Pool {
     spawner: Box<dyn Spawner + Send>,
     workers: HashMap<usize, Box<dyn Worker>>,
@@ -38,8 +38,8 @@ impl Pool {
         Self { spawner, workers: HashMap::new() }
     }
 
-    /// Builds a program; `None` if it was not built. If a process died or hung, the next program gets a new
-    /// process.
+    /// Lets a process build a program, and returns the result; `None` if the program was not built. If a process died
+    /// or hung, the next program gets a new process.
     pub fn build(&mut self, order: &Order, patience: &Patience<'_>) -> Option<Built> {
         let job = order.program.job;
         let mut worker = self.workers.remove(&job).or_else(|| self.start(job, patience))?;
@@ -59,8 +59,8 @@ impl Pool {
         self.workers.clear();
     }
 
-    /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause persists, the
-    /// worker that measures for this job fails too, and the run reports that failure.
+    /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause of the failure
+    /// persists, the worker that measures on the same device cannot start either, and the run reports this.
     fn start(&mut self, job: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(job).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)
@@ -95,8 +95,8 @@ mod tests {
     /// A time limit that is far longer than anything in these tests takes.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Starts processes that reply to `Build` with these answers, one after the other. Notes the jobs of the
-    /// processes, and the points that were sent to them.
+    /// Starts processes that reply to `Build` with these answers, one after the other. Notes for which jobs (tasks of
+    /// the workers of one device) processes were started, and the points that were sent to the processes.
     #[derive(Clone, Default)]
     struct Scripted {
         answers: Arc<Mutex<Vec<Wait>>>,
@@ -141,7 +141,8 @@ mod tests {
         Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
     }
 
-    /// Builds programs of these jobs and points, and returns the build times in the replies.
+    /// Builds the programs of these points for these jobs, and returns the build times in the replies. Each order
+    /// consists of a job's number and a point's number.
     fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
         let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
         let patience = Patience { limit, interrupted: &interrupted };

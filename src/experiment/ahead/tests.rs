@@ -1,6 +1,9 @@
-//! Tests of programs that are built ahead: the points for which they are built, and builders that die.
+//! Tests of programs that builders (processes that compile programs) build before points need them: the points for
+//! which the programs are built, and builders that die.
 
 use super::*;
+use crate::device::DeviceKind;
+use crate::device::tests::example;
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
@@ -78,8 +81,8 @@ fn builder(usual: &Noting, without_driver_cache: &Noting) -> Builder {
     Builder { usual: Box::new(usual.clone()), without_driver_cache: Box::new(without_driver_cache.clone()) }
 }
 
-/// Requests the programs of groups of points, one group after the other. Returns the points that builders worked
-/// for, the points that received a result, and the counts.
+/// Requests the programs of groups of points, one group after the other. Returns the points that builders worked for,
+/// the points that received a result, and the counts of the programs built.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     built_by(&Ahead::default(), deadly, groups)
 }
@@ -91,9 +94,8 @@ fn built_by(
 ) -> (Vec<usize>, Vec<usize>, Tally) {
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
     let builders = (0..3).map(|_| builder(&noting, &noting)).collect();
-    ahead.beside(builders, LIMIT, &never, || {
-        groups.iter_mut().flatten().for_each(|point| ahead.need(point, &never).unwrap());
-    });
+    let work = || groups.iter_mut().flatten().for_each(|point| ahead.need(point, &never).unwrap());
+    ahead.beside(builders, LIMIT, &never, work).unwrap();
     let with = groups
         .iter()
         .flatten()
@@ -139,10 +141,11 @@ fn programs_are_built_in_the_order_of_their_points_and_a_wait_for_one_is_counted
         (0..4).map(|point| open(point, 0, &format!("program {point}"), "exhaustive")).collect();
     let ahead = Ahead::default();
     let start = Instant::now();
-    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
+    let work = || {
         ahead.order(points.iter());
         ahead.need(&mut points[3], &never).unwrap();
-    });
+    };
+    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, work).unwrap();
     assert_eq!(*noting.built.lock().unwrap(), [0, 1, 2, 3]);
     let waited_ms = ahead.tally().waited_ms;
     assert!(0.0 < waited_ms && waited_ms <= start.elapsed().as_secs_f64() * 1e3, "{waited_ms} ms");
@@ -162,7 +165,7 @@ fn a_run_that_ends_builds_nothing_more() {
 /// second, until `ends[1]` have ended. Returns the number of processes that were started.
 fn processes(scenes: usize, ends: [usize; 2]) -> usize {
     let (noting, never, ahead) = (Noting::default(), AtomicBool::new(false), Ahead::default());
-    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
+    let work = || {
         for (point, program) in ["a", "b"].into_iter().enumerate() {
             let room = Room { builders: 1, scenes };
             let mut pending = PendingPoint { room, ..open(point, 0, program, "exhaustive") };
@@ -173,7 +176,8 @@ fn processes(scenes: usize, ends: [usize; 2]) -> usize {
                 std::thread::yield_now();
             }
         }
-    });
+    };
+    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, work).unwrap();
     assert_eq!(*noting.built.lock().unwrap(), [0, 1]);
     noting.started.load(Ordering::Relaxed)
 }
@@ -208,6 +212,23 @@ fn no_program_is_begun_on_a_device_on_which_another_process_measures() {
     assert_eq!(next(), Some(1));
 }
 
+#[test]
+fn a_gpu_that_two_drivers_list_is_paused_for_both() {
+    let locks = ["Intel", "rusticl"].map(|platform| {
+        let mut gpu = example(platform, "Arc", DeviceKind::Gpu, 32);
+        gpu.label = format!("Arc ({platform})");
+        gpu.hardware.uuid = Some("00ff".into());
+        LockName::of(Some(&gpu))
+    });
+    let ahead = Ahead::new(Vec::new(), locks.to_vec());
+    let may_build = || [0, 1].map(|job| ahead.may_build_on(job));
+    assert_eq!(may_build(), [false; 2]);
+    ahead.go_on(&locks[..1]);
+    assert_eq!(may_build(), [true; 2]);
+    ahead.pause(&locks[1..]);
+    assert_eq!(may_build(), [false; 2]);
+}
+
 /// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of raycl that
 /// builds trees in another way must not use the stored program, so it gives the program another name.
 #[test]
@@ -233,9 +254,8 @@ fn a_program_of_the_driver_s_cache_is_compiled_again_for_its_messages_and_no_oth
     let never = AtomicBool::new(false);
     let mut points = [open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive")];
     let ahead = Ahead::default();
-    ahead.beside(vec![builder(&usual, &again)], LIMIT, &never, || {
-        points.iter_mut().for_each(|point| ahead.need(point, &never).unwrap());
-    });
+    let work = || points.iter_mut().for_each(|point| ahead.need(point, &never).unwrap());
+    ahead.beside(vec![builder(&usual, &again)], LIMIT, &never, work).unwrap();
     assert_eq!(*usual.built.lock().unwrap(), [0, 1]);
     assert_eq!(*again.built.lock().unwrap(), [1]);
     assert!(points.iter().all(|point| point.built.as_ref().is_some_and(|built| built.key.is_some())));
@@ -259,7 +279,7 @@ fn casters_on_the_host_and_points_that_do_not_fit_have_no_program_and_ctrl_c_end
 #[test]
 fn what_an_earlier_run_has_stored_needs_no_builder() {
     let folder = tempfile::tempdir().unwrap();
-    let device = crate::device::tests::example("PoCL", "cpu", crate::device::DeviceKind::Cpu, 2);
+    let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
     let stored = ProgramCache::of(crate::cache::Cache::at(folder.path(), 1 << 20), &device);
     let group = |scene| vec![open(0, scene, "a", "exhaustive"), open(1, scene, "b", "bvh")];
     let run = |scene| built_by(&Ahead::new(vec![stored.clone()], Vec::new()), None, &mut [group(scene)]);

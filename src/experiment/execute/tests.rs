@@ -2,13 +2,14 @@
 //! measures.
 
 use super::*;
+use crate::config;
 use crate::device::DeviceInfo;
-use crate::experiment::Block;
 use crate::experiment::ahead::{Ahead, Builder};
 use crate::experiment::asleep;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Built, Reply, Request};
 use crate::experiment::supervisor::{Wait, Worker};
+use crate::experiment::{Block, distinct_scenes};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, Environment, Sample, read_lines};
 use std::path::Path;
@@ -20,7 +21,7 @@ const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_
 /// A number of requests that no test reaches.
 const NEVER: usize = usize::MAX;
 
-/// Starts workers that answer at once. Notes the job of each worker.
+/// Starts workers that answer at once. Notes the number of each worker's job (the task of the workers of one device).
 #[derive(Clone)]
 struct Answering {
     jobs: Arc<Mutex<Vec<usize>>>,
@@ -39,7 +40,7 @@ struct Answering {
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
-    /// The number of workers at the first request.
+    /// The number of workers that had been started at the first request.
     at_first: Arc<AtomicUsize>,
     /// If this counter exists, each worker adds 1 to it at the worker's first request, and then waits until the counter
     /// is 2.
@@ -122,7 +123,7 @@ impl Worker for Answer {
     }
 }
 
-/// Everything that an observer hears.
+/// Every event of a run of which the run's observer is informed.
 #[derive(Debug, Default, PartialEq)]
 struct Heard {
     begun: Vec<[usize; 2]>,
@@ -240,7 +241,7 @@ fn failed_points_are_measured_again_only_if_that_is_asked_for() {
 fn a_point_that_lacked_memory_at_that_moment_is_infeasible_until_failed_points_are_measured_again() {
     let lines = format!("local_sizes = [1]\n{TIMING}");
     let host = "the host's memory (casting): 2 B > 1 B according to a test";
-    for (reason, again) in [(host, Outcome::Measured), ("global memory: 2 B > 1 B", Outcome::Infeasible)] {
+    for (reason, again) in [(host, Outcome::Measured), ("__local memory: 2 B > 1 B", Outcome::Infeasible)] {
         let folder = tempfile::tempdir().unwrap();
         let (outcome, reason) = (Outcome::Infeasible, Some(reason.to_owned()));
         let refusing = Answering { outcome, reason, ..Answering::default() };
@@ -252,6 +253,38 @@ fn a_point_that_lacked_memory_at_that_moment_is_infeasible_until_failed_points_a
         assert_eq!(outcome(&Answering::default(), false), Outcome::Infeasible);
         assert_eq!(outcome(&Answering::default(), true), again);
     }
+}
+
+#[test]
+fn a_point_that_exceeded_the_devices_global_memory_is_measured_in_a_later_session_in_which_it_fits() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    let (outcome, reason) = (Outcome::Infeasible, Some("global memory: 2 B > 1 B".to_owned()));
+    let refusing = Answering { outcome, reason, ..Answering::default() };
+    for (workers, outcome) in [(refusing, Outcome::Infeasible), (Answering::default(), Outcome::Measured)] {
+        let (records, heard) = session(folder.path(), &lines, &workers, plain);
+        assert_eq!((records.unwrap()[0].outcome, heard.resumed), (outcome, vec![[0, 0]]));
+    }
+}
+
+#[test]
+fn a_record_of_another_device_counts_only_if_points_are_distributed_over_the_devices() {
+    let experiment = fixtures::experiment("local_sizes = [1]");
+    let (one, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let two = DeviceInfo { twins_before: 1, ..asleep::device(1.0) };
+    let devices = [&one, &two];
+    // Returns how many points need not be measured, if this device has measured the first point.
+    let done = |spread: bool, measured_on: Option<String>| {
+        let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &run.pieces(&plan)).unwrap();
+        let point = groups.iter().flatten().find(|pending| pending.job == 0).unwrap();
+        let record = Record { outcome: Outcome::Measured, measured_on, ..point.record.clone() };
+        let past = Past { records: vec![record], ..Past::default() };
+        run.done(groups.iter().flatten(), &past).len()
+    };
+    assert_eq!([None, Some(one.slug()), Some(two.slug())].map(|slug| done(false, slug)), [1, 1, 0]);
+    assert_eq!(done(true, Some(two.slug())), 1);
 }
 
 #[test]
@@ -290,6 +323,37 @@ fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
 }
 
 #[test]
+fn a_launch_that_was_interrupted_after_five_samples_is_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let timing = "timing = { launches = 1, warmup = 0, min_samples = 20, max_samples = 20 }";
+    let lines = format!("local_sizes = [1]\n{timing}");
+    let first = Answering { interrupts_at: 10, ..Answering::default() };
+    assert!(session(folder.path(), &lines, &first, plain).0.is_err());
+    let samples: Vec<Sample> = read_lines(&folder.path().join("samples.jsonl")).unwrap().lines;
+    assert!((6..20).contains(&samples.len()), "{} samples", samples.len());
+    let record = session(folder.path(), &lines, &Answering::default(), plain).0.unwrap().remove(0);
+    assert_eq!((record.sample_launches, record.stop_reason.as_deref()), (vec![1; 20], Some("precise")));
+}
+
+#[test]
+fn a_record_whose_launches_all_ended_in_earlier_sessions_says_why_the_last_one_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    session(folder.path(), &lines, &Answering::default(), plain).0.unwrap();
+    let reason = || {
+        std::fs::write(folder.path().join("records.jsonl"), "").unwrap();
+        let workers = Answering::default();
+        let record = session(folder.path(), &lines, &workers, plain).0.unwrap().remove(0);
+        assert_eq!((record.samples_ms.len(), workers.requests.load(Ordering::Relaxed)), (10, 1));
+        record.stop_reason
+    };
+    assert_eq!(reason().as_deref(), Some("precise"));
+    // Earlier versions of raycl did not write this file.
+    std::fs::remove_file(folder.path().join("launches.jsonl")).unwrap();
+    assert_eq!(reason().as_deref(), Some("precise"));
+}
+
+#[test]
 fn a_picture_is_compared_in_the_first_launch_only_and_a_refused_point_has_no_more_launches() {
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
@@ -312,10 +376,11 @@ fn a_record_has_the_time_for_which_a_builder_built_its_program() {
     let builder =
         Builder { usual: Box::new(workers.clone()), without_driver_cache: Box::new(workers.clone()) };
     let limit = Duration::from_secs(120);
-    let (records, heard) = ahead.beside(vec![builder], limit, &AtomicBool::new(false), || {
+    let work = || {
         let lines = format!("local_sizes = [1, 2]\n{TIMING}");
         session(folder.path(), &lines, &workers, |run| Run { ahead: Some(ahead), ..run })
-    });
+    };
+    let (records, heard) = ahead.beside(vec![builder], limit, &AtomicBool::new(false), work).unwrap();
     let records = records.unwrap();
     let built = heard.works.iter().filter(|work| work.starts_with("building ")).map(String::as_str);
     assert!(
@@ -328,7 +393,7 @@ fn a_record_has_the_time_for_which_a_builder_built_its_program() {
     assert_eq!(ahead.tally().from_cache, 2);
 }
 
-/// The device in this test is a GPU.
+/// The device in this test is a GPU, and the point's preset is meant for CPUs.
 #[test]
 fn a_point_for_another_kind_of_device_is_passed_over_until_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
@@ -354,6 +419,43 @@ fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() 
     let with_baseline = "local_sizes = [1]\nbaselines = ['serial']";
     assert!(builds("local_sizes = [1]", &[&gpu]));
     assert!(!builds(with_baseline, &[&gpu]) && !builds("local_sizes = [1]", &[&gpu, &cpu]));
+}
+
+/// Runs an experiment on the scenes `a.toml` and `b.toml` in a folder. Returns whether the summary says that their
+/// contents are equal.
+fn says_that_scenes_are_equal(folder: &Path) -> bool {
+    let text = format!(
+        "question = '?'\nexpectation = '!'\nscenes = ['a.toml', 'b.toml']\nimage_sizes = [[8, 5]]\n\
+         strategies = ['naive']\nlocal_sizes = [1]\n{TIMING}"
+    );
+    let experiment = config::parse(&folder.join("test.toml"), text, &[]).unwrap();
+    let experiment = distinct_scenes(experiment).unwrap();
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let out = folder.join("out");
+    let mut results = Results::resume(&out, &Environment::default()).unwrap();
+    let off = AtomicBool::new(false);
+    run.execute(&mut results, &mut Heard::default(), &mut Answering::default(), &off).unwrap();
+    let summary = std::fs::read_to_string(out.join("summary.md")).unwrap();
+    summary.contains("scene b has the same content as a;")
+}
+
+#[test]
+fn results_have_the_notes_of_the_last_session_on_equal_scenes() {
+    for sides in [[1, 2, 1], [2, 1, 2]] {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, side: u32| {
+            let vertices = format!("[[0, 0, -3], [{side}, 0, -3], [0, 1, -3]]");
+            let scene = format!("[[object]]\nvertices = {vertices}\nfaces = [[0, 1, 2]]\n");
+            std::fs::write(folder.path().join(name), scene).unwrap();
+        };
+        write("a.toml", 1);
+        for side in sides {
+            write("b.toml", side);
+            assert_eq!(says_that_scenes_are_equal(folder.path()), side == 1, "{sides:?}");
+        }
+    }
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Tests that a launch is used only if every point was sampled in it. Also tests the workers and locks that a group
-//! needs.
+//! Tests that a launch is used only if every point was sampled in it. Also tests which workers are started for a group,
+//! and which locks of devices the group takes.
 
 use super::*;
 use crate::device::Hardware;
@@ -26,7 +26,9 @@ struct Noting {
     past: HashMap<String, Vec<Taken>>,
     /// The device that measured each earlier launch.
     measured_on: HashMap<u32, MeasuredOn>,
-    /// What identifies the hardware that took each sample.
+    /// The ends of all launches.
+    ends: Vec<LaunchEnd>,
+    /// The UUID or the PCI address of the device that took each sample, if one of them is known.
     measured_by: Vec<Option<String>>,
     /// The core-to-core latency of each earlier launch.
     latencies_ns: Vec<f64>,
@@ -43,8 +45,8 @@ struct Noting {
     /// The folder of the locks. When this run has to wait, a file takes the place of the folder, so that no lock can be
     /// taken.
     unusable: Option<PathBuf>,
-    /// The list of programs for builders. At each wait, `may_build` notes whether builders may begin programs for the
-    /// first device.
+    /// The list of programs that builders (processes that compile programs before points need them) build. Whenever the
+    /// run waits for a lock, `may_build` notes whether builders may begin programs for the first device.
     ahead: Option<&'static Ahead>,
     may_build: Vec<bool>,
 }
@@ -78,6 +80,10 @@ impl ResultSink for Noting {
         self.measured_by.push(measured_by.map(str::to_owned));
         Ok(())
     }
+    fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
+        self.ends.push(end.clone());
+        Ok(())
+    }
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.loads.push(load.clone());
         Ok(())
@@ -87,7 +93,8 @@ impl ResultSink for Noting {
         Ok(())
     }
     fn next_launch(&mut self) -> u32 {
-        // All samples of a new launch count, since no test knows the latency of the machine that it runs on.
+        // The latencies of earlier launches are forgotten, so that all samples of a new launch count: the test does not
+        // know the core-to-core latency of the machine that it runs on.
         self.latencies_ns.clear();
         self.launches += 1;
         self.launches - 1
@@ -97,6 +104,9 @@ impl ResultSink for Noting {
     }
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
+    }
+    fn past_end(&self, launch: u32) -> Option<LaunchEnd> {
+        self.ends.iter().find(|end| end.launch == launch).cloned()
     }
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn> {
         self.measured_on.get(&launch).cloned()
@@ -185,6 +195,40 @@ fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
     let launches = |pending: &PendingPoint| pending.taken.iter().map(|sample| sample.launch).collect();
     let taken: Vec<Vec<u32>> = group.points().iter().map(launches).collect();
     assert_eq!((group.whole.len(), taken), (1, vec![vec![0; 5]; 2]));
+}
+
+#[test]
+fn a_launch_that_was_interrupted_is_not_taken_over_and_one_that_ended_is() {
+    let timing = "timing = { launches = 4, min_samples = 400, max_samples = 400, time_limit_ms = 10000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let adopted = |count: usize, ends: Vec<LaunchEnd>| {
+        let past = ["a", "b"].map(|key| (key.to_owned(), vec![sample(0, None); count]));
+        let mut group = group();
+        group.adopt(&run, &mut Noting { past: past.into(), ends, ..Noting::default() });
+        (group.whole.len(), group.reason)
+    };
+    assert_eq!(adopted(20, Vec::new()), (0, None));
+    assert_eq!(adopted(100, Vec::new()), (1, Some(StopReason::Precise)));
+    let samples = ["a", "b"].map(|key| (key.to_owned(), 20)).into();
+    let end = LaunchEnd { launch: 0, stop_reason: StopReason::TimeLimit, samples };
+    assert_eq!(adopted(20, vec![end]), (1, Some(StopReason::TimeLimit)));
+}
+
+#[test]
+fn the_end_of_a_launch_is_stored_with_the_numbers_of_its_samples_unless_it_lost_a_worker() {
+    let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    let samples = ["a", "b"].map(|key| (key.to_owned(), 5)).into();
+    assert_eq!(sink.ends, [LaunchEnd { launch: 1, stop_reason: StopReason::Precise, samples }]);
 }
 
 #[test]
@@ -385,8 +429,9 @@ fn builders_begin_nothing_before_a_run_had_its_devices_lock_or_while_it_waits_fo
     assert_eq!(take(Some(of_another)), (vec![false], true));
 }
 
-/// The thread of another device may be waiting for a program. If builders did not go on, this thread would wait until
-/// the user ends the run.
+/// With `--spread`, each device has a thread, and the thread of another device may be waiting for a program that a
+/// builder (a process that compiles programs) has to build. If builders stayed paused after the lock could not be
+/// taken, this thread would wait until the user ends the run.
 #[test]
 fn builders_go_on_if_a_device_waits_in_vain_for_a_lock() {
     let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
@@ -454,7 +499,7 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let after = ms();
     let [taken] = &timed.taken[1][..] else { panic!("one sample of the second point") };
     assert_eq!((timed.taken[0].len(), taken.launch), (0, 3));
-    // Rounding changes the time by at most half a microsecond.
+    // The sample's time is rounded to microseconds, which changes it by at most half a microsecond.
     let possible = before - 5.1e-4..after + 5.1e-4;
     assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
     assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);

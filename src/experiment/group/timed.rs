@@ -33,8 +33,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// Number of samples of each job since its device's anchor was run; a job whose anchor has not been run yet is
-    /// missing. This number determines when the anchor is run again.
+    /// For each job (the task of the workers of one device): the number of samples since the device's anchor was last
+    /// run. This number determines when the anchor is run again. A job whose anchor has not been run yet has no entry.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -45,14 +45,15 @@ const READING_EVERY: Duration = Duration::from_millis(20);
 
 /// Measures the core-to-core latency before and after samples.
 pub(super) struct Latency {
-    /// The last reading and its time; `None` if nothing is measured.
+    /// The last reading of the core-to-core latency in nanoseconds, and when it was taken; `None` if the latency is not
+    /// measured.
     last: Option<(Instant, Option<f64>)>,
     /// How long the launch has waited for near processors (processors at their usual distance).
     waited: Duration,
 }
 
 impl Latency {
-    /// Takes the first reading, unless `is_measured` is false.
+    /// Takes the first reading of the core-to-core latency, unless `is_measured` is false.
     pub fn of(is_measured: bool) -> Self {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
@@ -98,8 +99,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Waits for a limited time if the host has moved this virtual machine's processors, since the next sample would
-    /// not count.
+    /// Waits for a limited time if the host has moved this virtual machine's processors to other cores, since a sample
+    /// taken now would not count.
     fn wait_for_near_processors(&mut self) {
         let (near_ns, interrupted) = (self.sink.near_ns(), self.supervisor.interrupted());
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
@@ -109,7 +110,7 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     /// [`CASTS_PER_ANCHOR`] samples, or once for every round if a round has fewer samples on the device. In the five
     /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs.
     /// Does nothing in a run with a single launch: such a run is too short to need the anchor. If the anchor fails, the
-    /// launch is broken, and the user is told why.
+    /// user is told why, and new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)

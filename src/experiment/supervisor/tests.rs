@@ -1,4 +1,5 @@
-//! Tests of requests to workers: which worker gets a request, and what becomes of replies and losses.
+//! Tests of requests to workers: which worker gets a request, and what the supervisor does if the worker replies, dies
+//! or hangs.
 
 use super::*;
 use std::cell::{Cell, RefCell};
@@ -105,7 +106,7 @@ fn in_a_launch_a_worker_goes_on_to_the_next_scene_of_its_device_and_each_launch_
     passes(&mut supervisor, task(0, 0, 0));
     passes(&mut supervisor, task(1, 1, 0));
     assert_eq!((noting.jobs.borrow().len(), noting.dismissed.get()), (2, 0));
-    // The worker of job 1 has nothing to do in the next group.
+    // The next group has no point of job 1, so the worker of this job is dismissed.
     supervisor.turn_to(1, [task(2, 0, 1)].into_iter());
     passes(&mut supervisor, task(2, 0, 1));
     assert_eq!((noting.jobs.borrow().clone(), noting.dismissed.get()), (vec![0, 1], 1));
@@ -148,7 +149,7 @@ fn an_anchor_that_fails_is_not_run_again_on_its_device() {
     noting.instead.borrow_mut().push_back(Wait::Reply(failed));
     let error = supervisor.anchor(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
     assert_eq!((error.to_string().as_str(), error.remedy()), ("no anchor", "go on"));
-    // The context of a GPU may be unusable after a fault, so another worker goes on, in another launch.
+    // The context of a GPU may be unusable after a fault, so a new worker serves the next requests, in another launch.
     passes(&mut supervisor, task(0, 0, 0));
     assert_eq!((noting.jobs.borrow().clone(), supervisor.losses()), (vec![0, 1, 0], 1));
     assert!(supervisor.anchor(task(0, 0, 0)).unwrap().is_none());

@@ -39,13 +39,14 @@ impl BetweenRuns {
     }
 
     /// Returns the error that the own factors of `points` points add to the mean time of these points. If this time is
-    /// divided by a reference, other ratios to the same reference do not share this part of the error of the ratio.
+    /// divided by a reference time, this part of the error belongs to this ratio only: other ratios to the same
+    /// reference time do not share it.
     pub(super) fn of_points(self, points: usize) -> Error {
         known(self.own_variance(points))
     }
 
-    /// Returns the variance that the differences between runs add to all ratios to the same reference. This variance
-    /// comes from the factors of the reference, which is the mean of `points` points.
+    /// Returns the variance that the differences between runs add to all ratios to the same reference time, which is
+    /// the mean time of `points` points. This variance comes from the factors of these points.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }

@@ -129,7 +129,7 @@ impl Standing {
     }
 
     /// Returns the ratio like [`Self::ratio`]. The error that all ratios to `reference` share, because the time of
-    /// `reference` differs from run to run, is kept apart (see [`Relative`]).
+    /// `reference` differs from run to run, is stored separately (see [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
@@ -156,7 +156,7 @@ impl Standing {
 
     /// Returns the ratio of this point's time to that of `earlier`, like [`Self::ratio_apart`]. From run to run, the
     /// times of all points of a kind of device change by a common factor. The error that this factor adds to the ratio
-    /// is kept apart (see [`Relative`]).
+    /// is stored separately (see [`Relative`]).
     pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
         let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
         let error = Error::of_sum([own(self), own(earlier)].concat());

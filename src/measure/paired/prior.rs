@@ -1,5 +1,5 @@
-//! Estimates how much the variances of points differ from each other, and so how much the variances of all points show
-//! about the variance of one.
+//! Estimates how much the variances of points differ from each other. The less they differ, the more the variances of
+//! all points show about the variance of one point.
 
 use statrs::function::gamma::digamma;
 
@@ -9,12 +9,13 @@ use statrs::function::gamma::digamma;
 /// than 9 times the typical variance; if all points have the same true variance, one observed variance in 8,000 exceeds
 /// the limit by chance.
 const MOST_TIMES: f64 = 16.0;
-/// Before the distribution is estimated, a variance below this fraction of the mean variance is raised to this
-/// fraction. A variance can be 0, because with a coarse clock all times of a point can be equal.
+/// Before the distribution of the points' true variances is estimated, a variance below this fraction of the mean
+/// variance is raised to this fraction. A variance can be 0, because with a coarse clock all times of a point can be
+/// equal.
 const LEAST_SHARE: f64 = 1e-4;
-/// The degrees of freedom are searched between these limits. Degrees of freedom near the first limit mean that the true
-/// variances of points have practically nothing in common. Degrees of freedom near the second limit mean that the true
-/// variances are practically equal.
+/// The degrees of freedom of the distribution of true variances ([`Prior`]) are searched between these limits. Degrees
+/// of freedom near the first limit mean that the true variances of points have practically nothing in common. Degrees
+/// of freedom near the second limit mean that the true variances are practically equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
 /// Number of halvings of the interval between the limits [`DEGREES`]. After so many halvings, the degrees of freedom
 /// are known with a relative error below a millionth.
@@ -37,7 +38,8 @@ pub(super) struct Prior {
 
 impl Prior {
     /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom. Fewer
-    /// than three points cannot show whether points differ, so these are taken to be alike.
+    /// than three points cannot show whether the variances of points differ, so their true variances are taken to be
+    /// equal.
     pub fn of(variances: &[f64], degrees: usize) -> Self {
         let mean = mean_of(variances.iter().copied());
         if variances.len() < 3 || degrees == 0 || mean == 0.0 {
@@ -72,8 +74,9 @@ fn log_bias(half: f64) -> f64 {
     digamma(half) - half.ln()
 }
 
-/// Returns the derivative of digamma for positive `x`. Arguments below 6 are increased by the recurrence; from 6 on,
-/// the asymptotic series is used (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
+/// Returns the derivative of digamma for positive `x`. For arguments below 6, the recurrence (a relation between
+/// trigamma at `x` and at `x` + 1) increases the argument; from 6 on, the asymptotic series is used (Abramowitz and
+/// Stegun 1964, 6.4.6 and 6.4.12).
 fn trigamma(x: f64) -> f64 {
     let (mut at, mut sum) = (x, 0.0);
     while at < 6.0 {

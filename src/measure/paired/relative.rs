@@ -27,7 +27,7 @@ impl Relative {
     }
 
     /// Returns the ratio divided by a factor of which only the limits are known, like [`Interval::over_up_to`]. The
-    /// factor belongs to this ratio only, so it makes the weight of the ratio in a mean smaller.
+    /// uncertainty of the factor belongs to this ratio only, so a mean of several ratios gives this ratio less weight.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         Self { ratio: self.ratio.over_up_to(log), ..self }

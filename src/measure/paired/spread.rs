@@ -6,7 +6,7 @@ use crate::measure::mean_and_sigma;
 use crate::measure::summary::quantile;
 
 /// The largest weight, in degrees of freedom, of a spread that is borrowed. A point or a pair of points borrows the
-/// spread of all points; a table borrows the spread of other tables.
+/// spread of all points; a table (of the points and launches of one group) borrows the spread of other tables.
 const BORROWED: usize = 6;
 /// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
 /// in this many. The other rows may be far from steady: in a run of the paper's Figure 8 on a CPU, 19 of 37 points took
@@ -94,9 +94,11 @@ impl Pooled {
     /// of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error of a row's mean, and
     /// 2 for the error of a difference between two rows.
     ///
-    /// It is 2 also for a difference between a row and an anchor, which is no row of the table. The row's values are
-    /// part of both variances, so the degrees of freedom of their mean are fewer than the sum of theirs. For four rows
-    /// and two columns, the mean has 3.2, and this function's result leads to 3; with 1, it would have 3.4 and not 4.
+    /// `own` is 2 also for a difference between a row and an anchor, although the anchor is no row of the table. The
+    /// row's values are part of both variances that are averaged: the variance of the difference, and that of all rows.
+    /// The mean of the two variances therefore has fewer degrees of freedom than the sum of theirs. For a table of four
+    /// rows and two columns, the mean has 3.2 degrees of freedom, and raycl computes with 3. If `own` were 1, the mean
+    /// would have 3.4 degrees of freedom, and raycl would compute with 4.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)

@@ -85,8 +85,8 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // The expected ratio follows from the formulas: the error is ln(4) / 3, and Student's t is 4.303, so the upper end
-    // of the interval is 53 times the lower end.
+    // The expected distance of the interval's ends follows from the formulas: the standard error of the logarithm is
+    // ln(4) / 3, and Student's t is 4.303, so the upper end of the interval is 53 times the lower end.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -253,7 +253,7 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     // Two launches leave one degree of freedom, and the ratio's error is half of the difference of the two launches.
     let expected = 0.5 * 1.5_f64.ln();
     assert!((ratio.degrees - 1.0).abs() < 1e-9 && (ratio.error - expected).abs() < 1e-3, "{ratio:?}");
-    // The anchor has no part in the spread of the points.
+    // The spread of the points does not include the spread of the anchor.
     let without: Vec<PairedSample> = samples.iter().filter(|sample| sample.point < 6).copied().collect();
     let alone = Paired::of(&without, 6);
     let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(1, 0).expect("enough samples"));

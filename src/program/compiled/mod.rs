@@ -62,8 +62,8 @@ impl CompiledKernel {
         }
     }
 
-    /// Predicts how many groups of `items` work-items a multiprocessor of a compute capability holds. There
-    /// is no prediction if the registers or the capability are unknown.
+    /// Predicts how many work-groups of `items` work-items a multiprocessor of a compute capability holds. There is no
+    /// prediction if the registers or the capability are unknown.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());

@@ -19,7 +19,7 @@ pub struct InstructionCounts {
 }
 
 impl InstructionCounts {
-    /// Returns the number of instructions that access a space ("global", "shared", "local", "const", "param",
+    /// Returns the number of instructions that access an address space ("global", "shared", "local", "const", "param",
     /// "generic").
     pub fn reach(&self, space: &str) -> u32 {
         let reaches = |name: &&String| name.split('.').nth(1) == Some(space);
@@ -87,7 +87,7 @@ pub(crate) fn instruction(opcode: &str) -> Option<String> {
     Some(format!("{verb}.{space}{cached}"))
 }
 
-/// Returns the number of bytes in ".local .align 8 .b8 __local_depot0[64]".
+/// Returns the number of bytes of the array in a declaration such as ".local .align 8 .b8 __local_depot0[64]".
 fn array_bytes(declaration: &str) -> Option<u64> {
     let count: u64 = declaration.split_once('[')?.1.split(']').next()?.trim().parse().ok()?;
     let bits = |word: &str| word.strip_prefix(['.'])?.strip_prefix(['b', 'f', 'u', 's'])?.parse::<u64>().ok();

@@ -35,7 +35,7 @@ fn open_brackets(line: &[Token]) -> i32 {
     line.iter().map(|token| i32::from(token.is("(")) - i32::from(token.is(")"))).sum()
 }
 
-/// Returns the lines that replace a changed line.
+/// Returns the lines that replace a line that macros changed.
 pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     let indent = match line.iter().find(|token| token.kind != Kind::Nothing) {
         Some(first) if first.kind == Kind::Space => first.text.clone(),
@@ -108,7 +108,7 @@ fn length(tokens: &[Token]) -> usize {
     tokens.iter().map(|token| token.text.chars().count()).sum()
 }
 
-/// Returns a statement in as many lines as it needs.
+/// Returns a statement in as many lines as it needs so that no line is too long.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
@@ -122,7 +122,7 @@ fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     }
 }
 
-/// Returns `head {`, then the contents of the braces, then `}`.
+/// Returns the lines of a statement with braces: `head {`, then the contents of the braces, then `}`.
 fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
     let mut body = head.split_off(brace + 1);
     body.pop();

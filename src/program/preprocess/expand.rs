@@ -1,6 +1,5 @@
-//! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
-//! macro is expanded within its own expansion. Each token carries the macros that it came from (Prosser's
-//! algorithm).
+//! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no macro is
+//! expanded within its own expansion. Each token has a list of the macros that it came from (Prosser's algorithm).
 
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
@@ -12,7 +11,7 @@ pub(super) type Misuse = (u32, String);
 /// The arguments of a call, and its closing bracket.
 type Arguments = (Vec<Vec<Token>>, Token);
 
-/// Expands every call in a piece of text. With `inline`, the lines of a macro's body become one line.
+/// Expands every call in a piece of text. If `inline` is true, the lines of a macro's body become one line.
 pub(super) fn expand(macros: &Macros, text: Vec<Token>, inline: bool) -> Result<Vec<Token>, Misuse> {
     let depth = usize::from(inline);
     let line = text.first().map_or(0, |token| token.line);
@@ -25,12 +24,13 @@ struct Expander<'a> {
     macros: &'a Macros,
     input: VecDeque<Token>,
     output: Vec<Token>,
-    /// Number of open round brackets in the output; with `inline`, one more, so that line breaks become blanks.
+    /// Number of open round brackets in the output. If the expansion shall be in one line, the number is one larger,
+    /// because line breaks within brackets become blanks.
     depth: usize,
 }
 
 impl Expander<'_> {
-    /// Moves all of the input to the output, with its calls expanded.
+    /// Moves all of the input to the output, and expands the macro calls in it.
     fn run(&mut self) -> Result<(), Misuse> {
         while let Some(token) = self.input.pop_front() {
             self.take(token)?;

@@ -69,7 +69,8 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // A changed line without code was a macro call that expanded to nothing, and is left out.
+            // If macros changed a line and it has no code, the line was a macro call that expanded to nothing. Such a
+            // line is left out.
         }
     }
 
@@ -104,7 +105,8 @@ impl Layout {
 /// definitions.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
-    // True if only directives, and comments on them, lie between here and the next empty line.
+    // True if only directives, and comments on them, lie between the current row and the next empty line. The loop goes
+    // from the last row to the first.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
     for row in rows.into_iter().rev() {

@@ -58,8 +58,8 @@ impl Macros {
         fits.then_some(()).ok_or_else(|| format!("macros expand to more than {MOST_TOKENS} tokens"))
     }
 
-    /// Calls `expand` for a text in this line; `expand` may call this function again. Returns an error if the calls
-    /// are nested too deeply.
+    /// Calls `expand`, which expands the macros of a text in this line and may call this function again. Returns an
+    /// error if the calls of this function are nested too deeply.
     pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
         let depth = self.nested.get();
         if depth == MOST_NESTED {

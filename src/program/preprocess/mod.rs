@@ -88,7 +88,7 @@ fn defines(options: &str) -> Vec<&str> {
 struct Branch {
     /// True if the current branch is compiled.
     live: bool,
-    /// True if one branch of the `#if` was compiled, so that no further branch can be.
+    /// True if one branch of the `#if` was compiled, so that no further branch is compiled.
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,

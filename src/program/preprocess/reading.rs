@@ -1,6 +1,7 @@
 //! Lays out a preprocessed program for reading from top to bottom. Consecutive lines of one file form a part, under a
-//! comment with the file's name. Functions, types and variables that are used by none of the chosen kernels are left
-//! out.
+//! comment with the file's name and the number of the part's first line. Functions, types and variables that are used
+//! by none of the chosen kernels are left out, and their lines are counted. Parts that contain only comments are left
+//! out too, but not counted.
 
 use super::Line;
 use super::token::{Kind, Token, lex};

@@ -43,8 +43,8 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token,
-/// which `##` replaces by its other operand.
+/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token; the operator
+/// `##` replaces it by the operator's other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> =
         argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();

@@ -81,8 +81,8 @@ fn one_launch_is_said_to_be_a_look() {
     assert!(how_sure(&[]).is_empty());
 }
 
-/// Baselines in a scene, and different devices in a scene, must not make the smallest difference seem to depend on the
-/// scene.
+/// Baselines in a scene, and different devices in a scene, must not make the smallest difference that can be shown seem
+/// to depend on the scene.
 #[test]
 fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() {
     let said = |records: &[Record]| how_sure(&judged(records)).remove(0);

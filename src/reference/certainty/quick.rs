@@ -1,5 +1,5 @@
-//! Determines with a few searches, instead of searches for every nudge, whether a pixel is certain. If a few searches
-//! are not enough, there is no result.
+//! Determines with a few searches in the tree, instead of searches for every nudge, whether a pixel is certain. If a
+//! few searches are not enough, there is no result.
 
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
@@ -21,21 +21,21 @@ type RayHit = (Ray<f64>, Hit<f64>);
 /// The nudged rays of a pixel, each with the size of its nudge.
 type Nudged = [(Reach, Ray<f64>); NUDGES];
 
-/// The hits of a pixel's ray on one triangle.
+/// The hits of a pixel's ray and of its nudged rays on one triangle.
 struct Hits {
     triangle: u32,
-    /// The hit of the ray itself.
+    /// The hit of the pixel's own ray, which is not nudged.
     centre: RayHit,
     /// The hits of the nudged rays.
     nudged: [(Reach, RayHit); NUDGES],
-    /// The hit of the ray itself on the triangle that [`larger_hit`] enlarges by the largest rounding error of a
+    /// The hit of the pixel's own ray on the triangle that [`larger_hit`] enlarges by the largest rounding error of a
     /// device.
     leaning: RayHit,
 }
 
 impl Hits {
-    /// Returns the hits on this triangle; `None` if one of the rays misses it, or if rounding may make the pixel's ray
-    /// miss it.
+    /// Returns the hits of a pixel's ray and its nudged rays on this triangle; `None` if one of the rays misses it, or
+    /// if rounding may make the pixel's ray miss it.
     fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -53,7 +53,7 @@ impl Hits {
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
-    /// Returns the hit points, including points that are moved off the triangle's plane by `offs`.
+    /// Returns the points of all these hits, including points that are moved off the triangle's plane by `offs`.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let point = |(ray, hit): &RayHit| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
@@ -85,7 +85,7 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     }
     let offs = off_plane(caster, &ray, &hit);
     let shadows = Shadows::new(seen, tree, hits.points(caster.scene(), offs), bias);
-    // If it is uncertain whether a light reaches the points, a shadow ray to this light is cast.
+    // If it is uncertain whether a light reaches all hit points, a shadow ray to this light is cast.
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &RayHit, cast: &dyn Fn(&Sight<f64>) -> bool| {
         let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
         caster.shaded(seen, ray, Some(hit), &reaches)

@@ -49,8 +49,8 @@ impl<'a> Run<'a> {
 
     /// Returns the command that measures the points that the page of `raycl reproduce` lacks. `more` is a text with
     /// further options, which are added to the command. The page's folder contains the run's folder. The command
-    /// repeats the run's devices and changed values. Otherwise, it would measure another plan, and the page would hide
-    /// the records of the run's plan.
+    /// repeats the run's devices and changed values. Otherwise, the command would measure another list of points (a new
+    /// plan), and the page would hide the run's records of other points.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -82,8 +82,9 @@ fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
     environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
-/// Returns the command that measures what the page lacks about a device; `None` if there are no runs. If the
-/// measurement of at least one of the device's points was not completed, the command measures these points again.
+/// Returns the command that measures what the page of `raycl reproduce` lacks about a device; `None` if there are no
+/// runs. If the measurement of at least one of the device's points was not completed, the command measures these points
+/// again.
 pub fn completion(runs: &[Run<'_>], device: &str) -> Option<String> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let is_retried = groups.flat_map(|group| &group.records).any(|record| is_incomplete(record));
@@ -155,8 +156,8 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Tests whether a point runs or, if `wanted` is false, whether the point does not run. If several
-    /// records match, a point runs if one of them ran; the line names the first record that ran.
+    /// Tests whether a point runs or, if `wanted` is false, whether the point does not run. If several records match, a
+    /// point runs if one of them ran; the result line names the first record that ran.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());

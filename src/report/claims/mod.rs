@@ -57,9 +57,9 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     rows.into_iter().map(claim).collect()
 }
 
-/// Returns the lines of a test. If no run has the data of a comparison, the line comes from the run that lacks least.
-/// If several runs lack equally little, a run of one of the claim's configs is preferred, since other configs do not
-/// measure the claim's points.
+/// Returns the result lines of a test, one per comparison. If no run has all data of a comparison, its line comes from
+/// the run that lacks the least data. If several runs lack equally little, a run of one of the claim's configs is
+/// preferred, since other configs do not measure the claim's points.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
     let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
         let is_other = !row.configs.contains(&run.folder.label);
@@ -94,7 +94,7 @@ mod tests {
         claim_in(&Folder::default(), test, records)
     }
 
-    /// Returns a claim like [`claim`], but evaluated on runs that have this folder.
+    /// Returns a claim like [`claim`], but evaluated on runs whose folder is `folder`.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let runs: Vec<(&Folder, &[Record])> = records.iter().map(|records| (folder, *records)).collect();
         claim_of(test, &runs)
@@ -387,7 +387,7 @@ mod tests {
             "{held:?}"
         );
         assert_eq!(result_of(false, &records).verdict, Verdict::NotHeld);
-        // If the point runs at no local size, the line names the smallest local size.
+        // If the point runs at no local size, the result line names the smallest local size.
         let neither = result_of(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");
@@ -399,8 +399,12 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let private_ns = Figure { q1, median, q3, repeats: 9 };
             // At a clock frequency of 1000 MHz, a cycle takes a nanosecond.
-            let peak =
-                Peak { device: "gpu".into(), max_clock_mhz: Some(1000), private_ns, ..Peak::default() };
+            let peak = Peak {
+                device: "gpu".into(),
+                max_clock_mhz: Some(1000),
+                private_ns,
+                ..crate::peak::fixtures::rates()
+            };
             Peak::write(&[peak], &folder.path().join(FILE)).unwrap();
             let run = Folder { path: folder.path().into(), ..Folder::default() };
             let test = "kind = 'latency', memory = 'private', cycles = 20, within = 2";
@@ -567,7 +571,7 @@ mod tests {
     }
 
     /// Returns the claim that a memory's latency differs from `cycles` by a factor of at most 1.1, evaluated on a run
-    /// that has this folder.
+    /// whose folder is `folder`.
     fn of_latency(folder: &Folder, memory: &str, cycles: u32) -> Claim {
         let test = format!("kind = 'latency', memory = '{memory}', cycles = {cycles}, within = 1.1");
         claim_in(folder, &test, &[&[measured("gpu", "naive", 8, 10.0)]])
@@ -584,7 +588,7 @@ mod tests {
             private_array_ns: of(by * 30.0),
             local_ns: of(by * 40.0),
             global_ns: of(by * 400.0),
-            ..Peak::default()
+            ..crate::peak::fixtures::rates()
         };
         let write = |max_clock_mhz| {
             let both = [peak("other", 7.0, Some(1000)), peak("gpu", 0.5, max_clock_mhz)];

@@ -100,7 +100,8 @@ impl Ratio {
     }
 }
 
-/// Says what a verdict needs if times are below the timer's resolution. More samples do not help.
+/// If times are below the timer's resolution, a verdict does not need more samples, but longer frames; this text says
+/// so.
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: these are shorter than a step of the device's timer";
 

@@ -57,8 +57,8 @@ impl Verdict {
     }
 }
 
-/// Whether a run has the data of a comparison. If no run has the data, the page shows the line of the run whose value
-/// comes first in the order of these values.
+/// Whether a run has the data of a comparison. If no run has the data, the page shows the result line of the run whose
+/// value comes first in the order of these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Data {
     /// The run has the data.

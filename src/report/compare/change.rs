@@ -56,7 +56,7 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns the references of points that were measured in the same rounds, `beside` each other. The references are the
+/// Returns the references of the points `beside`, which were measured in the same rounds. The references are the
 /// baselines that both runs measured in these rounds with the same program. Without such baselines, the references are
 /// the kernels of the same rounds whose times changed by similar factors. Fewer than three kernels are no references,
 /// since it cannot be known which of two kernels changed.

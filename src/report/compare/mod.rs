@@ -1,6 +1,7 @@
 //! Compares two folders of results, and judges whether each point is faster, slower, the same or unclear.
 
 mod change;
+mod notes;
 mod page;
 mod pair;
 mod regressions;
@@ -9,16 +10,17 @@ mod tests;
 
 pub use pair::{Against, Pair};
 
-use super::merged::{labels, merged};
+use super::merged::{device_names, labels, merged};
 use crate::measure::Verdict;
 use crate::record::{
     Folder, HOST, MOVED, Outcome, Record, are_together, judge_with_anchors, latency_ns, median, significant,
     unshared_delay,
 };
 use change::References;
+use notes::{different_devices, which};
 use pair::{Both, name, percent};
 use serde::Serialize;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::hash::Hash;
 
 /// A pair of records in the form that `--json` prints.
@@ -48,6 +50,8 @@ pub struct Comparison {
     pub others: Vec<String>,
     /// The lines of `others` for points that were measured before and fail now.
     pub broken: Vec<String>,
+    /// The names of the points that were measured in the first folder and that the second folder lacks.
+    lost: Vec<String>,
     /// True if a point that both folders have has different outcomes in them.
     pub has_changed_outcomes: bool,
     /// The notes of the folders, and notes on how the folders were compared.
@@ -60,6 +64,15 @@ pub struct Comparison {
     controls: Vec<[Record; 2]>,
     /// True if a folder has several devices, so that the name of a point must include its device.
     several_devices: bool,
+}
+
+/// What corresponding records of the two folders have in common.
+#[derive(PartialEq, Eq, Hash)]
+enum Point {
+    /// The key, if both folders have a record with this key.
+    Key(String),
+    /// The scene's content or name, the image size, the device, the strategy's name and the local size.
+    Names(String, [u32; 2], String, String, Option<[u32; 2]>),
 }
 
 /// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other.
@@ -86,34 +99,54 @@ impl Comparison {
     /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is 2%. If
     /// `bare` is true, times are compared without an anchor or baselines.
     ///
-    /// Points correspond if their scenes, image sizes, strategies and local sizes are equal.
-    /// Devices correspond if their names are equal. If each folder has a single device, the two
-    /// devices also correspond, so that results of different machines can be compared. Scenes
-    /// correspond if their contents are equal. If either folder did not record the contents, scenes
-    /// correspond if their names are equal.
+    /// Points correspond if their records have the same key. Points without a record of the same key in the other
+    /// folder correspond if their scenes, image sizes, strategies' names and local sizes are equal, and their devices
+    /// correspond. Devices correspond if their names are equal, or if records with equal keys show that they are the
+    /// same. If each folder has a single device, the two devices also correspond, so that results of different machines
+    /// can be compared. Scenes correspond if their contents are equal. If either folder did not record the contents,
+    /// scenes correspond if their names are equal.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let [before, after] = &judged_with_anchors([before, after]);
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
         let by_content = [before, after].iter().all(|folder| has_content(folder));
+        let common: HashSet<&str> = keys(before).intersection(&keys(after)).copied().collect();
+        let names = device_names(&before.records, &after.records);
         let point = |record: &Record| {
-            let device = if one_each && !record.is_baseline() { "the device" } else { &record.device };
+            if common.contains(record.key.as_str()) {
+                return Point::Key(record.key.clone());
+            }
+            let device = names.get(&record.device).unwrap_or(&record.device);
+            let device = if one_each && !record.is_baseline() { "the device" } else { device };
             let scene = record.scene_hash.as_ref().filter(|_| by_content).unwrap_or(&record.scene);
-            (scene.clone(), record.image_size, device.to_owned(), record.name.clone(), record.local_size)
+            let (device, name) = (device.to_owned(), record.name.clone());
+            Point::Names(scene.clone(), record.image_size, device, name, record.local_size)
         };
         let after_records = merged(std::slice::from_ref(after));
         let mut unmatched: HashMap<_, _> =
             after_records.iter().map(|record| (point(record), record)).collect();
         let mut comparison = Self::without_points([before, after], threshold);
         let mut only = [Vec::new(), Vec::new()];
+        let mut corresponding = BTreeSet::new();
         for record in merged(std::slice::from_ref(before)) {
             match unmatched.remove(&point(&record)) {
-                Some(other) => comparison.add(record, other),
+                Some(other) => {
+                    // A device that only has another name in the second folder does not differ.
+                    let is_renamed =
+                        record.device != other.device && names.get(&record.device) == Some(&other.device);
+                    if !is_renamed {
+                        corresponding.insert([record.device.clone(), other.device.clone()]);
+                    }
+                    comparison.add(record, other);
+                }
                 None => only[0].push(record),
             }
         }
         only[1].extend(after_records.iter().filter(|record| unmatched.contains_key(&point(record))).cloned());
         comparison.controls = pairs_of_controls([before, after], &comparison.pairs, point);
         comparison.say_what_only_one_has(&only, by_content);
+        let lost = only[0].iter().filter(|record| record.outcome == Outcome::Measured);
+        comparison.lost = lost.map(|record| name(record, comparison.several_devices)).collect();
+        comparison.notes.extend(different_devices([before, after], &comparison.labels, &corresponding));
         comparison.notes.extend(moved_between([before, after], &comparison.labels));
         comparison.judge(bare);
         comparison
@@ -165,6 +198,7 @@ impl Comparison {
             pairs: Vec::new(),
             others: Vec::new(),
             broken: Vec::new(),
+            lost: Vec::new(),
             has_changed_outcomes: false,
             notes,
             threshold,
@@ -177,9 +211,9 @@ impl Comparison {
     /// scene of the same name with different content, adds a single line for that scene.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2], by_content: bool) {
         let contents = only.each_ref().map(|records| contents(records));
-        let changed = |record: &Record, others: &HashMap<&str, HashSet<Option<&str>>>| {
+        let changed = |record: &Record, others: &Contents<'_>| {
             let is_other = |other: &Option<&str>| *other != record.scene_hash.as_deref();
-            by_content && others.get(record.scene.as_str()).is_some_and(|hashes| hashes.iter().any(is_other))
+            by_content && others.get(&sized(record)).is_some_and(|hashes| hashes.iter().any(is_other))
         };
         let mut said: HashSet<String> = self.others.iter().cloned().collect();
         for (label, records) in only.iter().enumerate() {
@@ -260,17 +294,14 @@ impl Comparison {
         let names: Vec<String> =
             self.pairs.iter().filter(is_in_common).map(|pair| pair.point(self.several_devices)).collect();
         let all = self.pairs.iter().filter(|pair| pair.change.is_some()).count();
-        let (which, changes) = match names.len() {
+        let (points, changes) = match names.len() {
             0 => return None,
             count if count == all => ("the points".to_owned(), "Changes"),
-            count if count > 4 => {
-                (format!("{count} of the points ({}, ...)", names[..4].join("; ")), "Their changes")
-            }
-            _ => (format!("these points: {}", names.join("; ")), "Their changes"),
+            _ => (which(&names), "Their changes"),
         };
         Some(format!(
             "No baseline was measured in both folders, with the same program and the same settings, in the same rounds \
-             as {which}. {changes} are therefore relative to the points that changed by similar factors, so a change that \
+             as {points}. {changes} are therefore relative to the points that changed by similar factors, so a change that \
              all points share cannot be detected."
         ))
     }
@@ -281,7 +312,8 @@ impl Comparison {
         self.pairs.iter().map(Pair::both).chain(self.controls()).collect()
     }
 
-    /// Returns the pairs of records of control points that blocks borrowed.
+    /// Returns the pairs of records of control points that blocks borrowed (measured although the control points belong
+    /// to other blocks).
     fn controls(&self) -> impl Iterator<Item = Both<'_>> {
         self.controls.iter().map(|[before, after]| (before, after))
     }
@@ -306,6 +338,7 @@ impl Comparison {
         }
         self.notes.extend(self.delays());
         self.notes.extend(self.without_baseline());
+        self.notes.extend(self.cannot_tell());
         if self.has_change(Against::BareTimes) {
             self.notes.push(
                 "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
@@ -375,18 +408,26 @@ fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
     ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
 }
 
-/// Returns the contents of each scene, by the scene's name. `None` stands for unknown content.
-fn contents(records: &[Record]) -> HashMap<&str, HashSet<Option<&str>>> {
-    let mut contents: HashMap<&str, HashSet<Option<&str>>> = HashMap::new();
+/// The contents of scenes, by the scene's name and the image size. If raycl places a scene's camera, the content
+/// depends on the image size. `None` stands for unknown content.
+type Contents<'r> = HashMap<(&'r str, [u32; 2]), HashSet<Option<&'r str>>>;
+
+fn contents(records: &[Record]) -> Contents<'_> {
+    let mut contents = Contents::new();
     for record in records {
-        contents.entry(&record.scene).or_default().insert(record.scene_hash.as_deref());
+        contents.entry(sized(record)).or_default().insert(record.scene_hash.as_deref());
     }
     contents
 }
 
+/// Returns the name of a record's scene, and the image size.
+fn sized(record: &Record) -> (&str, [u32; 2]) {
+    (&record.scene, record.image_size)
+}
+
 /// Returns the pairs of records of the same control point that were measured in the same rounds as a pair of compared
-/// points. At least one of the two records is that of a block that borrowed the control point. `point` returns what
-/// corresponding records have in common.
+/// points. At least one of the two records is that of a block that borrowed the control point (measured it although it
+/// belongs to another block). `point` returns what corresponding records have in common.
 fn pairs_of_controls<P: Eq + Hash>(
     folders: [&Folder; 2],
     compared: &[Pair],
@@ -413,8 +454,9 @@ fn pairs_of_controls<P: Eq + Hash>(
 }
 
 /// Returns copies of the folders in which each record also has its times relative to the times of the records and
-/// anchors that were measured together with it. These records include the control points that blocks borrowed. The
-/// intervals of the times themselves do not change: they are the same as in reports and tables.
+/// anchors that were measured together with it. These records include the control points that blocks measured only to
+/// be compared with other blocks. The intervals of the times themselves do not change: they are the same as in reports
+/// and tables.
 ///
 /// Without processor times, the preempted samples of an anchor are unknown, so all of its samples remain. If preempted
 /// samples (samples that other programs delayed) were left out in one folder only, the anchor would seem to be slower
@@ -435,6 +477,10 @@ fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
         folder.controls = folder.records.split_off(count);
         folder
     })
+}
+
+fn keys(folder: &Folder) -> HashSet<&str> {
+    folder.records.iter().map(|record| record.key.as_str()).collect()
 }
 
 fn devices(folder: &Folder) -> Vec<&str> {

@@ -148,8 +148,8 @@ fn mean<'a>(
 
 /// Returns the mean change of points that were measured together, on one device; `None` if it is unknown. Without an
 /// anchor and without baselines, the change is relative to points that are not part of the mean, so it is unknown for
-/// the mean of all points. `controls` are the control points of the mean's strategy that blocks borrowed. Like the
-/// group's own points, they are not used as references.
+/// the mean of all points. `controls` are the control points of the mean's strategy that a block measured only to be
+/// compared with other blocks. Like the group's own points, they are not used as references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],
@@ -163,9 +163,9 @@ fn change_of_group<'a>(
         Against::BareTimes => mean_relative_to_earlier(&after, &before),
         Against::Anchor => {
             let change = anchored_mean(&after)?.over(anchored_mean(&before)?);
-            // A point's delay is a logarithm. It changes the logarithm of the mean by the delay divided by the number
-            // of points. A positive and a negative delay both widen the interval, so they must not cancel in a sum, but
-            // are applied one after the other.
+            // A point's delay is the logarithm of the factor by which the point's change may be too large. It changes
+            // the logarithm of the mean by the delay divided by the number of points. A positive and a negative delay
+            // both widen the interval, so they must not cancel in a sum, but are applied one after the other.
             let delay_of = |(before, after): &Both<'_>| unshared_delay(before, after) / points.len() as f64;
             Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
         }

@@ -210,8 +210,11 @@ fn a_machine_of_two_speeds_is_no_regression() {
 
 #[test]
 fn a_scene_that_was_edited_is_another() {
-    let of_scene =
-        |hash: &str, name: &str| Record { scene_hash: Some(hash.into()), ..timed("a", name, 10.0) };
+    let of_scene = |hash: &str, name: &str| Record {
+        scene_hash: Some(hash.into()),
+        key: format!("{hash} {name}"),
+        ..timed("a", name, 10.0)
+    };
     let before = folder("old", vec![of_scene("1", "naive"), of_scene("1", "wide")]);
     let after = folder("new", vec![of_scene("2", "naive"), of_scene("2", "wide")]);
     let comparison = of(&before, &after);
@@ -221,7 +224,11 @@ fn a_scene_that_was_edited_is_another() {
 
 #[test]
 fn scenes_correspond_by_name_if_a_folder_has_not_recorded_their_content() {
-    let known = |name: &str| Record { scene_hash: Some("a".into()), ..timed("a", name, 10.0) };
+    let known = |name: &str| Record {
+        scene_hash: Some("a".into()),
+        key: format!("of another program: {name}"),
+        ..timed("a", name, 10.0)
+    };
     let before = folder("old", vec![timed("a", "naive", 10.0)]);
     let comparison = of(&before, &folder("new", vec![known("naive")]));
     assert_eq!((comparison.pairs.len(), comparison.others.len()), (1, 0), "{:?}", comparison.others);
@@ -269,6 +276,88 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 cannot tell");
     let one = folder("one", vec![timed("a", "naive", 10.0)]);
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+}
+
+/// In the second run, the driver had one thread, because the user had set an environment variable.
+#[test]
+fn devices_whose_states_differ_are_named_with_what_differs() {
+    let run = |label: &str, device: &str, more: serde_json::Value| {
+        let mut described = serde_json::json!({
+            "device": device, "platform": "PoCL", "driver": "3.1", "compute_units": 2, "cores": 2,
+        });
+        let more = more.as_object().cloned().unwrap_or_default();
+        described.as_object_mut().unwrap().extend(more);
+        let environment = serde_json::json!({ "devices": [{ "device": "another" }, described] });
+        Folder { environment, ..folder(label, vec![timed(device, "naive", 10.0)]) }
+    };
+    let note = |before: &Folder, after: &Folder| {
+        of(before, after).notes.into_iter().find(|note| note.starts_with("The devices differ"))
+    };
+    let two = run("two", "a", serde_json::json!({ "threads": 2, "settings": ["X=1"] }));
+    let settings = ["POCL_MAX_PTHREAD_COUNT=1", "X=1"];
+    let one = run("one", "a", serde_json::json!({ "threads": 1, "compute_units": 1, "settings": settings }));
+    let expected = "The devices differ: two: a, 2 threads; one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
+    assert_eq!(note(&two, &one).as_deref(), Some(expected));
+    assert!(of(&two, &one).markdown().contains(&format!("\nNote: {expected}\n")));
+    let other = run("other", "b", serde_json::json!({ "driver": "5.0" }));
+    let plain = run("plain", "a", serde_json::json!({}));
+    let expected = "The devices differ: plain: a, driver 3.1; other: b, driver 5.0.";
+    assert_eq!(note(&plain, &other).as_deref(), Some(expected));
+    // Folders of earlier versions do not contain the settings and the number of threads.
+    assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
+}
+
+/// On the second machine, the device has a namesake, so its name is longer. The second config gives another name to a
+/// strategy, and the program of `wide` has changed.
+#[test]
+fn records_of_one_key_correspond_whatever_their_names_are() {
+    let before = ["naive", "wide", "bvh"].map(|name| timed("cpu", name, 10.0));
+    let [mut naive, mut wide, mut bvh] = before.clone();
+    naive.name = "mine".into();
+    wide.key = "of another program".into();
+    for record in [&mut naive, &mut wide, &mut bvh] {
+        record.device = "pocl-cpu".into();
+    }
+    let after = vec![naive, wide, bvh, timed("pocl-cpu-2", "naive", 10.0)];
+    let comparison = of(&folder("old", before.to_vec()), &folder("new", after));
+    let names = comparison.pairs.iter().map(|pair| [pair.before.name.as_str(), pair.after.name.as_str()]);
+    assert_eq!(names.collect::<Vec<_>>(), [["naive", "mine"], ["wide", "wide"], ["bvh", "bvh"]]);
+    assert_eq!(comparison.others, ["teapot 800 x 500, naive 8x8, pocl-cpu-2: only in new"]);
+    let notes = &comparison.notes;
+    assert!(notes.iter().all(|note| !note.starts_with("The devices differ")), "{notes:?}");
+    assert_eq!(comparison.lost_points(), None);
+}
+
+#[test]
+fn points_that_the_second_folder_lacks_are_noted() {
+    let points = ["naive", "wide", "bvh", "tile", "raster", "private"].map(|name| timed("a", name, 10.0));
+    let few = vec![points[0].clone(), points[1].clone(), infeasible("a", "deferred", 8, "no")];
+    let (all, few) = (folder("all", points.to_vec()), folder("few", few));
+    let note = of(&all, &few).lost_points().unwrap();
+    let first = "`--fail-on-regression` does not test these points: teapot 800 x 500, bvh 8x8; teapot";
+    assert!(note.starts_with(first) && note.ends_with("in all, and few has no records of them."), "{note}");
+    // The point that only the first folder has was not measured.
+    assert_eq!(of(&few, &all).lost_points(), None);
+    let many = of(&all, &folder("none", vec![infeasible("a", "naive", 8, "no")])).lost_points().unwrap();
+    assert!(
+        many.contains("does not test 5 of the points (teapot") && many.contains("raster 8x8, ...)"),
+        "{many}"
+    );
+}
+
+#[test]
+fn kernels_about_which_nothing_can_be_told_are_noted_with_the_reason() {
+    let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
+    let notes = of(&two, &two).notes;
+    let expected = "The verdict is \"cannot tell\" for these points: teapot 800 x 500, naive 8x8; teapot";
+    let is_said = |notes: &[String]| notes.iter().any(|note| note.starts_with(expected));
+    assert!(is_said(&notes), "{notes:?}");
+    assert!(!is_said(&Comparison::of(&two, &two, 0.02, true).notes));
+    // A single baseline cannot be compared with other baselines, which says nothing about the kernels.
+    let with_host =
+        |label: &str| folder(label, vec![timed("a", "naive", 10.0), timed("host", "serial", 10.0)]);
+    let notes = of(&with_host("old"), &with_host("new")).notes;
+    assert!(notes.iter().all(|note| !note.starts_with("The verdict is")), "{notes:?}");
 }
 
 /// Returns the records of a group of five points. `slow` returns the factor by which a point is slower than usual.
@@ -663,7 +752,8 @@ fn points_that_are_not_compared_are_named_with_their_device_too() {
     let absent = compared(&[&on_a, &on_b], &[&on_a, &timed("c", "naive", 10.0)]);
     let only = ["b: only in old", "c: only in new"].map(|end| format!("teapot 800 x 500, naive 8x8, {end}"));
     assert_eq!(absent.others, only);
-    // Two devices of different names are compared if each folder has only one device, so no point needs a device.
+    // Two devices of different names are compared if each folder has only one device, so the names of points do not
+    // include a device.
     let single = compared(&[&on_a], &[&fails("b")]);
     assert_eq!(single.others, ["teapot 800 x 500, naive 8x8: was measured, is infeasible"]);
 }

@@ -35,8 +35,8 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page. The name of the hatching pattern contains this name, which makes it unique
-    /// too.
+    /// A name that is unique on the page. The hatching pattern's name contains this name, so the pattern's name is
+    /// unique too.
     pub id: String,
     /// The map's title.
     pub title: String,

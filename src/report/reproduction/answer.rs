@@ -64,7 +64,7 @@ impl<'a> Contest<'a> {
         self.winner().zip(self.naive)
     }
 
-    /// Returns whether the naive kernel is the fastest or ties with the fastest.
+    /// Returns whether the kernel of the preset `naive` is the fastest or ties with the fastest.
     fn naive_ties(&self) -> bool {
         self.ranking.winners.iter().any(|record| record.preset.as_deref() == Some("naive"))
     }
@@ -155,8 +155,8 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the naive kernel, if known.
-/// If several sizes tie, returns these sizes or their number.
+/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the kernel of the preset
+/// `naive`, if known. If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
@@ -181,9 +181,9 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains why the best kernel is faster than the naive kernel, for the scene with the most
-/// triangles in which the naive kernel does not tie for fastest. The explanation consists of the memory traffic that
-/// the best kernel avoids, and of the properties of both compiled kernels.
+/// Explains why the best kernel is faster than the kernel of the preset `naive`. The explanation is for the scene with
+/// the most triangles in which the naive kernel does not tie with the fastest kernel. The explanation states the memory
+/// traffic that the best kernel avoids, and the properties of both compiled kernels.
 fn why(contests: &[Contest<'_>]) -> String {
     let known = || contests.iter().filter(|contest| contest.best_and_naive().is_some());
     let explained = known().find(|contest| !contest.naive_ties()).or(known().next());
@@ -235,8 +235,8 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties that are known for both the best and the naive kernel: "private: 62 registers (naive: 67),
-/// ...".
+/// Compares the properties that are known for both the best kernel and the kernel of the preset `naive`: "private: 62
+/// registers (naive: 67), ...".
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
@@ -249,8 +249,8 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns a text with the ratio of the naive kernel's best time to the best time of all kernels, and with the number
-/// of points that tie.
+/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels, and with the
+/// number of points that tie.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

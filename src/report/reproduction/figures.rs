@@ -73,8 +73,8 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// Returns the largest picture of a scene that a device cast. If several pictures have this size, the picture of the
-/// naive kernel is preferred.
+/// Returns the largest picture of a scene that a device cast. If several pictures have this size, the picture by the
+/// preset `naive` is preferred.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| run.groups.iter().map(move |group| (run.path(), group)));
     let own = groups.filter(|(_, group)| group.scene == scene && group.device == device);

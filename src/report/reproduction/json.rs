@@ -15,7 +15,8 @@ impl Reproduction {
     }
 }
 
-/// Returns a device's answer and claims. `drivers` has the driver's name for each common name.
+/// Returns a device's answer and claims. `drivers` has, for each common name of a device (the name that people know),
+/// the name that the driver reports.
 fn device(device: &Device, drivers: &HashMap<String, String>) -> Value {
     let answer = &device.answer;
     json!({

@@ -35,7 +35,8 @@ pub struct Reproduction {
     commands: Vec<String>,
     /// Names of the folders next to the page that have their own reports.
     reports: Vec<String>,
-    /// The driver's name of each device whose common name is another one, by the common name.
+    /// The names that drivers report, by the common names (the names that people know), for devices whose two names
+    /// differ.
     drivers: HashMap<String, String>,
 }
 
@@ -114,7 +115,8 @@ impl Reproduction {
 }
 
 /// Sorts runs by their image size: first the paper's size, then the other sizes in the order of the runs. Each part of
-/// the page uses the first size that has its points, so that all parts use the same size if they can.
+/// the page uses the first size at which the part's points were measured, so that all parts use the same size if they
+/// can.
 fn sort_by_size(runs: &mut [Run<'_>]) {
     let mut sizes = vec![PAPER_SIZE];
     sizes.extend(runs.iter().map(Run::image_size));

@@ -18,8 +18,8 @@ const REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Returns Figure 5 with the published values, the prediction for the paper's number of registers,
-/// and the prediction for the naive kernel's number of registers on this device, if known.
+/// Returns Figure 5 with the published values, the prediction for the paper's number of registers, and the prediction
+/// for the number of registers that the kernel of the preset `naive` has on this device, if known.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
@@ -59,8 +59,8 @@ fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
     mark(block, occupancy.threads, &format!("limited by {}", occupancy.limiter))
 }
 
-/// Returns the predicted number of resident threads of the naive kernel, from the number of
-/// registers that the device's compiler reported.
+/// Returns the predicted number of resident threads of the preset `naive`'s kernel, from the number of registers that
+/// the device's compiler reported.
 fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();

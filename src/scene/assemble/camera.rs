@@ -49,8 +49,9 @@ pub(super) fn base_camera(
 }
 
 /// Returns the camera: the base camera with the values that the scene file sets. If the file sets `position` but not
-/// `look_at`, the camera looks at the centre of the `ball` or, without a `ball`, in the base camera's direction. If the
-/// file sets `position` or `look_at` but not `up`, the y axis points up. An `up` of zeros is refused.
+/// `look_at`, the camera looks at the centre of the `ball` (the ball around the scene) or, without a `ball`, in the
+/// base camera's direction. If the file sets `position` or `look_at` but not `up`, the y axis points up. An `up` of
+/// zeros is refused.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,
@@ -63,7 +64,7 @@ pub(super) fn camera(
     let lens = Camera { tan_half_fov, fov_is_vertical, z_near, ..base };
     let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
     let up = given(&wire.up);
-    // With a ball, `up` has already determined the base camera.
+    // With a ball around the scene, `up` has already determined the base camera.
     let up_is_used = up.is_none() || ball.is_some() && up != Some(Vec3::ZERO);
     if wire.position.is_none() && wire.look_at.is_none() && up_is_used {
         return Ok(lens);

@@ -98,8 +98,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // Without a scene file, the document was made for this mesh, so `document.quotes` also says whether messages may
-    // quote the mesh's file.
+    // For a mesh without a scene file, raycl has made the document (the text of a scene file) itself. In this case,
+    // `document.quotes` says whether messages may quote the mesh's file.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
@@ -230,7 +230,7 @@ fn room_for(shape: &Shape) -> Result<()> {
 /// For each face, a list of the numbers of its vertices or of its normals, from 0.
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
-/// Returns inline triangles.
+/// Returns the mesh of an object whose vertices and faces are in the scene file itself.
 fn inline(
     document: &Document,
     wire: &ObjectWire,

@@ -13,7 +13,8 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// Returns the sky of a scene file. `is_seen` says whether rays that hit nothing see the sky's picture. Adds a note if
-/// the picture has values that are negative or not a number.
+/// the picture has values that are negative or not a number, and notes on properties of the picture that raycl ignores,
+/// such as other primary colours than those of sRGB.
 pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,
@@ -28,11 +29,12 @@ pub(super) fn build(
             return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
         }
         (Some(file), _) => {
-            let FileTexels { size, texels, invalid } = texels(document, wire, file, cache)?;
-            notes.extend((invalid > 0).then(|| {
-                let (file, texels) = (file.get_ref(), counted(invalid, "texel"));
-                format!("the sky's picture `{file}` has negative values or NaN in {texels}; they count as 0")
+            let FileTexels { size, texels, invalid, mut remarks } = texels(document, wire, file, cache)?;
+            remarks.extend((invalid > 0).then(|| {
+                format!("has negative values or NaN in {}; they count as 0", counted(invalid, "texel"))
             }));
+            let name = file.get_ref();
+            notes.extend(remarks.iter().map(|remark| format!("the sky's picture `{name}` {remark}")));
             let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
             Some(Arc::new(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen }))
         }
@@ -61,9 +63,12 @@ fn texels(
         let quotes = document.quotes || lies_in(&path, &document.folder);
         let why = if quotes { why } else { "cannot be used".to_owned() };
         let message = format!("the sky's picture `{}` {why}", path.display());
-        let meant = nearest_file(&path).filter(|_| !path.is_file());
+        let error = document.error(file.span(), message, "here");
+        if path.is_file() {
+            return error;
+        }
+        let meant = nearest_file(&path);
         let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
-        let help = format!("{meant}the path is relative to the scene file's folder");
-        document.error(file.span(), message, "here").with_help(help)
+        error.with_help(format!("{meant}the path is relative to the scene file's folder"))
     })
 }

@@ -230,8 +230,8 @@ fn numbers_out_of_their_range_are_refused() {
         load_scene_with(&path, &[]).map(drop).map_err(|error| error.to_string())
     };
     for (good, bad, expected) in [
-        ("background = 0", "background = -0.5", "at least 0"),
-        ("background = [0, 1, 0]", "background = [0, -1, 0]", "at least 0"),
+        ("background = 1e28", "background = 2e28", "2e28 is not a number from 0 to 1e28"),
+        ("background = [0, 1, 0]", "background = [0, -1, 0]", "from 0 to 1e28"),
         ("display.gamma = 1", "display.gamma = 0", "more than 0"),
         ("camera.elevation_degrees = -90", "camera.elevation_degrees = -91", "from -90 to 90 degrees"),
         ("camera.azimuth_degrees = 1e30", "camera.azimuth_degrees = 1e39", "a finite number"),
@@ -252,6 +252,25 @@ fn numbers_out_of_their_range_are_refused() {
         let error = outcome(bad).unwrap_err();
         assert!(error.contains(expected), "{bad}: {error}");
     }
+}
+
+#[test]
+fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
+    let note = |text: &str| {
+        let notes = loaded(text).unwrap().notes;
+        notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
+    };
+    let black = note("background = \"white\"\ndisplay.exposure = 0\n");
+    let start =
+        "the background #ffffff is displayed as #000000: with display.exposure = 0.0 and display.gamma =";
+    assert!(black.contains(start), "{black}");
+    // The radiance would be 1e30 or, for the dark grey, less than the least number of single precision.
+    assert_ne!(note("background = \"white\"\ndisplay.exposure = 1e-30\n"), "");
+    assert_ne!(note("background = \"#202020\"\ndisplay.gamma = 100\n"), "");
+    for colour in ["#000000", "#203040", "#ffffff"] {
+        assert_eq!(note(&format!("background = \"{colour}\"\n")), "", "{colour}");
+    }
+    assert_eq!(note("background = 0.5\ndisplay.exposure = 0\n"), "");
 }
 
 #[test]
@@ -279,6 +298,36 @@ fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
     let bias = |values: &[(String, Value)]| load_scene_with(&path, values).unwrap().scene.shadow_bias;
     assert!((bias(&[]) - 5e-4).abs() < 1e-9, "{}", bias(&[]));
     assert_eq!(bias(&[("shadow_bias".to_owned(), Value::Float(0.25))]), 0.25);
+}
+
+/// Near the origin, the default shadow bias must be, bit for bit, the bias with which the stored records were measured.
+#[test]
+fn far_from_the_origin_the_shadow_bias_exceeds_the_rounding_of_coordinates_and_the_scene_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let bias_and_note = |surface: f32, eye: f32| {
+        let object = "[[object]]\nvertices = [[0, 0, 0], [3, 0, 0], [0, 4, 0]]\nfaces = [[0, 1, 2]]\n";
+        let camera = format!("[camera]\nposition = [{eye}, 1, 3]\n");
+        std::fs::write(&path, format!("{camera}{object}translation = [{surface}, 0, 0]\n")).unwrap();
+        let loaded = load_scene_with(&path, &[]).unwrap();
+        let note = loaded.notes.into_iter().find(|note| note.contains("coordinates reach"));
+        (loaded.scene.shadow_bias, note.unwrap_or_default())
+    };
+    let usual = 1e-4 * 5.0_f32;
+    let far = |coordinate: f32| 8.0 * f32::EPSILON * coordinate;
+    for (surface, eye, bias, is_noted) in [
+        (0.0, 0.0, usual, false),
+        (-400.0, -400.0, usual, false),
+        (4000.0, 4000.0, far(4003.0), false),
+        (-50_000.0, -50_000.0, far(50_000.0), true),
+        (0.0, 100_000.0, far(100_000.0), false),
+    ] {
+        let (actual, note) = bias_and_note(surface, eye);
+        assert_eq!((actual, !note.is_empty()), (bias, is_noted), "{surface}, {eye}: {note}");
+    }
+    let note = bias_and_note(-50_000.0, 0.0).1;
+    assert!(note.contains("diagonal of the scene's box is only 5, but coordinates reach 50000"), "{note}");
+    assert!(note.contains("subtract about [-49998.5, 2, 0] from"), "{note}");
 }
 
 #[test]
@@ -481,6 +530,51 @@ fn a_sky_is_either_a_picture_or_colours() {
 }
 
 #[test]
+fn a_skys_picture_that_is_not_what_it_is_used_as_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let object = "[[object]]\nshape = \"ground\"\n";
+    std::fs::write(folder.path().join("a.toml"), format!("[sky]\npicture = \"sky\"\n{object}")).unwrap();
+    let (scene, picture) = (folder.path().join("a.toml"), folder.path().join("sky"));
+    let notes = || {
+        let notes = load_scene_with(&scene, &[]).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("sky's picture")).collect::<Vec<_>>()
+    };
+    let hdr = |lines: &str| {
+        let header = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{lines}\n-Y 1 +X 2\n");
+        std::fs::write(&picture, [header.as_bytes(), &[128_u8, 64, 32, 129].repeat(2)].concat()).unwrap();
+    };
+    hdr("");
+    assert_eq!(notes(), [""; 0]);
+    hdr("PRIMARIES=0.68 0.32 0.265 0.69 0.15 0.06 0.3127 0.329\n");
+    let start = "the sky's picture `sky` has other primaries than sRGB (red at 0.68 0.32,";
+    assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
+    image::Rgb32FImage::new(4, 4).save_with_format(&picture, image::ImageFormat::OpenExr).unwrap();
+    let start = "the sky's picture `sky` has 4 x 4 texels, but is used as an equirectangular picture";
+    assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
+}
+
+/// The path is right if its file can be opened, so the remedy is not about paths.
+#[test]
+fn a_skys_picture_without_colours_is_refused_with_its_channels() {
+    use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage as _};
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, picture] = ["a.toml", "sky.exr"].map(|name| folder.path().join(name));
+    let brightness = AnyChannel::new("Y", FlatSamples::F32(vec![0.5; 8]));
+    let channels = AnyChannels::sort([brightness].into_iter().collect());
+    let image = Image::from_encoded_channels((4, 2), Encoding::SMALL_LOSSLESS, channels);
+    image.write().to_file(&picture).unwrap();
+    let refused = |picture: &str| {
+        std::fs::write(&scene, format!("[sky]\npicture = \"{picture}\"\n[[object]]\nshape = \"ground\"\n"))
+            .unwrap();
+        load_scene_with(&scene, &[]).unwrap_err()
+    };
+    let error = refused("sky.exr");
+    assert!(error.to_string().contains("sky.exr` has the channels Y; expected R, G and B"), "{error}");
+    assert!(!error.remedy().contains("relative"), "{}", error.remedy());
+    assert!(refused("skies.exr").remedy().contains("the path is relative to the scene file's folder"));
+}
+
+#[test]
 fn faces_and_normals_that_do_not_fit_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
@@ -578,7 +672,7 @@ fn a_note_without_text_of_the_file_is_shown_for_a_mesh_of_another_folder() {
         .replace(r#"{"camera": 0, "#, r#"{"camera": 0, "translation": [0, 0, 9]}, {"camera": 0, "#)
         .replace("[0, 1]", "[0, 1, 2]");
     std::fs::write(&path, two).unwrap();
-    let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[], None).unwrap().notes;
+    let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[], Shot::SQUARE).unwrap().notes;
     assert_eq!(notes(folder.path()).len(), 1);
     assert_eq!(notes(Path::new("/elsewhere")), notes(folder.path()));
 }

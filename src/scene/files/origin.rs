@@ -40,7 +40,7 @@ impl Placement {
     /// The placement that changes nothing.
     pub const IDENTITY: Self = Self { origin: DVec3::ZERO, scale: 1.0 };
 
-    /// Returns the placement of a mesh with these bounds.
+    /// Returns the placement (the vector and the power of two) for a mesh with these bounds.
     pub fn of(low: DVec3, high: DVec3) -> Self {
         let (centre, radius) = ((low + high) / 2.0, length(high - low) / 2.0);
         Self { origin: origin_of(centre, radius), scale: scale_of(radius) }
@@ -128,8 +128,9 @@ fn length(vector: DVec3) -> f64 {
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
 }
 
-/// Returns positions in single precision, and their placement. Positions that no triangle uses do not decide the
-/// placement, and need not be finite: scanners write NaN or zeros for points that they did not measure.
+/// Returns positions in single precision, and their placement (how they were moved and scaled). Positions that no
+/// triangle uses do not decide the placement, and need not be finite: scanners write NaN or zeros for points that they
+/// did not measure.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
     settle_if(positions, triangles, |_| true)
 }
@@ -155,7 +156,8 @@ pub(super) fn settle_if(
     Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns the placement of a mesh or an outline with these positions. Positions that are not valid are ignored.
+/// Returns the placement (how positions are moved and scaled) for a mesh or an outline with these positions. Positions
+/// that are not valid are ignored.
 pub(super) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
     let valid = positions.filter(|position| is_valid(position));
     let (low, high) = valid.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {

@@ -38,13 +38,13 @@ pub(in crate::scene) struct Usage {
 }
 
 impl Usage {
-    /// Returns the use of a picture as a colour.
+    /// Returns the usage of a picture that gives surfaces their colour.
     pub fn colour(wrap: [Wrap; 2]) -> Self {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the use of a picture as a mask with holes where alpha is less than `least_alpha`, a
-    /// number from 0 to 1.
+    /// Returns the usage of a picture that is a mask: surfaces have holes where the picture's alpha is less than
+    /// `least_alpha`, a number from 0 to 1.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }

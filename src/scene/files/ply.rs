@@ -80,7 +80,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the mistake that `ply-rs-bw` found, without the file's text.
+/// Returns the mistake that the crate `ply-rs-bw` found, without the file's text.
 fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
@@ -206,7 +206,7 @@ struct Parts {
     /// The colour of each face; empty if the colours of faces are not used.
     face_colours: Vec<Colour>,
     strips: Vec<Face>,
-    /// Elements of other types: name and count.
+    /// The other types of elements: the name of each type, and the number of its elements.
     others: Vec<(String, usize)>,
 }
 

@@ -124,7 +124,7 @@ fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
     notes
 }
 
-/// Returns three corners per triangle.
+/// Returns the corners of the triangles of a binary file, three corners per triangle.
 fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
@@ -329,7 +329,8 @@ mod tests {
         }
     }
 
-    /// When equal corners are joined, all of these lists are in memory, besides the bytes of the file.
+    /// When equal corners are joined, all lists whose sizes this test adds up are in memory, besides the bytes of the
+    /// file.
     #[test]
     fn a_binary_file_is_refused_if_its_corners_cannot_be_joined() {
         let (corners, sorted, numbers, positions, triangle) = (3 * 24, 3 * 32, 3 * 4, 3 * 24, 28);

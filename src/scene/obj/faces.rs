@@ -1,5 +1,6 @@
 //! The second pass over an OBJ file: reads faces, cuts them into triangles, and checks every index.
 
+use super::coordinates::Coordinates;
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
@@ -23,11 +24,11 @@ pub(super) struct Start<'a> {
 
 /// Returns a [`Start`] for each piece of the file, followed by one for the end of the file. `coordinates` has the
 /// texture coordinates of each piece, or is empty.
-pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]) -> Vec<Start<'a>> {
+pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
     for (number, chunk) in points.iter().enumerate() {
-        start.coordinates += coordinates.get(number).map_or(0, Vec::len);
+        start.coordinates += coordinates.get(number).map_or(0, Coordinates::count);
         start.positions += chunk.positions.len();
         start.normals += chunk.normals.len();
         start.material = chunk.last_material.as_deref().unwrap_or(start.material);
@@ -42,7 +43,7 @@ pub(super) struct FaceContext<'a> {
     /// The normals that are not valid, in order.
     pub odd_normals: &'a [Odd],
     pub total: Start<'a>,
-    /// Indices of materials; 0 is the default material.
+    /// The index of each material, by the material's name; index 0 is the default material.
     pub materials: &'a HashMap<String, u32>,
     /// True if texture coordinates were read.
     pub mapped: bool,

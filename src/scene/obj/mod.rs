@@ -11,6 +11,7 @@
 //! texture, another pass between these two reads texture coordinates.
 
 mod asked;
+mod coordinates;
 mod faces;
 mod mtl;
 mod notes;
@@ -26,6 +27,7 @@ use super::files::{MeshFile, Placement, colours_note, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
+use coordinates::Coordinates;
 use faces::{FaceChunk, FaceContext};
 use glam::Vec3;
 use points::{PointChunk, Reading};
@@ -123,7 +125,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
     if mapped {
         let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
-        let texture_coordinates = FaceCoordinates { coordinates: coordinates.concat(), corners };
+        let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
         textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
     }
     paint_vertices(&mut mesh, &points, &mut notes);
@@ -176,9 +178,9 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     notes.push(colours_note(coloured));
 }
 
-/// Returns the points of all pieces, and their placement. If `reading` does not know the placement, all vertices decide
-/// it. If a mesh is far from its origin, or is extremely small or large, its bounds and points are read again in double
-/// precision.
+/// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If `reading` does
+/// not know the placement, all vertices decide it. If a mesh is far from its origin, or is extremely small or large,
+/// its bounds and points are read again in double precision.
 fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placement) {
     let read = |reading: &Reading| {
         let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, reading)).collect();
@@ -199,8 +201,9 @@ fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placeme
     (read(&Reading { placement: Some(placement), ..*reading }), placement)
 }
 
-/// Returns the placement that the vertices' bounding box in double precision determines. Only the vertices count that
-/// `counts` accepts; its arguments are the number of a piece, and the vertex's number within this piece.
+/// Returns the placement (how the mesh is moved and scaled) that the vertices' bounding box in double precision
+/// determines. Only the vertices count that `counts` accepts; its arguments are the number of a piece, and the vertex's
+/// number within this piece.
 fn exact_placement(
     chunks: &[Chunk],
     points: &[PointChunk],
@@ -214,9 +217,9 @@ fn exact_placement(
     bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
 }
 
-/// Returns the placement that the vertices of faces decide, if it differs from `placement`, which all vertices of the
-/// file decided. The mesh must then be read again: `placement` scales it in another way, or leaves it far from the
-/// origin or of extreme size.
+/// Returns the placement (how the mesh is moved and scaled) that the vertices of faces decide, if it differs from
+/// `placement`, which all vertices of the file decided. The mesh must then be read again: `placement` scales it in
+/// another way, or leaves it far from the origin or of extreme size.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,
@@ -240,8 +243,8 @@ fn placement_of_used(
 }
 
 /// Returns the texture coordinates of each piece; they are only read if a material has a texture.
-fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Vec<[f32; 2]>> {
-    let (coordinates, odd): (_, Vec<Seen>) = chunks.par_iter().map(points::texture_coordinates).unzip();
+fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Coordinates> {
+    let (coordinates, odd): (_, Vec<Seen>) = chunks.par_iter().map(coordinates::read).unzip();
     odd::note_coordinates(odd.into_iter().fold(Seen::default(), Seen::joined), source, notes);
     coordinates
 }

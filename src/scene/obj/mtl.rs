@@ -40,8 +40,8 @@ pub(in crate::scene) struct Reach<'a> {
 }
 
 /// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a material of
-/// the same name, the file in the last of their `mtllib` lines counts and, if this line names several of them, the
-/// first of these. The specification of OBJ demands this order.
+/// the same name, the last `mtllib` line that names one of these files decides which file counts. If this line names
+/// several of these files, the first of them counts. The specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,

@@ -3,8 +3,9 @@
 //! them in no face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture
 //! coordinate that is not valid counts as missing.
 
+use super::coordinates::mistake_in_coordinate;
 use super::faces::Start;
-use super::points::{PointChunk, is_large, mistake_in_coordinate, mistake_in_normal, mistake_in_vertex};
+use super::points::{PointChunk, is_large, mistake_in_normal, mistake_in_vertex};
 use super::text::{Mistake, Seen, Source, keyword};
 use crate::scene::Mesh;
 use crate::words::counted_are;

@@ -3,7 +3,7 @@
 
 use super::asked::Asked;
 use super::odd::Odd;
-use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};
+use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::files::{Placement, linear};
 use crate::scene::validate::MAX_COORDINATE;
@@ -218,30 +218,6 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     notes.extend((flat > 0).then(note));
 }
 
-/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN, and are counted.
-pub(super) fn texture_coordinates(chunk: &Chunk) -> (Vec<[f32; 2]>, Seen) {
-    let mut odd = Seen::default();
-    let lines = chunk.lines().map(|(offset, line)| (offset, keyword(line)));
-    let coordinates = lines.filter(|(_, (word, _))| *word == b"vt").map(|(offset, (_, rest))| {
-        texture_coordinate(offset, rest).unwrap_or_else(|_| {
-            odd.at(offset);
-            [f32::NAN; 2]
-        })
-    });
-    (coordinates.collect(), odd)
-}
-
-/// Reads the two numbers of a texture coordinate. The second number may be missing, and a third number is ignored.
-fn texture_coordinate(offset: usize, rest: &[u8]) -> Result<[f32; 2], Mistake> {
-    let mut tokens = tokens(rest);
-    let mut next = |usual: Option<&'static [u8]>| {
-        let token = tokens.next().or(usual).unwrap_or_default();
-        let wrong = "in a texture coordinate (vt); expected a finite decimal number";
-        number(token).ok_or_else(|| Mistake::new(offset, format!("{} {wrong}", quoted(token))))
-    };
-    Ok([next(None)?, next(Some(b"0"))?])
-}
-
 /// Returns the number of a smoothing group; a missing number means `off`.
 fn smoothing_group(rest: &[u8]) -> String {
     match tokens(rest).next() {
@@ -260,12 +236,6 @@ pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8]) -> Mistake {
 pub(super) fn mistake_in_normal(offset: usize, rest: &[u8]) -> Mistake {
     let none = |_| Mistake::new(offset, "a normal is not valid");
     vector(offset, "normal", &mut tokens(rest)).map_or_else(|mistake| mistake, none)
-}
-
-/// Returns the mistake in a texture coordinate that is not valid.
-pub(super) fn mistake_in_coordinate(offset: usize, rest: &[u8]) -> Mistake {
-    let none = |_| Mistake::new(offset, "a texture coordinate is not valid");
-    texture_coordinate(offset, rest).map_or_else(|mistake| mistake, none)
 }
 
 fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<Vec3, Mistake> {

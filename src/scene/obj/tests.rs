@@ -366,6 +366,8 @@ fn many_chunks_read_as_one() {
     assert!(message(&text).contains("test.obj:160001:"));
 }
 
+/// Returns files with vertices, normals and triangles. One large triangle at the origin is in all files, so that no
+/// mesh is so far from the origin that it is centred.
 fn obj_text() -> impl Strategy<Value = String> {
     let vertex = prop::array::uniform3(1e-2_f32..1e3);
     let counts = (prop::collection::vec(vertex, 3..40), prop::collection::vec(any::<[u32; 6]>(), 1..60));
@@ -375,6 +377,7 @@ fn obj_text() -> impl Strategy<Value = String> {
             text.push_str(&format!("v {x} {y} {z}\nvn {z} {x} {y}\n"));
         }
         let count = vertices.len() as u32;
+        text.push_str("v 0 0 0\nv 1000 0 0\nv 0 1000 1000\nf -3//1 -2//1 -1//1\n");
         for face in faces {
             let [a, b, c, d, e, f] = face.map(|index| 1 + index % count);
             text.push_str(&format!("f {a}//{d} {b}//{e} {c}//{f}\n"));

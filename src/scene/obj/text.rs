@@ -10,7 +10,7 @@ const SHOWN_FILE_BYTES: usize = 4 << 20;
 /// Smallest number of bytes of a piece: shorter pieces are not worth another thread.
 const CHUNK_BYTES: usize = 1 << 17;
 
-/// A mistake at a byte offset of the normalised text.
+/// A mistake at a byte offset of the text that [`normalise`] returns.
 #[derive(Debug)]
 pub(super) struct Mistake {
     offset: usize,

@@ -1,8 +1,9 @@
 //! Textures of OBJ meshes: the `map_Kd` and `map_d` of materials, and the triangles' texture coordinates.
 
 use super::asked::{Asked, Wish};
+use super::coordinates::Coordinates;
 use super::mtl::Reach;
-use super::text::{name_tokens, number, possible_names, possible_paths, quoted, words};
+use super::text::{decimal, name_tokens, number, possible_names, possible_paths, quoted, words};
 use super::values::{Unfit, unfit_map};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
@@ -10,6 +11,7 @@ use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
 use glam::Vec3;
+use std::collections::HashMap;
 
 /// Options of `map_Kd` and `map_d` that have one argument each, and that raycl ignores.
 const OF_ONE_WORD: [&[u8]; 9] =
@@ -46,13 +48,15 @@ impl Maps {
         self.mapping().is_some()
     }
 
-    /// Returns the map whose settings decide where the textures are on a triangle.
+    /// Returns the map (`map_Kd`, or `map_d` if there is no `map_Kd`) whose settings decide where the textures are on a
+    /// triangle.
     fn mapping(&self) -> Option<&Map> {
         self.colour.as_ref().or(self.mask.as_ref())
     }
 
-    /// Returns the map that places the textures, and the numbers of the colour texture and of the
-    /// mask. Calls `report` for each texture that cannot be read, with the file and the reason, and with a note.
+    /// Loads the textures. Returns the map (`map_Kd` or `map_d`) whose settings place the textures, and the numbers of
+    /// the colour texture and of the mask. Calls `report` for each texture that cannot be read, with the file and the
+    /// reason, and with a note.
     fn load(
         &self,
         reach: Reach<'_>,
@@ -83,7 +87,8 @@ impl Maps {
     }
 }
 
-/// The map that places a material's textures, and the numbers of the colour texture and of the mask.
+/// The map (`map_Kd` or `map_d`) whose settings place a material's textures, and the numbers of the colour texture and
+/// of the mask.
 type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
 
 /// A texture of a material.
@@ -98,8 +103,8 @@ pub(super) struct Map {
     /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white: black would
     /// hide the texture, and the grey that stands for a missing colour would darken it.
     alone: bool,
-    scale: [f32; 2],
-    offset: [f32; 2],
+    scale: [f64; 2],
+    offset: [f64; 2],
     wrap: Wrap,
     /// The unsupported options of the line.
     asked: Asked,
@@ -135,11 +140,13 @@ impl Map {
     /// belong to it.
     fn option(&mut self, keyword: &str, option: &[u8], after: &[&[u8]]) -> Result<usize, Unfit> {
         let count = after.iter().take(3).take_while(|word| is_number(word)).count();
-        let numbers = || -> Result<Vec<f32>, Unfit> {
-            // At least one number must follow.
+        let numbers = || -> Result<Vec<f64>, Unfit> {
+            // At least one number must follow. The coordinates become single precision, so numbers that are infinite
+            // in single precision count as infinite.
             let finite = |word: &&[u8]| {
                 let found = || format!("{} after {keyword} {}", quoted(word), words(option));
-                number(word).ok_or_else(|| unfit_map(keyword, found(), "one to three finite numbers"))
+                let value = number(word).and_then(|_| decimal(word));
+                value.ok_or_else(|| unfit_map(keyword, found(), "one to three finite numbers"))
             };
             after.iter().take(count.max(1)).map(finite).collect()
         };
@@ -196,7 +203,7 @@ impl Map {
     }
 
     /// Returns the settings that decide where the picture is on a triangle.
-    fn placement(&self) -> ([f32; 2], [f32; 2], Wrap) {
+    fn placement(&self) -> ([f64; 2], [f64; 2], Wrap) {
         (self.scale, self.offset, self.wrap)
     }
 
@@ -215,7 +222,7 @@ impl Map {
 
     /// Returns a corner's coordinates in the texture, whose rows are counted from the top; OBJ counts from
     /// the bottom.
-    fn texture_coordinates(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+    fn texture_coordinates(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
 }
@@ -226,14 +233,14 @@ fn is_number(word: &[u8]) -> bool {
 }
 
 /// Returns the first two numbers; `usual` replaces missing numbers.
-fn pair(numbers: &[f32], usual: f32) -> [f32; 2] {
+fn pair(numbers: &[f64], usual: f64) -> [f64; 2] {
     [0, 1].map(|axis| numbers.get(axis).copied().unwrap_or(usual))
 }
 
 /// The texture coordinates of faces.
 pub(super) struct FaceCoordinates {
     /// All `vt` of the file.
-    pub coordinates: Vec<[f32; 2]>,
+    pub coordinates: Coordinates,
     /// The indices of each triangle's coordinates.
     pub corners: Vec<[u32; 3]>,
 }
@@ -254,26 +261,47 @@ pub(super) fn apply(
     for (material, maps) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
         loaded[material] =
             maps.load(reach, &mut pictures, &mut |about, note| unusable.add(about, note, notes));
-        if let Some((Map { alone: true, .. }, Some(_), _)) = loaded[material] {
-            mesh.materials[material].lambertian = Vec3::ONE;
-        }
     }
     notes.extend(unusable.rest("texture"));
-    let mut without = 0;
-    let rows = mesh.triangles.iter().zip(&faces.corners).map(|(triangle, corners)| {
+    let mut without = Vec::new();
+    let rows = mesh.triangles.iter().zip(&faces.corners).enumerate().map(|(number, (triangle, corners))| {
         let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };
-        let coordinates = |corner: u32| map.texture_coordinates(faces.coordinates[corner as usize]);
+        let coordinates = |corner: u32| map.texture_coordinates(faces.coordinates.at(corner));
         let all = (!corners.contains(&MISSING)).then(|| corners.map(coordinates));
         let row = all.and_then(|corners| finite(Mapped::new(corners, colour, mask, [map.wrap; 2])));
         row.unwrap_or_else(|| {
-            without += 1;
+            without.push(number);
             Mapped::NONE
         })
     });
     let rows = rows.collect();
     mesh.textures = Textures::of(pictures.list, rows);
-    if without > 0 {
-        notes.push(unmapped(without));
+    whiten(mesh, &loaded, &without);
+    if !without.is_empty() {
+        notes.push(unmapped(without.len()));
+    }
+}
+
+/// Makes each material white whose `Kd` colour is missing or black and whose colour texture was read. The triangles
+/// without texture coordinates, whose numbers are `unmapped`, show no texture, so they keep the `Kd` colour: those of a
+/// material that becomes white get a copy of the material as it was.
+fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
+    let is_whitened =
+        |material: usize| matches!(loaded[material], Some((Map { alone: true, .. }, Some(_), _)));
+    let mut copies = HashMap::new();
+    for &number in unmapped {
+        let material = mesh.triangles[number].material;
+        if is_whitened(material as usize) {
+            let copy = copies.entry(material).or_insert_with(|| {
+                let own = mesh.materials[material as usize];
+                mesh.materials.push(own);
+                mesh.materials.len() as u32 - 1
+            });
+            mesh.triangles[number].material = *copy;
+        }
+    }
+    for material in (0..loaded.len()).filter(|material| is_whitened(*material)) {
+        mesh.materials[material].lambertian = Vec3::ONE;
     }
 }
 
@@ -296,7 +324,7 @@ pub(in crate::scene) fn unmapped(count: usize) -> String {
 mod tests {
     use super::*;
 
-    fn map(rest: &str) -> Option<(String, [f32; 2], [f32; 2], Wrap)> {
+    fn map(rest: &str) -> Option<(String, [f64; 2], [f64; 2], Wrap)> {
         let map = Map::of_line("map_Kd", rest.as_bytes()).ok()?;
         Some((map.name().to_owned(), map.scale, map.offset, map.wrap))
     }
@@ -315,6 +343,8 @@ mod tests {
         assert_eq!(map(" -s 1 1 1"), None);
         assert_eq!(map(" -s nan a.png"), None);
         assert_eq!(map(" -o 1 inf a.png"), None);
+        assert_eq!(map(" -o 1e39 a.png"), None);
+        assert_eq!(map(" -o 1000000.1 a.png").map(|(_, _, offset, _)| offset), Some([1_000_000.1, 0.0]));
         let clamped = Some(("a.png".to_owned(), [1.0; 2], [0.0; 2], Wrap::Clamp));
         assert_eq!([map(" -clamp ON a.png"), map(" -clamp Off a.png")], [clamped, usual("a.png")]);
         for (rest, options) in [

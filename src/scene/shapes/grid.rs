@@ -4,8 +4,8 @@ use crate::scene::{Material, Mesh, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Returns `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface` returns a
-/// point and its normal, which has the direction of du x dv.
+/// Returns `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface` returns a point and its
+/// normal. The normal has the direction of du x dv, the cross product of the surface's derivatives by u and by v.
 pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3) + Sync) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let stride = columns + 1;
@@ -81,7 +81,8 @@ pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     (columns(rows) as u32, rows)
 }
 
-/// Returns the two triangles of a quad with `a`, `b` below and `c`, `d` above.
+/// Returns the two triangles of a quad. `a` and `b` are its lower corners, from left to right, and `c` and `d` its
+/// upper corners.
 fn quad(a: u32, b: u32, c: u32, d: u32) -> [[u32; 3]; 2] {
     [[a, b, d], [a, d, c]]
 }

@@ -49,7 +49,7 @@ fn patches() -> Vec<Patch> {
     data.patches.iter().map(|patch| std::array::from_fn(|j| row(patch, j))).collect()
 }
 
-/// Returns the point at u (along control rows) and v (across them), and the outward normal.
+/// Returns the point at u (along the rows of control points) and v (across the rows), and the outward normal.
 fn surface(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3) {
     let position = blend(patch, bernstein(u), bernstein(v));
     // If an edge is collapsed to a point, the normal of a nearby point is used.

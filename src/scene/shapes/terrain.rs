@@ -5,7 +5,7 @@ use crate::scene::Mesh;
 use glam::DVec3;
 
 const OCTAVES: u32 = 7;
-/// Number of hills across the terrain in the first octave.
+/// Number of hills across the terrain in the first octave (the coarsest layer of noise).
 const FIRST_FREQUENCY: f64 = 3.5;
 const HEIGHT: f64 = 0.6;
 
@@ -13,7 +13,7 @@ const HEIGHT: f64 = 0.6;
 pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 2.0, 1.0);
     grid(columns, rows, |u, v| {
-        // v goes from front to back, so that du x dv points up.
+        // v goes from front to back, so that du x dv (the cross product of the derivatives by u and by v) points up.
         let (x, z) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
         let (height, slope_x, slope_z) = fractal(x, z, seed);
         (DVec3::new(x, height, z), DVec3::new(-slope_x, 1.0, -slope_z).normalize())
@@ -26,7 +26,7 @@ fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
     for octave in 0..OCTAVES {
-        // The shift prevents all lattices from having a common point at the origin.
+        // The shift prevents the lattices of all octaves from having a common point at the origin.
         let shift = 17.3 * f64::from(octave);
         let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
         sum.0 += amplitude * noise.0;

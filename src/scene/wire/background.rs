@@ -1,6 +1,6 @@
 //! The background of a scene file: radiance, a displayed colour, or none.
 
-use super::numbers::{NonNegative, TripleVisitor};
+use super::numbers::{Power, TripleVisitor};
 use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
@@ -17,12 +17,12 @@ pub(in crate::scene) enum BackgroundWire {
 
 impl<'de> Deserialize<'de> for BackgroundWire {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let visitor = TripleVisitor::<NonNegative> { single: true, range: PhantomData };
+        let visitor = TripleVisitor::<Power> { single: true, range: PhantomData };
         deserializer.deserialize_any(BackgroundVisitor(visitor))
     }
 }
 
-struct BackgroundVisitor(TripleVisitor<NonNegative>);
+struct BackgroundVisitor(TripleVisitor<Power>);
 
 impl<'de> Visitor<'de> for BackgroundVisitor {
     type Value = BackgroundWire;

@@ -44,7 +44,7 @@ ranges! {
     /// For s, the exponent of a highlight.
     Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
         { "minimum": 0, "maximum": MAX_SHININESS };
-    /// For lights and the sky.
+    /// For lights, the sky and the background.
     Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
         { "minimum": 0, "maximum": 1e28 };
     /// For divisors.

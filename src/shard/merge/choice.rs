@@ -23,12 +23,13 @@ pub struct Chosen {
 
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
-/// time, [`Record::rank`] decides on the order. If these rules do not decide, all points of a block get the records of
-/// the same attempt, as far as possible: points of different attempts were not measured in the same rounds. This is the
-/// attempt that has the largest number of points of the block of which no other attempt has a better record. Of several
-/// such attempts, the one with the most samples of these points is preferred. Of several attempts with equally many
-/// samples, the one whose name sorts first is preferred. Times of day are never compared, since the clocks of two
-/// machines may differ. If an attempt has several records of a point, its last record is used, as in any journal.
+/// time, [`Record::rank`] decides on the order. If these rules do not decide between several records of a point, all
+/// points of a block get the records of the same attempt, as far as possible: points of different attempts were not
+/// measured in the same rounds. The preferred attempt is the one with the largest number of points of the block of
+/// which no other attempt has a better record. Of several such attempts, the one with the most samples of these points
+/// is preferred. Of several attempts with equally many samples, the one whose name sorts first is preferred. Times of
+/// day are never compared, since the clocks of two machines may differ. If an attempt has several records of a point,
+/// its last record is used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -79,7 +80,7 @@ impl Offered {
                 let share = shares.get(&(*attempt, Together::of(record))).copied();
                 (record.rank(), Reverse(share.unwrap_or_default()))
             };
-            // Of equal records, `min_by_key` returns the first.
+            // Of records with equal order, `min_by_key` returns the first, which is that of the first attempt.
             chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
         }
         chosen
@@ -229,15 +230,18 @@ mod tests {
     }
 
     #[test]
-    fn a_lack_of_memory_at_one_moment_hides_no_failure_of_another_attempt() {
-        let reason = Some("the host's memory (casting): 2 B > 1 B according to a test".to_owned());
-        let lacking = Record { reason, ..record(Outcome::Infeasible, 0) };
-        let others = [Outcome::Crashed, Outcome::Infeasible, Outcome::OtherKind];
-        for (other, expected) in others.into_iter().zip([1, 1, 0]) {
-            let mut all = Offered::default();
-            all.add(0, lacking.clone());
-            all.add(1, record(other, 0));
-            assert_eq!(all.chosen().of_keys(["k"].into_iter())[0].0, expected, "{other:?}");
+    fn a_lack_of_memory_at_one_moment_or_in_one_session_hides_no_failure_of_another_attempt() {
+        let host = "the host's memory (casting): 2 B > 1 B according to a test";
+        for reason in [host, "global memory: 2 B > 1 B"] {
+            let lacking = Record { reason: Some(reason.to_owned()), ..record(Outcome::Infeasible, 0) };
+            let others = [Outcome::Crashed, Outcome::Infeasible, Outcome::OtherKind];
+            for (other, expected) in others.into_iter().zip([1, 1, 0]) {
+                let mut all = Offered::default();
+                all.add(0, lacking.clone());
+                all.add(1, record(other, 0));
+                let chosen = all.chosen().of_keys(["k"].into_iter())[0].0;
+                assert_eq!(chosen, expected, "{reason}, {other:?}");
+            }
         }
     }
 
@@ -265,9 +269,10 @@ mod tests {
         assert_eq!(attempts_of(&unequal, block), [0, 0]);
         assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
-        // In `lacking`, the second attempt has more points, and is preferred although the first one has more samples.
-        // In `both`, the attempts have equally many points, so the first one, which has more samples, is preferred.
-        // Only the point that it lacks is taken from the second attempt.
+        // In `lacking`, the second attempt has three records for whose points the other attempt has no better record,
+        // and the first attempt has only two such records. The second attempt is preferred, although the first one has
+        // more samples. In `both`, each attempt has two such records, so the first attempt, which has more samples, is
+        // preferred. Only the point that the first attempt did not measure is taken from the second attempt.
         let lacking: [&[(Outcome, usize)]; 2] =
             [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
         assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);

@@ -24,8 +24,9 @@ pub fn types_of_devices(attempts: &[Attempt]) -> Types {
     attempts.iter().filter_map(of).flatten().collect()
 }
 
-/// Returns the kinds that took part and are selected, and the words that match no kind. The host's kinds are always
-/// selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a part of a kind's description.
+/// Returns the kinds that took part and are selected, and the words that match no kind. If there are no words, all
+/// kinds are selected. The host's kinds are always selected. A word is `all`, a type of device (`cpu`, `gpu`,
+/// `accelerator`), or a part of a kind's description.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
     let has =
         |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());

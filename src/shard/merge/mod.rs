@@ -151,8 +151,8 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
-/// Returns a note on each journal of an attempt that has damaged lines. The merged journals do not have these lines, so
-/// nothing else would tell of them.
+/// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines. The merged
+/// journals do not have these lines, so nothing else would tell of them.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -190,7 +190,7 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
 
 /// Returns all attempts' records of control points that a block measured although they belong to another block. If an
 /// attempt copied all launches of such a record, an earlier attempt may have a record of the same launches; only one of
-/// the two is returned.
+/// these two records is returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (index, attempt) in attempts.iter().enumerate() {
@@ -239,9 +239,9 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Joins the attempts' journals of this name. Only lines about launches (of worker processes) that records use are
-/// written, each once, with the launches' new numbers. `change` is called with each of these lines and the index of its
-/// attempt; it returns the line, or `None` if the line is left out.
+/// Joins the attempts' journals (files with one JSON object per line) that have this name. Only lines about launches
+/// (of worker processes) that records use are written, each once, with the launches' new numbers. `change` is called
+/// with each of these lines and the index of its attempt; it returns the line, or `None` if the line is left out.
 fn write_renumbered<T: Serialize + OfLaunch>(
     out: &Path,
     name: &str,
@@ -375,7 +375,7 @@ mod tests {
         let peak = |device: &str, driver: &str| Peak {
             device: device.into(),
             driver: driver.into(),
-            ..Peak::default()
+            ..crate::peak::fixtures::rates()
         };
         Peak::write(&[peak("gpu", "first")], &attempts[0].folder.join(peak::FILE)).unwrap();
         Peak::write(&[peak("gpu", "second"), peak("cpu", "second")], &attempts[1].folder.join(peak::FILE))
@@ -415,7 +415,7 @@ mod tests {
         );
     }
 
-    /// Writes a kind of device with one point of the plan.
+    /// Writes the file of a kind of device that has one point of the plan.
     fn write_kind(out: &Path, device: &str, identity: &str, point: usize) {
         use crate::record::PlannedPoint;
         use crate::shard::KindPoint;
@@ -559,7 +559,8 @@ mod tests {
         write_attempt(out, "n1", "x 0", "gpu");
         assert_eq!(merge(out, &[]).unwrap().records, 1);
         std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
-        // If a merge fails, the unfinished file of an earlier merge that was killed stays too.
+        // A merge that fails changes nothing: it does not even remove the unfinished file of an earlier merge that was
+        // killed.
         let killed = out.join(".raycl-killed");
         let file = std::fs::File::create(&killed).unwrap();
         file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
@@ -596,7 +597,8 @@ mod tests {
                 let anchor = AnchorSample { device: device.into(), launch: 3, ..AnchorSample::default() };
                 anchors.append(&anchor).unwrap();
             }
-            let peak = Peak { device: "cpu".into(), driver: attempt.name.clone(), ..Peak::default() };
+            let driver = attempt.name.clone();
+            let peak = Peak { device: "cpu".into(), driver, ..crate::peak::fixtures::rates() };
             Peak::write(&[peak], &attempt.folder.join(peak::FILE)).unwrap();
         }
         merge(out, &[]).unwrap();
@@ -614,10 +616,10 @@ mod tests {
         assert_eq!(folder.anchors.len(), 2, "the anchors of devices without records are left out");
         let peaks = Peak::stored_in(out).unwrap();
         assert_eq!([0, 1].map(|index| peaks.get(index).map(|peak| peak.device.clone())), expected);
-        // If only one of the two kinds is selected, its driver is not added to its name.
+        // If only one of the two kinds of device is selected, its driver is not added to its name in the merged folder.
         merge(out, &["7.0".to_owned()]).unwrap();
-        let of_second =
-            Peak { device: "cpu".into(), driver: Attempt::all(out)[1].name.clone(), ..Peak::default() };
+        let driver = Attempt::all(out)[1].name.clone();
+        let of_second = Peak { device: "cpu".into(), driver, ..crate::peak::fixtures::rates() };
         assert_eq!(Peak::stored_in(out).unwrap(), [of_second]);
     }
 
@@ -668,6 +670,7 @@ mod tests {
             (about["notes"].as_array().map(Vec::len), &about["attempts"][1]["name"]),
             (Some(2), &json!(names[1]))
         );
+        assert!(["about", "end"].iter().all(|key| about["attempts"][1].get(key).is_some()), "{about}");
         let of_host = merge(out, &["amd".to_owned()]).unwrap();
         assert_eq!((of_host.records, of_host.missing.count()), (1, 0), "a gpu is not selected");
     }

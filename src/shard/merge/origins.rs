@@ -77,7 +77,7 @@ fn parsed(origin: &str) -> Option<(&str, u32)> {
     Some((name, launch.parse().ok()?))
 }
 
-/// A line of a journal about one launch (of worker processes).
+/// A line of a journal (a file with one JSON object per line) that is about one launch (of worker processes).
 pub trait OfLaunch: DeserializeOwned {
     /// The launch's number in the attempt.
     fn launch(&mut self) -> &mut u32;
@@ -199,9 +199,9 @@ mod tests {
         assert_eq!(host(0, &[0, 0]).as_deref(), Some("n2"));
         assert_eq!(host(0, &[0, 2, 2]).as_deref(), Some("n1, n2"));
         assert_eq!((host(2, &[5]).as_deref(), host(2, &[])), (Some("gone"), None));
-        // The launch of the attempt whose folder is missing is used from the first copy.
+        // The folder of the attempt `gone` is missing, so the lines of its launch are used from the first copy.
         assert_eq!(used(&attempts, &origins), [(0, 2), (1, 3), (1, 3), (1, 4), (0, 1)]);
-        // If the original is missing, the copy is used.
+        // If the original lines of a copied launch are missing, the lines of the copy are used.
         std::fs::write(attempts[1].folder.join(SAMPLES), "").unwrap();
         assert_eq!(used(&attempts, &origins), [(0, 2), (0, 0), (0, 0), (0, 1)]);
     }

@@ -146,6 +146,6 @@ mod tests {
         let kinds = [kind("cpu", "PoCL | 1 units", &[0]), twin];
         let planned = Planned::of(&plan, &kinds);
         let devices: Vec<_> = planned.points.iter().map(|point| point.device.as_str()).collect();
-        assert_eq!(devices, ["cpu (1 units)"]);
+        assert_eq!(devices, ["cpu (1 unit)"]);
     }
 }

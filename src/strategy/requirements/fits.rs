@@ -1,4 +1,5 @@
-//! Checks that do not depend on bytes: of work-groups, of indices, of counters, and of features of the scene.
+//! Makes the checks that do not depend on numbers of bytes: checks of work-groups, of indices, of counters, and of
+//! features of the scene.
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};

@@ -52,7 +52,7 @@ impl Graphics {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
 
-    /// Returns the best form in which a terminal with this answer can show pictures.
+    /// Returns the best form in which a terminal that answers [`QUESTION`] with this text can show pictures.
     fn answered(answer: &str) -> Self {
         if answer.starts_with("_Gi=31;OK") {
             return Self::Kitty;
@@ -199,7 +199,7 @@ mod tests {
             RgbImage::from_fn(20, 13, |x, y| Rgb([if x < 10 { 200 } else { 20 }, 40, y as u8 * 19]));
         let text = Graphics::Sixel.text(&picture, "\n").expect("it is encoded");
         let shown = SixelImage::decode(text.as_bytes()).expect("sixels");
-        // Sixels are six rows high.
+        // Sixels are six rows high, so the picture's 13 rows become 18.
         assert_eq!(shown.dimensions(), (20, 18));
         let off = picture
             .pixels()

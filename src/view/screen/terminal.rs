@@ -218,7 +218,7 @@ impl Drop for Terminal {
     }
 }
 
-/// Ends the reports of the mouse, and shows the cursor and the terminal's usual screen again.
+/// Ends the terminal's reports about the mouse, and shows the cursor and the terminal's usual screen again.
 pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
     execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
 }
@@ -273,7 +273,8 @@ fn failed(error: std::io::Error) -> Error {
         .with_help("without --terminal, raycl opens a window instead")
 }
 
-/// Adds a key to the input, unless it was only released. Ctrl-C closes the view; no other key has a meaning with Ctrl.
+/// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; no other key has a meaning
+/// with Ctrl.
 fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;

@@ -159,7 +159,7 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // The receiver is gone only if the window is gone; then the key does not matter.
+            // The receiver of keys is gone only if the window is closed; then the key does not matter.
             let _ = self.sender.send(key);
         }
     }

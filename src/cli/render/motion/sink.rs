@@ -208,7 +208,8 @@ mod tests {
         let mut all = written.lock().unwrap().clone();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>());
-        // On a busy machine, the other threads may write many frames before the thread of frame 10 continues.
+        // Writing frame 10 fails. On a busy machine, the other threads may write many frames before the thread of frame
+        // 10 tells them to stop.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
     }

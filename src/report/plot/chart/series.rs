@@ -4,7 +4,7 @@ use super::super::look::Look;
 use super::super::svg::{Svg, number};
 use super::Frame;
 
-/// One mark.
+/// One mark: a sign in a plot, such as a disc, at a pair of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// The mark's x value.

@@ -20,7 +20,7 @@ pub(super) struct Numbers<'a> {
     most: usize,
 }
 
-/// The elements of an accessor in a buffer, `stride` bytes apart.
+/// The elements of an accessor (a list of numbers or vectors in a buffer). The elements are `stride` bytes apart.
 struct StridedView<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -29,8 +29,8 @@ struct StridedView<'a> {
 }
 
 impl StridedView<'_> {
-    /// Returns the components of an element; `None` if the element ends beyond the end of its buffer view. The padding
-    /// after the last element may be missing.
+    /// Returns the components of an element; `None` if the element ends beyond the end of its buffer view (a part of a
+    /// buffer). The padding after the last element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
         let start = number.checked_mul(self.stride)?;
@@ -81,7 +81,8 @@ impl<'a> Numbers<'a> {
         self.root.get(index).map_or(0, |accessor| accessor.count.0.min(self.most as u64))
     }
 
-    /// Returns the elements of an accessor; each must have `N` components.
+    /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have `N`
+    /// components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let message = |what: String| format!("accessor {number}: {what}");
@@ -127,8 +128,8 @@ impl<'a> Numbers<'a> {
         Ok(values)
     }
 
-    /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3). If the
-    /// accessor is sparse, some of these zeros are replaced later.
+    /// Returns the elements of an accessor without a buffer view (a part of a buffer that has the data): zeros (glTF
+    /// 2.0, 3.6.2.3). If the accessor is sparse, some of these zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         if count > self.most {
             return Err(format!("{} elements without data: more than raycl accepts", accessor.count.0));

@@ -85,8 +85,8 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
     reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
-/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked. An
-/// error's text follows the name of what has the URI.
+/// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not checked. The
+/// text of an error continues a message that begins with the name of the buffer or picture that has the URI.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("is a data: URI without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);

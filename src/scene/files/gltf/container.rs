@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// The first bytes of a binary file.
 const MAGIC: &[u8] = b"glTF";
-/// Number of bytes before the first chunk: the magic, the version and the length of the file.
+/// Number of bytes before the first chunk: the bytes [`MAGIC`], the version, and the length of the file.
 const HEADER_BYTES: usize = 12;
 /// Number of bytes before a chunk's contents: their length and the chunk's type.
 const CHUNK_HEADER_BYTES: usize = 8;

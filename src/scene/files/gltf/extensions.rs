@@ -21,7 +21,7 @@ const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
 /// Largest number of extensions that a note lists.
 const MOST_LISTED: usize = 8;
 
-/// The extension that stores a primitive's vertices and triangles in compressed form.
+/// The extension that stores the vertices and triangles of a primitive (a part of a mesh) in compressed form.
 const DRACO: &str = "KHR_draco_mesh_compression";
 
 fn is_known(extension: &str) -> bool {
@@ -52,7 +52,7 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
-/// Returns whether a primitive has its vertices in compressed form only.
+/// Returns whether a primitive (a part of a mesh) has its vertices in compressed form only.
 fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     let compressed =
         primitive.extensions.as_ref().is_some_and(|extensions| extensions.others.contains_key(DRACO));

@@ -11,9 +11,9 @@ pub(super) struct Read {
     pub animations: usize,
 }
 
-/// Reads JSON. If `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not use.
-/// `gltf-json` refuses some valid files: those that have animations without a node (`KHR_animation_pointer`), scenes
-/// without nodes, or extras such as a number.
+/// Reads JSON. If the crate `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not
+/// use. `gltf-json` refuses some valid files: those that have animations without a node (`KHR_animation_pointer`),
+/// scenes without nodes, or extras such as a number.
 pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),

@@ -11,7 +11,7 @@ pub(super) struct LeftOut {
     pub orthographic: usize,
     /// The number of cameras without a known type, or without the values of their type.
     pub odd_cameras: usize,
-    /// The number of cameras whose field of view is not valid.
+    /// The number of cameras whose field of view is not between 0.001 and 179.99 degrees.
     pub odd_views: usize,
     /// The number of cameras whose transform leaves no viewing direction.
     pub flat_cameras: usize,
@@ -32,6 +32,8 @@ pub(super) struct LeftOut {
     /// The number of corners after the last whole triangle of a primitive.
     pub spare: usize,
     pub odd_coordinates: usize,
+    /// The number of triangles on which the texture is placed only coarsely, because its coordinates are far from 0.
+    pub coarse: usize,
     /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
@@ -39,8 +41,8 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Counts a primitive's empty accessors, its triangles that name a position that does not exist, its corners after
-    /// the last whole triangle, and its texture coordinates that are not finite.
+    /// Adds the counts of a primitive (a part of a mesh): its empty accessors, its triangles that name a position that
+    /// does not exist, its corners after the last whole triangle, and its texture coordinates that are not finite.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.empty += part.empty;
@@ -64,7 +66,7 @@ impl LeftOut {
             (self.odd_cameras, "camera without a known type and its values", "not used"),
             (
                 self.odd_views,
-                "camera with a yfov that is not between 0 and pi",
+                "camera with a yfov that is not between 0.001 and 179.99 degrees",
                 "used with a field of view of 45 degrees",
             ),
             (
@@ -89,6 +91,12 @@ impl LeftOut {
             (self.dangling, "triangle with a position that does not exist", "left out"),
             (self.spare, "corner after the last whole triangle", "left out"),
             (self.odd_coordinates, "texture coordinate with a number that is not finite", "ignored"),
+            (
+                self.coarse,
+                "triangle with texture coordinates beyond +-4096",
+                "shown with an inexact picture: in single precision, such numbers have steps of at least 1/2048; \
+                 expected numbers near 0",
+            ),
         ];
         notes
             .into_iter()

@@ -79,8 +79,8 @@ fn factor(wire: &Wire) -> f32 {
 }
 
 /// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a surface
-/// without holes, with one exception: if the surface is blended and its factor is above 0, the alpha of its texture
-/// alone decides which points are holes.
+/// without holes, with one exception: if the surface is blended and the factor of its texture's alpha is above 0, the
+/// alpha of its texture alone decides which points are holes.
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -114,7 +114,8 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
 fn asked(root: &Root, wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
-    // The default factor is 0. An emissive texture is multiplied by it, and then has no effect.
+    // The default `emissiveFactor` is 0. An emissive texture is multiplied by this factor, so it has no effect if the
+    // factor is 0.
     let emits = wire.emissive_factor.0 != [0.0; 3];
     let textures = [
         ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),

@@ -1,5 +1,5 @@
-//! Reads glTF 2.0, which is either JSON with separate or embedded buffers, or one binary file. `gltf-json` reads the
-//! JSON; every index and every byte is checked here.
+//! Reads glTF 2.0, which is either JSON with separate or embedded buffers, or one binary file. The crate `gltf-json`
+//! reads the JSON; every index and every byte is checked here.
 
 mod accessors;
 mod buffers;

@@ -159,14 +159,15 @@ impl<'a> Walk<'a> {
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the order of the corners
     /// is reversed.
     fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
-        let unmapped = &mut self.left_out.unmapped;
+        let LeftOut { unmapped, coarse, .. } = &mut self.left_out;
         self.mapped.extend(part.triangles.iter().map(|corners| {
             let Some(map) = map else { return Mapped::NONE };
             let mapped = || {
                 let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
-                map.mapped(if mirrored { [a, c, b] } else { [a, b, c] })
+                let row = finite(map.mapped(if mirrored { [a, c, b] } else { [a, b, c] }));
+                row.inspect(|_| *coarse += usize::from(map.is_coarse([a, b, c])))
             };
-            let row = (!part.coordinates.is_empty()).then(mapped).and_then(finite);
+            let row = (!part.coordinates.is_empty()).then(mapped).flatten();
             row.unwrap_or_else(|| {
                 *unmapped += 1;
                 Mapped::NONE
@@ -240,8 +241,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. If they are not,
-    /// the mesh is not scaled. A camera beyond the limits is at least 1e11 radii away from the mesh, and sees the mesh
-    /// as less than a pixel anyway.
+    /// the mesh is not scaled. A camera beyond the limits is at least 1e11 radii of the mesh away from the mesh, and
+    /// sees it as less than a pixel anyway.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
@@ -303,7 +304,8 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
     };
     next.reverse();
     let (mut placed, mut visited) = (Vec::new(), vec![false; root.nodes.len()]);
-    // The stack is explicit, since nodes may be nested arbitrarily deep.
+    // The nodes that are still to be visited are in the list `next`. Recursive calls could overflow the call stack,
+    // since nodes may be nested arbitrarily deep.
     while let Some((index, parent)) = next.pop() {
         let number = index.value();
         let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;

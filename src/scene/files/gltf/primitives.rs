@@ -45,7 +45,7 @@ pub(super) struct Sizes {
     /// The number of elements of all accessors together.
     pub elements: u64,
     pub triangles: u64,
-    /// The positions of the triangles. Positions that no triangle uses are not kept.
+    /// The number of the triangles' positions. Positions that no triangle uses are not kept.
     pub positions: u64,
 }
 
@@ -74,7 +74,7 @@ impl Used {
         [self.positions, self.normals, self.colours, self.coordinates, self.indices].into_iter().flatten()
     }
 
-    /// Returns how many of these accessors store nothing.
+    /// Returns how many of the accessors that raycl reads store nothing.
     fn empty(&self, numbers: &Numbers<'_>) -> usize {
         self.all().filter(|index| numbers.is_empty(*index)).count()
     }

@@ -567,10 +567,11 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
         (file.camera.is_some(), file.notes)
     };
     assert_eq!(with("perspective", "1", "[1, 1, 1]"), (true, Vec::new()));
-    for yfov in ["3.5", "0", "-1"] {
+    // Radians: 3.1415 is 179.995 degrees, and 1.7e-5 is 0.00097 degrees.
+    for yfov in ["3.5", "3.1415", "1.7e-5", "0", "-1"] {
         let (is_used, notes) = with("perspective", yfov, "[1, 1, 1]");
-        let note =
-            "1 camera with a yfov that is not between 0 and pi is used with a field of view of 45 degrees";
+        let note = "1 camera with a yfov that is not between 0.001 and 179.99 degrees is used with a field \
+                    of view of 45 degrees";
         assert!(is_used && notes == [note], "{yfov}: {notes:?}");
     }
     for scale in ["[0, 0, 0]", "[1, 1, 0]", "[1, 0, 1]"] {

@@ -7,13 +7,17 @@ use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted};
 use crate::scene::{Mapped, Wrap};
-use glam::{Affine2, Vec2};
+use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, MagFilter, Sampler, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
 use std::collections::HashSet;
+
+/// The largest absolute value of a texture coordinate up to which the single precision of glTF places a texture finely.
+/// Beyond it, the steps of single precision are at least 1/2048 of the picture's side.
+const COARSE: f64 = 4096.0;
 
 /// The texture of a material's colour.
 #[derive(Clone, Copy, Debug)]
@@ -24,15 +28,26 @@ pub(super) struct ColourMap {
     /// The index of the set of texture coordinates in a primitive.
     pub set: u32,
     /// The transform of the coordinates.
-    transform: Affine2,
+    transform: DAffine2,
 }
 
 impl ColourMap {
     /// Returns the texture coordinates of a triangle with this material.
     pub fn mapped(&self, corners: [[f32; 2]; 3]) -> Mapped {
-        let transformed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
+        let transformed = |corner| self.transform.transform_point2(vector(corner)).to_array();
         let mask = (self.usage.least_alpha > 0).then_some(self.texture);
         Mapped::new(corners.map(transformed), Some(self.texture), mask, self.usage.wrap)
+    }
+
+    /// Returns whether the coordinates of a triangle with this material lie so far from 0 that single precision places
+    /// the picture only coarsely. A clamped picture looks the same everywhere so far from 0, so it never counts as
+    /// coarse.
+    pub fn is_coarse(&self, corners: [[f32; 2]; 3]) -> bool {
+        corners.into_iter().any(|corner| {
+            // The offset is added in double precision, so it makes no coordinate coarser.
+            let scaled = self.transform.transform_vector2(vector(corner)).abs().to_array();
+            scaled.into_iter().zip(self.usage.wrap).any(|(value, wrap)| value > COARSE && wrap != Wrap::Clamp)
+        })
     }
 }
 
@@ -81,7 +96,7 @@ impl Files<'_> {
         let image = self.root.get(texture.source);
         let image = image.ok_or("has no picture of a format that raycl reads")?;
         let (transform, set) = transform(info);
-        if !transform.is_finite() {
+        if !transform.as_affine2().is_finite() {
             return Err("has a transform that is not finite".to_owned());
         }
         let number = self.picture(texture.source, image, usage, pictures)?;
@@ -164,19 +179,25 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
+/// Returns a stored texture coordinate in double precision, which transforms it exactly enough.
+fn vector(coordinate: [f32; 2]) -> DVec2 {
+    DVec2::from_array(coordinate.map(f64::from))
+}
+
 /// Returns the transform of KHR_texture_transform, and the index of the set of texture coordinates if the extension
 /// names one.
-fn transform(info: &Info) -> (Affine2, Option<u32>) {
+fn transform(info: &Info) -> (DAffine2, Option<u32>) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
-    let Some(named) = named else { return (Affine2::IDENTITY, None) };
-    let pair = |key: &str, usual: f32| {
-        let value = |at: usize| named[key][at].as_f64().map_or(usual, |value| value as f32);
-        Vec2::new(value(0), value(1))
+    let Some(named) = named else { return (DAffine2::IDENTITY, None) };
+    let pair = |key: &str, usual: f64| {
+        let value = |at: usize| named[key][at].as_f64().unwrap_or(usual);
+        DVec2::new(value(0), value(1))
     };
-    let rotation = named["rotation"].as_f64().unwrap_or(0.0) as f32;
+    let rotation = named["rotation"].as_f64().unwrap_or(0.0);
     // The angle is negated, because glTF's rotation is counter-clockwise if v grows upwards, and here v grows
     // downwards.
-    let transform = Affine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
+    let transform =
+        DAffine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
     (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))
 }

@@ -71,8 +71,8 @@ fn too_long() -> Flaw {
     .with_remedy("export the file with fewer comments in its header, or convert it to OBJ")
 }
 
-/// Returns what is wrong with a line of a header that `ply-rs-bw` does not read; `None` if the message of `ply-rs-bw`
-/// is used instead. Lines are counted from 1.
+/// Returns what is wrong with a line of a header that the crate `ply-rs-bw` does not read; `None` if the message of
+/// `ply-rs-bw` is used instead. Lines are counted from 1.
 pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     let before = || header.lines().take(number.saturating_sub(1));
     let line = header.lines().nth(number.checked_sub(1)?)?;
@@ -97,7 +97,7 @@ pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     Some(flaw)
 }
 
-/// Returns what is wrong with a property of these types.
+/// Returns what is wrong with the header line of a property that has these types.
 fn of_types(types: &[&str]) -> Flaw {
     match types.iter().find(|of| !TYPES.contains(of)) {
         Some(unknown) => {

@@ -124,6 +124,47 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
     assert_eq!(rows[1], crate::scene::Mapped::NONE);
 }
 
+/// A picture repeats, so a whole number may be added to all coordinates.
+#[test]
+fn texture_coordinates_far_from_0_place_a_picture_as_exactly_as_near_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    let mapped = |options: &str, coordinates: &str| {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\nmap_Kd {options} dot.png\n")).unwrap();
+        let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{coordinates}f 1/1 2/2 3/3\n");
+        parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
+    };
+    let near = "vt 0.1 0.2\nvt 2.3 0.2\nvt 2.3 0.35\n";
+    let far = "vt 1000000.1 -999999.8\nvt 1000002.3 -999999.8\nvt 1000002.3 -999999.65\n";
+    let expected = mapped("", near);
+    assert_eq!(expected[0].corners, [[0.1, 0.8], [2.3, 0.8], [2.3, 0.65]]);
+    assert_eq!([mapped("", far), mapped("-o 1000000 -1000000", near)], [expected.clone(), expected]);
+}
+
+/// A texture is multiplied by white if `Kd` is missing or black. Triangles without coordinates show no texture.
+#[test]
+fn triangles_without_texture_coordinates_keep_the_colour_of_their_material() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    let read = |colour: &str, faces: &str| {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{colour}map_Kd dot.png\n")).unwrap();
+        let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}vt 0 0\n{faces}");
+        let mesh = parse("test.obj", reach, text.as_bytes()).unwrap().mesh;
+        let reds: Vec<f32> = mesh.triangles.iter().map(|one| mesh.material(one).lambertian.x).collect();
+        (reds, mesh.materials.len())
+    };
+    let (plain, textured) = ("f 1 2 3\n", "f 1/1 2/1 3/1\n");
+    let both = [plain, textured, plain].concat();
+    assert_eq!(read("", &both), (vec![0.8, 1.0, 0.8], 3));
+    assert_eq!(read("Kd 0 0 0\n", &both), (vec![0.0, 1.0, 0.0], 3));
+    assert_eq!(read("Kd 0.5 0.5 0.5\n", &both), (vec![0.5; 3], 2), "no copy is needed");
+    assert_eq!(read("", textured), (vec![1.0], 2), "no copy is needed");
+}
+
 #[test]
 fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     let folder = tempfile::tempdir().unwrap();

@@ -107,6 +107,46 @@ fn a_texture_coordinate_that_is_not_finite_counts_as_missing() {
     }
 }
 
+/// Returns a material whose texture has this KHR_texture_transform.
+fn transformed(transform: &str) -> String {
+    let extensions = format!(r#"{{"KHR_texture_transform": {{{transform}}}}}"#);
+    format!(
+        r#"{{"pbrMetallicRoughness": {{"metallicFactor": 0,
+"baseColorTexture": {{"index": 0, "extensions": {extensions}}}}}}}"#
+    )
+}
+
+#[test]
+fn a_transform_far_away_places_a_picture_as_exactly_as_a_near_one() {
+    let mapped = |offset: &str| {
+        let material = transformed(&format!(r#""scale": [0.5, 0.25], "offset": {offset}"#));
+        read(&textured(&material)).unwrap().mesh.textures.mapped
+    };
+    let near = mapped("[0.3, 0.7]");
+    assert_eq!(near[0].corners, [[0.3, 0.7], [0.3, 0.95], [0.3, 0.7]]);
+    assert_eq!(mapped("[1000000.3, -999999.3]"), near);
+}
+
+#[test]
+fn stored_texture_coordinates_far_from_0_are_noted_unless_the_picture_is_clamped() {
+    let notes = |transform: &str, sampler: &str| {
+        let samplers = format!(r#""samplers": [{sampler}], "textures": [{{"source": 0, "sampler": 0}}]"#);
+        let text = textured(&transformed(transform)).replace(r#""textures": [{"source": 0}]"#, &samplers);
+        read(&text).unwrap().notes
+    };
+    let expected = "1 triangle with texture coordinates beyond +-4096 is shown with an inexact picture: in single \
+         precision, such numbers have steps of at least 1/2048; expected numbers near 0";
+    // The second coordinates of the triangle's corners are 0, 1 and 0.
+    assert_eq!(notes(r#""scale": [1, -4097]"#, "{}"), [expected]);
+    for (transform, sampler) in [
+        (r#""scale": [4097, 4096]"#, "{}"),
+        (r#""offset": [5000, 5000]"#, "{}"),
+        (r#""scale": [1, 4097]"#, r#"{"wrapT": 33071}"#),
+    ] {
+        assert_eq!(notes(transform, sampler), [""; 0], "{transform} {sampler}");
+    }
+}
+
 #[test]
 fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
     use crate::scene::Wrap;

@@ -1,0 +1,163 @@
+//! What the header of a Radiance HDR or OpenEXR picture states about its channels, colours and projection, where raycl
+//! assumes something.
+
+use exr::meta::MetaData;
+use exr::meta::attribute::{Chromaticities, EnvironmentMap, Text};
+use exr::meta::header::Header;
+use image::codecs::hdr::HdrDecoder;
+use std::io::Cursor;
+
+/// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
+const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+/// Chromaticities count as those of sRGB if none of their numbers differs by more than this. Those that Radiance itself
+/// assumes are as close.
+const CLOSE: f32 = 0.03;
+/// The largest number of channels that a message names.
+const NAMED: usize = 8;
+
+/// Refuses an OpenEXR picture without the channels that the decoder reads, because the decoder's message does not name
+/// the channels of the file. Other pictures are not checked. The error's text is meant to follow the file's name in a
+/// message.
+pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
+    let headers = exr_headers(bytes);
+    if headers.is_empty() || headers.iter().any(is_decoded) {
+        return Ok(());
+    }
+    let channels = headers.iter().flat_map(|header| &header.channels.list);
+    let names: Vec<String> = channels.map(|channel| channel.name.to_string()).collect();
+    let shown = names[..names.len().min(NAMED)].join(", ");
+    let others =
+        if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
+    Err(format!(
+        "has the channels {shown}{others}; expected R, G and B, without a layer's name and not as deep data"
+    ))
+}
+
+/// Returns remarks on a picture whose colours are not those of sRGB, or that is a cube map. They are meant to follow
+/// the file's name in a message.
+pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
+    let headers = exr_headers(bytes);
+    let header = headers.iter().find(|header| is_decoded(header));
+    let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
+    // Some programs write zeros instead of chromaticities; these zeros are ignored.
+    let differs = |stated: &[f32; 8]| {
+        let is_close = stated.iter().zip(SRGB).all(|(value, usual)| (value - usual).abs() <= CLOSE);
+        !is_close && stated.iter().any(|value| *value != 0.0)
+    };
+    let primaries = stated.filter(differs).map(|[rx, ry, gx, gy, bx, by, wx, wy]| {
+        format!(
+            "has other primaries than sRGB (red at {rx} {ry}, green at {gx} {gy}, blue at {bx} {by}, white at {wx} \
+             {wy}); its values are not converted, so its colours differ"
+        )
+    });
+    let map = header.and_then(|header| header.own_attributes.environment_map);
+    let cube = (map == Some(EnvironmentMap::Cube))
+        .then(|| "is a cube map, but is used as an equirectangular picture".to_owned());
+    primaries.into_iter().chain(cube).collect()
+}
+
+/// Returns the headers of an OpenEXR picture, one per layer; none if the bytes are not an OpenEXR, or are damaged.
+fn exr_headers(bytes: &[u8]) -> Vec<Header> {
+    MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_or_else(|_| Vec::new(), |data| data.headers.into_vec())
+}
+
+/// Returns whether the decoder of the crate `image` reads this layer. It reads the first such layer of a file.
+fn is_decoded(header: &Header) -> bool {
+    let has = |name: &&str| header.channels.find_index_of_channel(&Text::from(*name)).is_some();
+    !header.deep && ["R", "G", "B"].iter().all(has)
+}
+
+fn exr_primaries(header: &Header) -> Option<[f32; 8]> {
+    let Chromaticities { red, green, blue, white } = header.shared_attributes.chromaticities?;
+    Some([red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1])
+}
+
+/// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture.
+fn hdr_primaries(bytes: &[u8]) -> Option<[f32; 8]> {
+    let header = HdrDecoder::new(Cursor::new(bytes)).ok()?.metadata();
+    let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "PRIMARIES")?;
+    let numbers: Vec<f32> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    numbers.try_into().ok()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, SpecificChannels, Vec2, WritableImage as _,
+    };
+
+    /// The chromaticities of the film colour space ACES.
+    const ACES: [f32; 8] = [0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767];
+
+    fn exr(stated: Option<[f32; 8]>, map: Option<EnvironmentMap>) -> Vec<u8> {
+        let grey = |_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32);
+        let mut image = Image::from_channels((4, 2), SpecificChannels::rgb(grey));
+        image.attributes.chromaticities = stated.map(|[rx, ry, gx, gy, bx, by, wx, wy]| Chromaticities {
+            red: Vec2(rx, ry),
+            green: Vec2(gx, gy),
+            blue: Vec2(bx, by),
+            white: Vec2(wx, wy),
+        });
+        image.layer_data.attributes.environment_map = map;
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn exr_of_channels(names: &[&str]) -> Vec<u8> {
+        let channel = |name: &&str| AnyChannel::new(*name, FlatSamples::F32(vec![0.5; 8]));
+        let channels = AnyChannels::sort(names.iter().map(channel).collect());
+        let image = Image::from_encoded_channels((4, 2), Encoding::SMALL_LOSSLESS, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn hdr(lines: &str) -> Vec<u8> {
+        let header = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{lines}\n-Y 1 +X 1\n");
+        [header.as_bytes(), &[128, 64, 32, 129]].concat()
+    }
+
+    #[test]
+    fn other_primaries_than_those_of_srgb_are_remarked() {
+        let aces = "PRIMARIES=0.7347 0.2653 0 1 0.0001 -0.077 0.32168 0.33767\n";
+        for bytes in [exr(Some(ACES), None), hdr(aces), hdr(&format!("PRIMARIES=0 0 0 0 0 0 0 0\n{aces}"))] {
+            let said = header_remarks(&bytes);
+            let start =
+                "has other primaries than sRGB (red at 0.7347 0.2653, green at 0 1, blue at 0.0001 -0.077,";
+            assert!(said.len() == 1 && said[0].starts_with(start), "{said:?}");
+        }
+        let radiance = "PRIMARIES=0.640 0.330 0.290 0.600 0.150 0.060 0.333 0.333\n";
+        for lines in ["", radiance, "PRIMARIES=0 0 0 0 0 0 0 0\n", "PRIMARIES=\n", "PRIMARIES=1 2\n"] {
+            assert_eq!(header_remarks(&hdr(lines)), [""; 0], "{lines}");
+        }
+        assert_eq!(header_remarks(&exr(Some(SRGB), None)), [""; 0]);
+        assert_eq!(header_remarks(&exr(None, None)), [""; 0]);
+        assert_eq!(header_remarks(b"no picture"), [""; 0]);
+    }
+
+    #[test]
+    fn a_cube_map_is_remarked() {
+        let said = header_remarks(&exr(None, Some(EnvironmentMap::Cube)));
+        assert_eq!(said, ["is a cube map, but is used as an equirectangular picture"]);
+        assert_eq!(header_remarks(&exr(None, Some(EnvironmentMap::LatitudeLongitude))), [""; 0]);
+    }
+
+    #[test]
+    fn channels_that_are_not_read_are_named() {
+        let refused = |names: &[&str]| check_channels(&exr_of_channels(names)).unwrap_err();
+        assert!(refused(&["Y"]).starts_with("has the channels Y; expected R, G and B,"));
+        let left = refused(&["left.R", "left.G", "left.B"]);
+        assert!(left.starts_with("has the channels left.B, left.G, left.R; expected R, G and B,"), "{left}");
+        let many = refused(&["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"]);
+        assert!(many.starts_with("has the channels a, b, c, d, e, f, g, h and 2 more; expected"), "{many}");
+        assert_eq!(check_channels(&exr_of_channels(&["R", "G", "B", "Z"])), Ok(()));
+        // `check_channels` accepts damaged files, since the decoder says what is wrong with them.
+        for bytes in [&exr_of_channels(&["Y"])[..40], &hdr("")[..], &b""[..]] {
+            assert_eq!(check_channels(bytes), Ok(()));
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! A line of `launches.jsonl`. `docs/format.md` documents every field.
+
+use crate::measure::StopReason;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The end of a launch whose points had enough samples. There is no such line for a launch that was interrupted or that
+/// lost a worker process, so a later session repeats this launch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LaunchEnd {
+    /// The launch's number in the folder.
+    pub launch: u32,
+    /// The rule that ended the sampling.
+    pub stop_reason: StopReason,
+    /// The number of samples of each point that did not fail, by the point's key.
+    pub samples: BTreeMap<String, usize>,
+}

@@ -1,0 +1,115 @@
+//! The texture coordinates (`vt`) of OBJ files. Coordinates far from 0 are kept in double precision, since single
+//! precision would lose the digits that decide where a repeated picture lies.
+
+use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens};
+use crate::scene::Mapped;
+
+/// The texture coordinates of a file, or of a piece of it.
+#[derive(Default)]
+pub(super) struct Coordinates {
+    /// All coordinates, rounded to single precision.
+    rounded: Vec<[f32; 2]>,
+    /// The coordinates far from 0 in double precision, and their indices in `rounded`, in the order of these indices.
+    far: Vec<(usize, [f64; 2])>,
+}
+
+impl Coordinates {
+    fn push(&mut self, coordinate: [f64; 2]) {
+        if coordinate.iter().any(|value| value.abs() > Mapped::NEAR) {
+            self.far.push((self.rounded.len(), coordinate));
+        }
+        self.rounded.push(coordinate.map(|value| value as f32));
+    }
+
+    /// Joins the coordinates of consecutive pieces.
+    pub fn joined(pieces: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        all.rounded.reserve_exact(pieces.iter().map(Self::count).sum());
+        for piece in pieces {
+            let before = all.count();
+            all.far.extend(piece.far.into_iter().map(|(index, exact)| (before + index, exact)));
+            all.rounded.extend(piece.rounded);
+        }
+        all
+    }
+
+    /// Returns the number of coordinates.
+    pub fn count(&self) -> usize {
+        self.rounded.len()
+    }
+
+    /// Returns the coordinate of this index.
+    pub fn at(&self, index: u32) -> [f64; 2] {
+        let index = index as usize;
+        match self.far.binary_search_by_key(&index, |(far, _)| *far) {
+            Ok(found) => self.far[found].1,
+            Err(_) => self.rounded[index].map(f64::from),
+        }
+    }
+}
+
+/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN, and are counted.
+pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
+    let (mut coordinates, mut odd) = (Coordinates::default(), Seen::default());
+    for (offset, line) in chunk.lines() {
+        if let (b"vt", rest) = keyword(line) {
+            coordinates.push(coordinate(offset, rest).unwrap_or_else(|_| {
+                odd.at(offset);
+                [f64::NAN; 2]
+            }));
+        }
+    }
+    (coordinates, odd)
+}
+
+/// Reads the two numbers of a texture coordinate. The second number may be missing, and a third number is ignored.
+fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
+    let mut tokens = tokens(rest);
+    let mut next = |usual: Option<&'static [u8]>| {
+        let token = tokens.next().or(usual).unwrap_or_default();
+        let wrong = "in a texture coordinate (vt); expected a finite decimal number";
+        value(token).ok_or_else(|| Mistake::new(offset, format!("{} {wrong}", quoted(token))))
+    };
+    Ok([next(None)?, next(Some(b"0"))?])
+}
+
+/// Parses a number in single precision, which is faster, or in double precision if it lies far from 0.
+fn value(token: &[u8]) -> Option<f64> {
+    let rounded = f64::from(number(token)?);
+    if rounded.abs() > Mapped::NEAR { decimal(token) } else { Some(rounded) }
+}
+
+/// Returns the mistake in a texture coordinate that is not valid.
+pub(super) fn mistake_in_coordinate(offset: usize, rest: &[u8]) -> Mistake {
+    let none = |_| Mistake::new(offset, "a texture coordinate is not valid");
+    coordinate(offset, rest).map_or_else(|mistake| mistake, none)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_coordinates_far_from_0_are_read_in_double_precision() {
+        let read = |line: &[u8]| coordinate(0, line).unwrap();
+        assert_eq!(read(b" 0.1 64.000001"), [f64::from(0.1_f32), 64.0]);
+        assert_eq!(read(b" 500000.1 -64.1"), [500_000.1, -64.1]);
+        // Double precision would hold this number, but single precision must be able to hold the shifted coordinates.
+        assert!(coordinate(0, b" 1e39 0").is_err());
+    }
+
+    #[test]
+    fn pieces_are_joined_with_their_coordinates_far_from_0() {
+        let piece = |list: &[[f64; 2]]| {
+            let mut piece = Coordinates::default();
+            list.iter().for_each(|coordinate| piece.push(*coordinate));
+            piece
+        };
+        let lists: [&[[f64; 2]]; 3] = [&[[0.5, 0.25], [1e6 + 0.1, 0.75]], &[], &[[2.0, 3.0], [0.0, -64.1]]];
+        let all = Coordinates::joined(lists.map(piece).into());
+        assert_eq!((all.count(), all.far.len()), (4, 2));
+        let found: Vec<_> = (0..4).map(|index| all.at(index)).collect();
+        assert_eq!(found, lists.concat());
+    }
+}
