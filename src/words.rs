@@ -27,6 +27,16 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
     format!("{} {}", counted_of(part, all, what), if part == 1 { "was" } else { "were" })
 }
 
+/// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if its number is
+/// one. Identities and states have the plural after every number. They are corrected only where they are shown, since
+/// keys of records depend on their text.
+pub fn in_singular(part: &str) -> String {
+    match part.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
+        Some(noun) => format!("1 {noun}"),
+        None => part.to_owned(),
+    }
+}
+
 /// Groups digits by thousands from 10,000 on.
 fn grouped(count: usize) -> String {
     let digits = count.to_string();
@@ -118,7 +128,7 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{counted, counted_are, counted_of_were, quote};
+    use super::{counted, counted_are, counted_of_were, in_singular, quote};
 
     #[test]
     fn a_quoted_argument_has_no_hidden_character_and_a_shell_reads_it_unchanged() {
@@ -133,6 +143,13 @@ mod tests {
             let printed = std::process::Command::new("bash").args(["-c", &command]).output();
             assert_eq!(printed.expect("bash starts").stdout, argument.as_bytes());
         }
+    }
+
+    #[test]
+    fn only_a_part_whose_number_is_one_is_in_the_singular() {
+        let said =
+            ["1 compute units", "1 threads", "2 threads", "11 cores", "POCL_AFFINITY=1"].map(in_singular);
+        assert_eq!(said, ["1 compute unit", "1 thread", "2 threads", "11 cores", "POCL_AFFINITY=1"]);
     }
 
     #[test]

@@ -123,7 +123,7 @@ fn a_file_without_rates_of_the_device_is_reported_and_later_rates_of_one_device_
         String::from_utf8(output.stderr).expect("UTF-8")
     };
     has(&output_of(&["--peak=h200.json"]), &["note: h200.json has no peak rates of asleep"]);
-    let state = "asleep in its present state (driver 0.1, 1 compute units), so";
+    let state = "asleep in its present state (driver 0.1, 1 compute unit), so";
     let noted = output_of(&["--peak=other.json", "--resume"]);
     has(&noted, &[&format!("note: other.json has no peak rates of {state}")]);
     let resumed = output_of(&["--peak=asleep.json", "--resume"]);

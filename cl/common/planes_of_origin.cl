@@ -26,8 +26,9 @@ Row row_of_nothing() {
 // sign of `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost
 // their last digits.
 //
-// The planes are divided by a bound of the rounding error of edges, so that the overlap of neighbouring triangles,
-// which allows for this error, becomes 1. The bound is rounded to a power of two, so that the division is exact.
+// The planes are divided by the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the units of the edges'
+// dot products, rounded down to a power of two. This makes the overlap 1. The division does not round, because the
+// divisor is a power of two.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);

@@ -122,9 +122,12 @@ fn without_broken(
     }
 }
 
-/// Returns the error for a process that used kernel files of the user and crashed. Returns `None` if the process used
-/// no kernel files of the user, or did not crash. `cl_dir` is the folder of these files. If the process opens a window,
-/// the library that opens the window may have crashed instead, so the remedy names this cause too.
+/// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the user added or
+/// changed. The message names these files (the first few and the number of the others), whether the process's programs
+/// include them or not: this process does not know the child process's programs. Unchanged copies of built-in files do
+/// not count. Returns `None` if the user gave no folder, if the folder contains only unchanged copies, or if the
+/// process did not crash. If the process opens a window, the library that opens the window may have crashed instead, so
+/// the remedy names this cause too.
 fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
@@ -134,7 +137,8 @@ fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) 
     }
     Some(
         Error::run(format!(
-            "raycl's child process crashed: {name} (signal {signal}); --cl-dir adds or changes {}",
+            "raycl's child process crashed: {name} (signal {signal}). The folder of --cl-dir has kernel files that are \
+             not built in, or that differ from the built-in files: {}",
             some_of(&files)
         ))
         .with_help(if opens_window { window_or(OWN_KERNELS) } else { OWN_KERNELS.to_owned() }),
@@ -399,8 +403,9 @@ mod tests {
         write("cast/entry.cl", "// mine\n");
         let error = error_with(Some(folder.path())).expect("a message");
         let entry = folder.path().join("cast/entry.cl");
-        let message = "raycl's child process crashed: SIGSEGV (signal 11); --cl-dir adds or changes";
-        assert_eq!(error.to_string(), format!("{message} {}", entry.display()));
+        let message = "raycl's child process crashed: SIGSEGV (signal 11). The folder of --cl-dir has kernel files \
+            that are not built in, or that differ from the built-in files";
+        assert_eq!(error.to_string(), format!("{message}: {}", entry.display()));
         for part in ["out of bounds", "barriers", "`bytes_per_ray`", "without --cl-dir", "oclgrind"] {
             assert!(error.remedy().contains(part), "{part}: {}", error.remedy());
         }

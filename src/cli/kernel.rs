@@ -50,7 +50,8 @@ pub struct Args {
     /// that produce the same text give the same output
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
-    /// Use the kernel files in this folder instead of the built-in files of the same names
+    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
+    /// folder of an axis add values to this axis
     #[arg(long, value_name = "DIR")]
     pub(super) cl_dir: Option<PathBuf>,
 }

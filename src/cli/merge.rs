@@ -29,9 +29,9 @@ pub struct Args {
     /// has begun, and reports all points except the baselines as missing [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),
-    /// going, hung (no progress within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down),
-    /// or how the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard: begun (just started; if this
+    /// state lasts, the process was killed when it started), going, hung (no progress within the limit of `raycl run
+    /// --hang-limit`), lost (killed, or its machine is down), or how the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 or more) between two readings of the counter that each running process

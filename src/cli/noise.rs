@@ -7,7 +7,7 @@ use crate::config::{Experiment, parse_built_in, with_absolute_paths};
 use crate::device::common_names;
 use crate::error::{Error, Result};
 use crate::record::{Folder, Noise, percent, significant};
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use std::path::Path;
 
 /// Arguments of `raycl noise`.
@@ -132,11 +132,14 @@ fn text(noise: &Noise, device: &str) -> String {
     lines.extend(
         causes
             .preempted_samples
-            .map(|count| format!("  other programs delayed {}, which no result includes", samples(count))),
+            .map(|count| counted_are(count as usize, "sample"))
+            .map(|are| format!("  {are} left out of all results, because of delays by other programs")),
     );
     if let Some(percentiles) = causes.core_to_core_ns {
         let [low, high] = percentiles.map(number);
-        lines.push(format!("  a cache line took {low} to {high} ns from one processor to another"));
+        lines.push(format!(
+            "  in four fifths of the readings, a cache line took {low} to {high} ns from one processor to another"
+        ));
     }
     if let Some([least, most]) = causes.clocks_mhz {
         let governor = causes.governor.as_ref().map_or(String::new(), |name| format!(", governor {name}"));
@@ -196,8 +199,9 @@ mod tests {
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
                 "1 of 4 points was not compared".to_owned(),
                 "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
-                "other programs delayed 4 samples, which no result includes".to_owned(),
-                "a cache line took 20 to 90 ns from one processor to another".to_owned(),
+                "4 samples are left out of all results, because of delays by other programs".to_owned(),
+                "in four fifths of the readings, a cache line took 20 to 90 ns from one processor to another"
+                    .to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
                 "the device ran at 1980 MHz".to_owned(),
                 "the device throttled (reduced its clock rate) in 7 samples".to_owned(),

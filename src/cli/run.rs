@@ -35,6 +35,7 @@ use crate::record::journals::{IMAGES, RECORDS, SUMMARY};
 use crate::record::{Folder, Record, summary_terminal};
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
+use crate::words::in_singular;
 use earlier::foreseen;
 use environment::environment;
 use folders::{default_folder, new_folder};
@@ -112,8 +113,9 @@ pub struct Args {
     /// Print a line for every finished point, instead of a progress bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernel files in this folder instead of the built-in files of the same names. If the option is given
-    /// twice, raycl measures the kernels of both folders in the same rounds and compares them
+    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
+    /// folder of an axis add values to this axis. If the option is given twice, raycl measures the kernels of both
+    /// folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
     /// With --cl-dir given twice: exit with code 1 if it is statistically significant that the second folder's kernels
@@ -361,7 +363,7 @@ fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out:
     let is_unknown = |device: &&&DeviceInfo| peaks.iter().all(|peak| peak.device != device.label);
     let name = |device: &&DeviceInfo| match left_out.iter().any(|peak| peak.may_be_of(device)) {
         true => {
-            let state = device.state().replace(" | ", ", ");
+            let state = device.state().split(" | ").map(in_singular).collect::<Vec<_>>().join(", ");
             format!("{} in its present state (driver {}, {state})", device.label, device.driver)
         }
         false => device.label.clone(),
@@ -564,7 +566,7 @@ mod tests {
             (&["a.toml", "--resume"][..], "the folder's peak.json"),
         ] {
             let note = without_peaks(&fixtures::args(words), &[&one], &[], &outdated).unwrap();
-            let state = "asleep in its present state (driver 1, 1 compute units), so";
+            let state = "asleep in its present state (driver 1, 1 compute unit), so";
             assert!(note.starts_with(&format!("note: {file} has no peak rates of {state}")), "{note}");
         }
     }

@@ -43,7 +43,8 @@ pub struct Subject {
     pub set: Vec<(String, String)>,
     #[command(flatten)]
     pub look: Look,
-    /// Use the kernel files in this folder instead of the built-in files of the same names
+    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
+    /// folder of an axis add values to this axis
     #[arg(long, value_name = "DIR")]
     pub cl_dir: Option<PathBuf>,
 }

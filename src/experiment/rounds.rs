@@ -99,10 +99,11 @@ pub fn measure(
     Ok(End::AllFailed)
 }
 
-/// Takes a sample of each point, in this order, and adds it to `samples`. Samples that do not count are then taken
-/// again, once. If more than half of the round's samples do not count, none is taken again, since a virtual machine's
-/// processors have probably not moved back to their usual cores yet. Returns the time that each cast took, in
-/// milliseconds; `None` if the worker process was lost.
+/// Takes a sample of each point, in this order, and adds it to `samples`. A sample does not count if the host of a
+/// virtual machine had moved the machine's processors to other cores (see [`Rounds::sampled`]). Samples that do not
+/// count are taken again, once, at the end of the round. If more than half of the round's samples do not count, none is
+/// taken again: the host has probably not moved the processors back yet, so the new samples would not count either.
+/// Returns the time that each cast took, in milliseconds; `None` if the worker process was lost.
 fn sample_round(
     round: u32,
     order: Vec<usize>,

@@ -56,8 +56,9 @@ pub struct Death {
     pub last_words: String,
 }
 
-/// Adds up how long a worker has not replied. A wait counts at most twice its intended length: if it takes longer, raycl
-/// itself was stopped (by Ctrl-Z, or by a scheduler that suspends jobs), and its workers too.
+/// Adds up how long raycl has waited for a worker's reply. A wait is meant to take `LOOK_UP`, or `limit` if that is
+/// shorter, and counts as at most twice `LOOK_UP`: if it takes longer, raycl itself was stopped (by Ctrl-Z, or by a
+/// scheduler that suspends jobs), and its workers too.
 pub struct Quiet {
     limit: Duration,
     so_far: Duration,
@@ -77,7 +78,8 @@ impl Quiet {
         reply
     }
 
-    /// Returns whether the worker has not replied within the limit.
+    /// Returns whether the sum of all waits has reached the limit. The sum also includes waits that ended with a reply,
+    /// so callers ask only after [`Wait::Silence`].
     pub fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }

@@ -58,7 +58,7 @@ pub enum Fact {
     Fused,
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
-    /// Leftover shadow rays have a kernel of their own, because the shading kernel does not cast them.
+    /// The program has a kernel for leftover shadow rays alone, because the shading kernel does not always cast them.
     Leftover,
     /// The caller provides rays, which need a kernel that no frame needs.
     GivenRays,

@@ -69,8 +69,8 @@ pub struct Reference {
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The smallest and the largest possible number of hits. The two numbers differ if nudges change a pixel's hit to a
-    /// miss or the reverse, since such a pixel may count as either.
+    /// The smallest and the largest possible number of hits. The two numbers differ if a nudge or another small change
+    /// turns a pixel's hit into a miss or the reverse, since such a pixel may count as either.
     pub hits_range: [usize; 2],
     /// For pixels darker than this radiance, differences are relative to this radiance (see [`dark_floor`]).
     pub floor: f64,
@@ -97,9 +97,9 @@ pub struct Doubt {
     pub nearly_certain: bool,
     /// True if the pixel's ray, or the ray of one of its samples, hits a triangle.
     pub hit: bool,
-    /// The least value of each channel under the pixel's nudges, except wide ones.
+    /// The least value of each channel under all small changes except wide nudges.
     pub low: [f32; 3],
-    /// The greatest value of each channel under the pixel's nudges, except wide ones.
+    /// The greatest value of each channel under all small changes except wide nudges.
     pub high: [f32; 3],
 }
 

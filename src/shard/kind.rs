@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::record::{PlannedPoint, read_lines, write_new};
+use crate::words::in_singular;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -95,21 +96,13 @@ impl Kind {
             let own: Vec<String> = parts(kind)
                 .into_iter()
                 .filter(|part| !namesakes.iter().all(|other| other.contains(part)))
-                .map(|part| in_singular(&part).unwrap_or(part))
+                .map(|part| in_singular(&part))
                 .collect();
             (namesakes.len() > 1)
                 .then(|| if own.is_empty() { "another program".to_owned() } else { own.join(", ") })
         };
         kinds.iter().map(of).collect()
     }
-}
-
-/// Returns a part of a kind's identity, such as "1 threads", with the noun in the singular; `None` if its number
-/// differs from one. Identities have the plural after every number. The identities themselves are not corrected, since
-/// keys of records depend on their text.
-fn in_singular(part: &str) -> Option<String> {
-    let noun = part.strip_prefix("1 ")?.strip_suffix('s')?;
-    Some(format!("1 {noun}"))
 }
 
 /// Returns the error for a kind's file without a whole line.

@@ -188,7 +188,9 @@ impl Strategy {
             Fact::Separate => !self.fuses(workload),
             // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from the eye
             // is cast per pixel at a time. Otherwise, a kernel of its own casts them. Pictures with soft light have one
-            // ray per pixel at a time even with many samples.
+            // ray per pixel at a time even with many samples. So have pictures of more than 2^23 pixels (see
+            // `Workload::shared_subpixel_bits`): if they have many samples, the program contains the kernel of its own,
+            // but frames do not run it.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),

@@ -1,11 +1,13 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! The [`Reference`] also casts rays in slightly changed directions (nudges). Wide nudges move a pixel's ray by much
-//! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if no nudge changes
-//! its value noticeably. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
-//! [`relative_difference`]), and within one 8-bit step per channel as displayed. The value of any other pixel should
-//! lie within the range of the pixel's values under narrow nudges. If only wide nudges change a pixel, no value in this
-//! range differs from the reference by more than the relative limit. Such a pixel is judged almost like a certain one.
+//! The [`Reference`] also casts each pixel with small changes. Some of these changes are nudges, which change the
+//! direction of the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges turn it by
+//! about as much as rounding. Other small changes concern, for example, the shadow bias. A pixel is certain if no small
+//! change alters its value noticeably. A certain pixel of the image must agree with the reference within
+//! [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within one 8-bit step per channel as displayed. The value of
+//! any other pixel should lie within the pixel's range, which consists of its values under all small changes except
+//! wide nudges. If only wide nudges alter a pixel noticeably, no value in this range differs from the reference by more
+//! than the relative limit. Such a pixel is judged almost like a certain one.
 //! Pixels outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
 //! pixels that hit something must also lie in the range that the reference allows, since the result
 //! `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of certain pixels must
@@ -22,15 +24,16 @@ const STEPS_OF_256: u8 = 1;
 /// The result of comparing an image with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The largest relative difference over certain pixels; `None` if no pixel is certain. Infinite if a value is not
-    /// finite, or if the image has another size than the reference.
+    /// The largest relative difference over certain pixels and pixels that are not finite; `None` if there is no such
+    /// pixel. Infinite if a pixel is not finite, or if the image has another size than the reference.
     pub max_difference: Option<f64>,
     /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel is wrong.
-    /// `None` if no certain pixel differs, or if the image has another size than the reference.
+    /// Only certain pixels and pixels that are not finite are compared; `None` if none of these differs from the
+    /// reference, or if the image has another size than the reference.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,
-    /// Number of pixels that are not certain and lie outside the range of their values under narrow nudges.
+    /// Number of pixels that are not certain and lie outside their range (see the [module](self)).
     pub unexplained_pixels: usize,
     /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
@@ -91,7 +94,7 @@ fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
     ))
 }
 
-/// Returns the number of pixels that are not certain and lie outside the range of their values under narrow nudges.
+/// Returns the number of pixels that are not certain and lie outside their range.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let actual = image.pixels[doubt.pixel];
@@ -102,8 +105,8 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// Returns how many pixels may lie outside the range of their values under narrow nudges: one in ten thousand of the
-/// compared pixels, but at least 16.
+/// Returns how many pixels that are not certain may lie outside their range: one in ten thousand of the compared
+/// pixels, but at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
@@ -133,7 +136,7 @@ pub fn hardly_verified(
 
 /// Returns why the number of pixels that hit something is wrong; `None` if it is right, or if the reference has cast
 /// only some pixels. The number may lie outside the reference's range by as many pixels as [`unexplained_limit`]
-/// permits, since the same number of pixels may have values that no nudge explains.
+/// permits, since the same number of pixels may have values that no small change explains.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;
@@ -144,10 +147,11 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     (apart > strays).then(|| format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"))
 }
 
-/// A certain pixel that differs from the reference by more than is allowed, or a pixel that is not finite.
+/// A certain pixel whose value is not equal to that of the reference, or a pixel that is not finite.
 struct Finding {
     pixel: [u32; 2],
     difference: f64,
+    /// True if the difference is larger than is allowed.
     wrong: bool,
     actual: [f32; 3],
     expected: [f32; 3],
@@ -173,8 +177,8 @@ impl Finding {
     }
 }
 
-/// Returns all certain pixels that differ from the reference by more than is allowed, and all pixels that are not
-/// finite.
+/// Returns all certain pixels whose value is not equal to that of the reference, also if the difference is allowed, and
+/// all pixels that are not finite.
 fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Finding> {
     let shown = [to_rgb8(image, display), to_rgb8(&reference.radiance, display)];
     let pairs = image.pixels.iter().zip(&reference.radiance.pixels).zip(&reference.certain);

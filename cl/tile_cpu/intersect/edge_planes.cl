@@ -62,8 +62,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // `unit` is a bound of the rounding error of edges, rounded to a power of two. Dividing planes by this power of two
-    // makes the overlap of neighbouring triangles 1, and does not round.
+    // `unit` is the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the units of the edges' dot products,
+    // rounded down to a power of two. Dividing the planes by `unit` makes the overlap 1; the division does not round,
+    // because `unit` is a power of two.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     // 1 / t = (d . n) / height, where n is the triangle's normal. n is stored times the sign of height, so that `a`,
@@ -97,7 +98,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // u, v and w (a dot product per edge) are at least 0 inside the triangle. Neighbouring triangles overlap by 1.
+        // u, v and w (a dot product per edge) are above 0 inside the triangle. Neighbouring triangles overlap by 1.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;

@@ -108,7 +108,7 @@ impl Pictures {
         if self.texels > MOST_TEXELS {
             self.texels -= texels.len();
             return Err(format!(
-                "has too many texels (all textures of a mesh together may have at most {MOST_TEXELS})"
+                "makes the textures of the mesh too large together: they may have at most {MOST_TEXELS} texels"
             ));
         }
         self.list.push(Texture { size, wrap, least_alpha, texels });
@@ -228,6 +228,21 @@ mod tests {
         assert!(errors[0].contains("cannot be decoded") && errors[0] == errors[1], "{errors:?}");
         assert_eq!(calls, 2, "each picture is decoded once");
         assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
+    }
+
+    #[test]
+    fn a_texture_that_makes_all_textures_together_too_large_is_refused() {
+        let colour = Usage::colour([Wrap::Repeat; 2]);
+        // A picture of 3 x 2 texels is added.
+        let added = |texels| {
+            let mut pictures = Pictures { texels, ..Pictures::default() };
+            pictures.bytes("0", || Ok(Cow::Owned(png(3, 2))), colour)
+        };
+        assert_eq!(added(MOST_TEXELS - 6), Ok(0));
+        let message = added(MOST_TEXELS - 5).unwrap_err();
+        let expected =
+            "makes the textures of the mesh too large together: they may have at most 268435456 texels";
+        assert_eq!(message, expected);
     }
 
     #[test]

@@ -387,7 +387,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Returns the mistake of a face that is too large to be divided into triangles.
+/// Returns the error for a concave face that has too many corners to be divided into triangles.
 fn too_large(number: usize) -> Flaw {
     let most = MAX_CONCAVE_CORNERS;
     Flaw::from(format!("face {number} is concave and has more than {most} corners"))

@@ -225,9 +225,9 @@ pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// name before it.
 ///
 /// 1. The whole text.
-/// 2. The text before a word that is only `#`. Such a word certainly begins a comment.
-/// 3. The text before any word that begins with `#`. Such a word may begin a comment, or belong to a name such as
-///    `Material #25`. If nothing is before this word, the name is the second one.
+/// 2. The text before the first word that is only `#`. Such a word certainly begins a comment.
+/// 3. The text before the first word that begins with `#`, whatever follows the `#`. Such a word may begin a comment,
+///    or belong to a name such as `Material #25`. If nothing is before this word, the name is the second one.
 pub(super) fn possible_names(text: &str) -> [&str; 3] {
     let certain = before_comment(text, |comment| {
         let rest = &comment[1..];

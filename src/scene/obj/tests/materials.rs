@@ -190,8 +190,9 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
 }
 
-/// Returns the red channel of a triangle that follows the lines `obj` in a mesh file, and the notes. The text `mtl` is
-/// in two material files.
+/// Reads a mesh file with the lines `obj` and then one triangle. Returns the red channel of the triangle's material,
+/// and the notes on the file. The folder of the mesh file has two material files, `my paints.mtl` and `#1.mtl`, which
+/// both contain the text `mtl`.
 fn red(mtl: &str, obj: &str) -> (f32, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     for name in ["my paints.mtl", "#1.mtl"] {
