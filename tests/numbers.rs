@@ -270,6 +270,11 @@ fn a_distant_light_makes_no_speckles() {
     let work_folder = WorkFolder::new();
     let bias_only = "bias_per_distance + 0.0f * (";
     let folder = work_folder.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
-    let dark = dark_share(&Sources::Folder(work_folder.path(&folder)), &strategy("tile"));
-    assert!(dark > 0.1, "with the bias alone: {dark}");
+    let kernels = Sources::Folder(work_folder.path(&folder));
+    // In tiles, a surface blocks a shadow ray only before the ray's end, not at the end. So rounding makes fewer pixels
+    // dark.
+    for (name, least) in [("tile", 0.02), ("wide-common-origin", 0.1)] {
+        let dark = dark_share(&kernels, &strategy(name));
+        assert!(dark > least, "{name} with the bias alone: {dark}");
+    }
 }

@@ -115,8 +115,8 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // Of two triangles in the same place, rays then hit the first one of the mesh, since tests keep the first of
-        // two hits at the same distance. Such triangles have equal centres, so no cut separates them.
+        // Of two triangles of a leaf in the same place, rays then hit the first one of the mesh, since tests keep the
+        // first of two hits at the same distance. Such triangles have equal centres, so only `halve` can part them.
         work.order.sort_unstable();
         return depth;
     }

@@ -172,6 +172,8 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
+    // A file server dates files by its own clock, which may differ from this machine's.
+    let _ = file.as_file().set_modified(SystemTime::now());
     file.persist(path)?;
     Ok(())
 }

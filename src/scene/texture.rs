@@ -87,8 +87,8 @@ impl Mapped {
     /// coordinates are shifted close to 0, where single precision is finest, before they are rounded to single
     /// precision. The shift does not change the triangle's picture.
     pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
-        // Coordinates near 0 are rounded once more, before the shift, so that they get the same bits whether they were
-        // read or computed in single or in double precision.
+        // Coordinates near 0 are also rounded before the shift, so that they get the same bits whether they were read
+        // in single or in double precision.
         let rounded = |value: f64| if value.abs() > Self::NEAR { value } else { f64::from(value as f32) };
         let mut corners = corners.map(|corner| corner.map(rounded));
         for (axis, wrap) in wrap.into_iter().enumerate() {

@@ -98,18 +98,17 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // u, v and w (a dot product per edge) are above 0 inside the triangle. Neighbouring triangles overlap by 1.
+        // u, v and w (a dot product per edge) are at least 0 inside the triangle. Neighbouring triangles overlap by 1.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
-        // The minimum of six numbers is compared once, instead of six comparisons, since operations on masks take
-        // longer than minima. None of the six numbers may be 0: of two hits at the same distance, the first one is
-        // kept.
+        // Two minima of three numbers are compared, instead of six numbers, since operations on masks take longer than
+        // minima. `seen` must be above 0: of two hits at the same distance, the first one is kept.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
-        const Mask hits = SOLID_IN_TILE(bundle, vector, index, min(inside, seen) > 0.0f);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, index, (inside >= 0.0f) & (seen > 0.0f));
         if (any) {
             if (!ANY(hits)) continue;
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);

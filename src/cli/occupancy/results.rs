@@ -41,7 +41,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
 fn print_notes(notes: &[String], apart: bool) -> Result<()> {
     notes.iter().map(|note| format!("note: {note}")).try_for_each(|note| match apart {
         true => {
-            printer::tell(note);
+            printer::tell(printer::plain(&note));
             Ok(())
         }
         false => super::super::print(note),
