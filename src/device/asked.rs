@@ -1,5 +1,5 @@
-//! Queries a device and reads the answers as raw bytes, so that an unexpected answer makes the device unusable, but
-//! does not stop raycl.
+//! Queries a device and reads the answers as raw bytes, so that a failed query, or an answer of an impossible length,
+//! makes the device unusable, but does not stop raycl.
 
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};

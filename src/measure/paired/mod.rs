@@ -267,7 +267,8 @@ impl Paired {
         Some(Standing { launches, point, points: 1, is_anchor_on_processors, between, pooled })
     }
 
-    /// Returns a point's median over all samples, in milliseconds; `None` if the point has too few samples.
+    /// Returns a point's median in milliseconds with its 95% interval, over all samples that count; `None` if the point
+    /// has too few of them.
     pub fn median_ms(&self, point: usize) -> Option<Interval> {
         Some(self.standing(point)?.median_ms())
     }
