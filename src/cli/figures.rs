@@ -32,7 +32,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let error = Error::run(format!("{}:\n{}", differ(left.len()), listed(&left)));
     Err(error.with_help(
-        "`raycl figures` without --check corrects numbers that have a record; CONTRIBUTING.md explains how to correct other places",
+        "`raycl figures` without --check corrects every number that the records give; correct the other places by hand: CONTRIBUTING.md explains how numbers refer to records",
     ))
 }
 

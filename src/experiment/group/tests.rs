@@ -218,20 +218,6 @@ fn a_launch_that_was_interrupted_is_not_taken_over_and_one_that_ended_is() {
 }
 
 #[test]
-fn the_end_of_a_launch_is_stored_with_the_numbers_of_its_samples_unless_it_lost_a_worker() {
-    let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
-    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
-    let devices = [&device];
-    let run = fixtures::run(&experiment, &devices, &locks);
-    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
-    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
-    group().visit(&run, &mut supervisor, &mut sink).unwrap();
-    let samples = ["a", "b"].map(|key| (key.to_owned(), 5)).into();
-    assert_eq!(sink.ends, [LaunchEnd { launch: 1, stop_reason: StopReason::Precise, samples }]);
-}
-
-#[test]
 fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_another_device() {
     let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3, min_samples = 15 }");
     let [one, two] = ["one", "two"].map(|name| DeviceInfo { name: name.into(), ..asleep::device(1.0) });
@@ -331,7 +317,7 @@ fn moved_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them(
 }
 
 #[test]
-fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
+fn a_launch_that_lost_its_worker_has_no_samples_in_records_and_no_stored_end() {
     let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     // This stand-in for a device casts nothing, so no lock is taken for it.
@@ -342,6 +328,8 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();
     assert!(sink.records.iter().all(|record| record.interval_ms.is_some()));
+    let samples = ["a", "b"].map(|key| (key.to_owned(), 5)).into();
+    assert_eq!(sink.ends, [LaunchEnd { launch: 1, stop_reason: StopReason::Precise, samples }]);
     assert_eq!(
         (sink.steps, sink.said),
         (2, vec!["a worker process was lost or replaced: its whole launch is repeated".to_owned()])

@@ -138,7 +138,7 @@ fn other(file: &Path, number: u32) -> Error {
         file.display()
     );
     Error::input(message).with_help(
-        "`--force` replaces it, `-o FILE` writes elsewhere; if a device of another kind cast it, name the strategy of that device with `--strategy`",
+        "`--force` replaces the file, `-o FILE` writes elsewhere; if the frame was cast on another kind of device, where raycl chose another strategy, name that strategy with `--strategy`, so that raycl recognises the frame",
     )
 }
 
