@@ -1,8 +1,8 @@
-//! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run with
-//! several launches times the anchor on each device. In each launch, the anchor runs after the device's first sample,
-//! and then after every six further samples, or once per round if a round has fewer than six samples on the device. Two
-//! runs can therefore be compared by the ratios of their times to the anchor's time, even if the machine's speed
-//! changed between the runs.
+//! The anchor is a kernel that never changes: kernel files of the user (`--cl-dir`) do not replace it. A run
+//! with several launches times the anchor on each device. In each launch, the anchor runs after the device's
+//! first sample, and then after every six further samples. If a round has fewer than six samples on the
+//! device, the anchor runs once per round instead. Two runs can therefore be compared by the ratios of their
+//! times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use crate::printer::{self, plain};
 use crate::reader::{Damaged, NotUtf8, STANDARD_INPUT};
+use crate::words::counted;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -288,10 +289,11 @@ impl Error {
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
-    /// Returns the message in a form for places that show no lines of files, such as a window's title: if the mistake
-    /// is in a file, the message begins with the file's name and the line's number.
+    /// Returns the message in a form for places that show one line, and no lines of files, such as a window's title. If
+    /// the mistake is in a file, the message begins with the file's name and the line's number. Of a message of several
+    /// lines, only the first line is returned, with the number of the others.
     pub fn in_a_line(&self) -> String {
-        let message = self.to_string();
+        let message = first_line(&self.to_string());
         let Self::Input(error) = self else { return message };
         let (Some(file), Some(span)) = (&error.source_code, error.span) else { return message };
         let location = format!("{}:{}: ", file.name(), line_of(file.inner(), span.offset()));
@@ -316,6 +318,16 @@ impl Error {
             Self::Run { .. } => 1,
             Self::Interrupted { .. } => 130,
         }
+    }
+}
+
+/// Returns the first line of a message that is not empty and, if there are others, their number.
+fn first_line(message: &str) -> String {
+    let mut lines = message.lines().map(str::trim_end).filter(|line| !line.is_empty());
+    let first = lines.next().unwrap_or_default();
+    match lines.count() {
+        0 => first.to_owned(),
+        others => format!("{first} (and {})", counted(others, "more line")),
     }
 }
 
@@ -508,6 +520,16 @@ mod tests {
         for error in [Error::input("a"), Error::run("a")] {
             assert_eq!(error.in_a_line(), "a");
         }
+    }
+
+    #[test]
+    fn of_a_message_of_several_lines_the_first_one_is_a_line() {
+        let in_a_line = |message: &str| Error::run(message).in_a_line();
+        let of_two = "it fails: a.cl:1: no type\na.cl:2: no name\n";
+        assert_eq!(in_a_line(of_two), "it fails: a.cl:1: no type (and 1 more line)");
+        assert_eq!(in_a_line("\na\n\nb\nc"), "a (and 2 more lines)");
+        let error = Error::in_file("a.toml", "a = 1\nbad = 1\n", 6..9, "unknown key\nremoved", "here");
+        assert_eq!(error.in_a_line(), "a.toml:2: unknown key (and 1 more line)");
     }
 
     #[test]

@@ -34,12 +34,13 @@
 //! [`experiment`] also times the kernels, together with the `anchor`, and `measure` computes statistics of these times.
 //!
 //! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files that users
-//! name, and `filetype` recognises their formats. `memory` measures the host's free memory, and `load` measures the
-//! processor time that other processes take. [`record`] stores the results. [`image`] turns radiance into pictures.
-//! `output` writes files for the user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits
-//! an experiment among machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes
-//! the numbers in this repository's documents from stored records. `cache` stores data that raycl can recompute, so
-//! that later runs need not do so.
+//! name, `existing` finds out whether files exist, and `filetype` recognises their formats. `memory` measures the
+//! host's free memory, and `load` measures the processor time that other processes take. [`record`] stores the results.
+//! [`image`] turns radiance into pictures. `output` writes files for the user; without `--force`, it replaces no file
+//! that raycl did not make. [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one
+//! file per subcommand; [`documents`] computes the numbers in this repository's documents from stored records. `cache`
+//! stores data that raycl can recompute, so that later runs need not do so. `threads` starts the threads of parallel
+//! iterators.
 
 mod accel;
 mod anchor;
@@ -56,6 +57,7 @@ pub mod device_lock;
 #[doc(hidden)]
 pub mod documents;
 mod error;
+mod existing;
 #[doc(hidden)]
 pub mod experiment;
 mod filetype;
@@ -93,6 +95,7 @@ pub mod shard;
 mod sources;
 #[doc(hidden)]
 pub mod strategy;
+mod threads;
 mod toml_error;
 mod toml_read;
 #[doc(hidden)]

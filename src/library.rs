@@ -38,11 +38,11 @@ pub struct Picture {
 }
 
 impl Raycaster {
-    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, the label that
-    /// `raycl devices` shows for one of several devices with the same name, or `cpu` or `gpu`; the first match is
-    /// used. If `device` is `None`, the device that the environment variable `RAYCL_DEVICE` names is used. If this
-    /// variable is not set, a GPU is used if there is one, else an accelerator, else a CPU; of several such devices,
-    /// the one with the most compute units is used.
+    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
+    /// `gpu`, or the label that `raycl devices` shows for one of several devices with the same name. The
+    /// first device that matches is used. If `device` is `None`, the device that the environment variable
+    /// `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used if there is one, else an
+    /// accelerator, else a CPU. Of several such devices, the one with the most compute units is used.
     ///
     /// # Errors
     ///
@@ -121,9 +121,10 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 ///
 /// # Errors
 ///
-/// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that are not
-/// results, if the environment variable `RAYCL_LOCK_DIR` is not an absolute path, if the run is interrupted, or if the
-/// calling process is a worker. A point that fails is not an error: its record states the reason.
+/// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
+/// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
+/// the run is interrupted, or if the calling process is a worker. A point that fails is not an error: its
+/// record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -143,11 +144,12 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     Ok(measured?.1)
 }
 
-/// If raycl started this process as a worker, does the worker's task (it measures points, lists devices or compiles a
-/// program) and then ends the process. raycl starts a worker with the argument `worker` and the environment variable
-/// `RAYCL_WORKER`. In other processes, sets the environment variables that `raycl run` sets for drivers: they limit and
-/// pin the threads of PoCL (an OpenCL driver for CPUs), and give it a folder that it can write. Call this function
-/// first in the `main` of a program that runs experiments, before the program starts a thread.
+/// If raycl started this process as a worker, does the worker's task and then ends the process. The task is
+/// to measure points, to list devices, or to compile a program. raycl starts a worker with the argument
+/// `worker` and the environment variable `RAYCL_WORKER`. In other processes, sets the environment variables
+/// that `raycl run` sets for drivers: they limit and pin the threads of PoCL (an OpenCL driver for CPUs), and
+/// give it a folder that it can write. Call this function first in the `main` of a program that runs
+/// experiments, before the program starts a thread.
 pub fn serve_if_worker() {
     if !is_worker() || std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         prepare_for_drivers(true);

@@ -1,5 +1,5 @@
 //! Reads from `/proc` how much processor time other processes take while raycl measures. Also measures the core-to-core
-//! latency. Both are known only on Linux.
+//! latency. raycl measures both only on Linux.
 
 #[cfg(target_os = "linux")]
 mod core_to_core;
@@ -74,8 +74,8 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // `own` is read process by process, so the time of a worker that ends meanwhile may be missing in one reading, and
-    // the difference of two readings may be negative.
+    // `own` is read process by process, so the time of a worker that ends meanwhile may be missing in one
+    // reading. The difference of two readings may therefore be negative.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,

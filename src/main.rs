@@ -7,6 +7,7 @@ use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
     choose_look();
+    raycl::device::report_panics();
     match raycl::cli::Cli::read().and_then(raycl::cli::Cli::run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

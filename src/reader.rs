@@ -28,7 +28,7 @@ pub enum Kind {
     Picture,
     /// A file that a run writes about itself (such as `plan.json`), a stored sweep, or one of raycl's documents.
     Results,
-    /// A picture that a report shows.
+    /// A picture that a report shows or `raycl merge` copies.
     Shown,
 }
 

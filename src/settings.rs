@@ -107,10 +107,11 @@ fn read(path: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Returns whether an error means that there is no settings file, or that it lies in a folder in which this user may
-/// look up no file, such as the home folder of another user. There is no settings file either if a part of its path is
-/// a file instead of a folder: services often have the home folder /dev/null. `metadata` is the file's metadata, or the
-/// error from reading it.
+/// Returns whether `error`, from opening the settings file, means that this user has no settings file. This
+/// is the case if the file does not exist, or if a part of its path is a file instead of a folder: services
+/// often have the home folder /dev/null. It is also the case if the file lies in a folder in which this user
+/// may look up no file, such as another user's home folder. `metadata` is the file's metadata, or the error
+/// from reading it.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)

@@ -42,7 +42,7 @@ impl Sources {
         let Self::Folder(folder) = self else {
             return Error::input(format!("there is no kernel file {name}")).with_help(LAYOUT);
         };
-        let message = format!("there is no kernel file {name}: neither in {} nor built in", folder.display());
+        let message = format!("there is no kernel file {name}, neither in {} nor built in", folder.display());
         let files = self.files().unwrap_or_default();
         Error::input(message).with_help(match meant_file(name, files.iter().map(String::as_str)) {
             Some(meant) => format!("did you mean {meant}?"),
@@ -54,7 +54,7 @@ impl Sources {
     /// mistake of the user, the name of the file and the line are added to its message.
     pub fn at_include(&self, error: Error, path: &str, file: &str, line: usize) -> Error {
         let file = self.path_of(file);
-        error.placed(|message| Error::input(format!("{file}, line {line}: #include \"{path}\": {message}")))
+        error.placed(|message| Error::input(format!("{file}, line {line}, #include \"{path}\": {message}")))
     }
 
     /// Returns a file's text with its includes inserted, and the names of the files that this text consists of, each
@@ -137,13 +137,13 @@ impl Sources {
         path.exists().then(|| path.display().to_string())
     }
 
-    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files instead of
-    /// their names, and whether the mistake is the user's. Built-in files compile by themselves. The mistake is
-    /// therefore the user's if the program contains a file that the user added or changed, even if the compiler finds
-    /// the error in a built-in file: for example, where that file calls a function of the user with other arguments. If
-    /// no error is in a file of the user, the messages begin with the names of these files. The program's text, `text`,
-    /// consists of the files `files`. The compiler names them relative to `cl/` or to the folder, or names lines of the
-    /// whole text.
+    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
+    /// instead of their names, and whether the mistake is the user's. Built-in files compile by themselves.
+    /// The mistake is therefore the user's if the program contains a file that the user added or changed.
+    /// This holds even if the compiler finds the error in a built-in file, for example where that file calls
+    /// a function of the user with other arguments. If no error is in a file of the user, the messages begin
+    /// with the names of these files. The program's text, `text`, consists of the files `files`. The compiler
+    /// names them relative to `cl/` or to the folder, or names lines of the whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -388,14 +388,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let sources = Sources::Folder(folder.path().to_owned());
         for (path, why) in [
-            ("cast/nosuch.cl", "there is no kernel file cast/nosuch.cl: neither in"),
+            ("cast/nosuch.cl", "there is no kernel file cast/nosuch.cl, neither in"),
             ("../no-such-file.cl", "there is no kernel file ../no-such-file.cl"),
         ] {
             std::fs::write(folder.path().join("inner.cl"), format!("one\n#include \"{path}\"\n")).unwrap();
             std::fs::write(folder.path().join("outer.cl"), "#include \"inner.cl\"\n").unwrap();
             let error = sources.read_joined("outer.cl").unwrap_err();
             let inner = folder.path().join("inner.cl");
-            let expected = format!("{}, line 2: #include \"{path}\": {why}", inner.display());
+            let expected = format!("{}, line 2, #include \"{path}\": {why}", inner.display());
             assert!(error.to_string().starts_with(&expected) && error.exit_code() == 2, "{error}");
         }
     }

@@ -17,6 +17,9 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
         .map(|(_, expected)| type_in_words(expected.trim_end()))
 }
 
+/// The keys that have two names. The first one is the name of the field of the Rust type, which serde's messages state.
+const TWO_NAMES: [[&str; 2]; 1] = [["obj", "mesh"]];
+
 /// A mistake in a document, in words for a user.
 pub struct Mistake {
     /// The mistake, with the wrong value and the expected one.
@@ -49,6 +52,9 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
 /// Returns the mistake in words for a user.
 pub fn mistake(error: &toml::de::Error) -> Mistake {
     let message = error.message().trim_end().to_owned();
+    if let Some(mistake) = both_names(&message) {
+        return mistake;
+    }
     // serde's message about an unknown key is: unknown field `a`, expected one of `b`, `c`. serde's message about an
     // unknown value begins with: unknown variant `a`, expected ...
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
@@ -66,6 +72,18 @@ pub fn mistake(error: &toml::de::Error) -> Mistake {
         }
         _ => Mistake { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },
     }
+}
+
+/// Returns the mistake if serde's message says that a table sets a key by both of its names; `None` for any other
+/// message. If a table repeats one name, the message is another one: the text is then not TOML.
+fn both_names(message: &str) -> Option<Mistake> {
+    let field = message.strip_prefix("duplicate field `")?.strip_suffix('`')?;
+    let [_, name] = TWO_NAMES.into_iter().find(|[known, _]| *known == field)?;
+    Some(Mistake {
+        message: format!("both `{name}` and `{field}` are set"),
+        label: "in this table".to_owned(),
+        remedy: Some(format!("set only one of them: `{field}` is another name of `{name}`")),
+    })
 }
 
 /// Returns serde's message, with TOML's words instead of serde's names for types.
@@ -111,6 +129,14 @@ fn type_in_words(name: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_key_that_is_set_by_both_of_its_names_is_reported_with_both() {
+        let both = both_names("duplicate field `obj`").expect("a mistake");
+        assert_eq!(both.message, "both `mesh` and `obj` are set");
+        assert_eq!(both.remedy("no other"), "set only one of them: `obj` is another name of `mesh`");
+        assert!(both_names("duplicate field `power`").is_none() && both_names("duplicate key").is_none());
+    }
 
     #[test]
     fn messages_name_no_types_of_rust() {

@@ -265,3 +265,18 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
     let none = folder.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
     assert!(none.contains("none of the 2 cases of 'cases.toml'") && none.contains("'great'"), "{none}");
 }
+
+#[test]
+fn the_help_of_quiet_says_that_the_json_object_is_printed_nevertheless() {
+    for command in ["render", "view"] {
+        let help = output(&["help", command]).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(help.contains("Print nothing but errors and, with --json, the JSON object"), "{help}");
+    }
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--quiet"];
+    let device = device();
+    let printed = |more: &[&str]| folder.output(&[&picture[..], &["--device", &device], more].concat());
+    assert_eq!(printed(&[]), "");
+    let report: serde_json::Value = serde_json::from_str(&printed(&["--json", "--force"])).expect("JSON");
+    assert!(report["total_ms"].is_f64(), "{report}");
+}

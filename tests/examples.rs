@@ -79,9 +79,9 @@ fn one_runs_an_experiment() {
     assert_eq!(folder.json_lines("out/records.jsonl").len(), 2);
 }
 
-/// A program that does not call `serve_if_worker` runs the experiment in its workers too, which would start further
-/// workers without end. This test starts such a program with the environment variable of a worker, but without a
-/// worker's arguments.
+/// Without a call of `serve_if_worker`, a worker would run the experiment again and start further workers
+/// without end. raycl therefore refuses to run an experiment in a process that has a worker's environment
+/// variable. This test starts an example with this variable and without a worker's arguments.
 #[test]
 fn a_worker_runs_no_experiment_of_its_own() {
     let folder = crate::binary::one_point();
@@ -91,8 +91,8 @@ fn a_worker_runs_no_experiment_of_its_own() {
     has(&String::from_utf8_lossy(&output.stderr), &["as a worker", "raycl::serve_if_worker"]);
 }
 
-/// A program that uses the library may have a first argument `worker` of its own. In this test, it is the config's
-/// name.
+/// A program that uses the library may have a first argument `worker` of its own. In this test, the config's
+/// file has the name `worker`.
 #[test]
 fn an_argument_of_the_users_own_makes_no_worker() {
     let folder = crate::binary::one_point();

@@ -65,9 +65,10 @@ impl Ground {
         self.records().iter().filter(|record| record.outcome == outcome).count()
     }
 
-    /// Checks that every point was measured exactly once, and that no sample is stored twice. A round has one sample of
-    /// each point; it has two if the first does not count because a virtual machine's processors had moved, which
-    /// happens at any time and is known only by the core-to-core latency.
+    /// Checks that every point was measured exactly once, and that no sample is stored twice. A round has one
+    /// sample of each point. It has two samples of a point if the first one does not count, because the host
+    /// had moved a virtual machine's processors to other cores. This may happen at any time, and only the
+    /// core-to-core latency shows it.
     fn all_measured_once(&self) {
         assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
@@ -301,9 +302,9 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    // The worker hangs, so the current sample never ends, and only the second signal can end the run. The first signal
-    // may not have been handled yet when the second one arrives, so the test repeats the second signal, which does no
-    // harm.
+    // The worker hangs, so the current sample never ends, and only the second signal can end the run. When
+    // the second signal arrives, the first one may not have been handled yet. The test therefore repeats the
+    // second signal, which does no harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);

@@ -93,8 +93,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // A digit is inserted before the number, so that the changed number is not, by chance, the number
-            // of another fact.
+            // The test puts a 7 before the number. The new number is much larger, so it is unlikely to equal
+            // another number that the check would accept here.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

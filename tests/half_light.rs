@@ -39,8 +39,8 @@ fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
     picture(&folder, EVEN, &["--verify=50"]);
 }
 
-/// Soft light at half resolution approximates a picture of many samples that casts soft light for each
-/// sample.
+/// Soft light at half resolution approximates the picture that results if each of many samples per pixel
+/// casts its own rays to lights and to the sky.
 #[test]
 fn it_is_nearly_the_picture_of_many_samples() {
     let folder = WorkFolder::with(&[("mesh.obj", MESH)]);

@@ -1,6 +1,6 @@
-//! Tests of the files for other machines. Every command in the workflows of the hosted CI and in the container file
-//! exists, archives and packages are complete, the licences of others' files are named, the program has the right
-//! revision, and the citation file names this version.
+//! Tests of the files for other machines. Every command in the workflows of the hosted CI and in the
+//! container file exists. Archives and packages are complete, and the licences of others' files are named.
+//! The program has the right revision, and the citation file names this version.
 
 use crate::binary::{WorkFolder, has, repository, run};
 use clap::Parser as _;

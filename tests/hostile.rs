@@ -1,5 +1,5 @@
 //! Obstacles that an attacker or a broken machine may cause: drivers that crash when they are listed, folders
-//! of results with links to other places, arguments that are not UTF-8 text.
+//! of results with links to other places, arguments that are not UTF-8 text, and systems that allow no more threads.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, one_point, until};
 use std::ffi::OsStr;
@@ -133,7 +133,7 @@ fn drivers_that_die_only_together_are_named_with_the_remedy() {
     let folder = one_point();
     let body = "if (getenv(\"A_DRIVER_IS_LOADED\")) abort(); setenv(\"A_DRIVER_IS_LOADED\", \"1\", 1)";
     let vendors = driver(&folder, body);
-    // The same file would be loaded only once.
+    // If both `.icd` files named the same file, it would be loaded only once, so the second one names a copy.
     let other = folder.path("other.so");
     std::fs::copy(folder.path("driver.so"), &other).expect("a copy");
     std::fs::write(vendors.join("other.icd"), format!("{}\n", other.display())).expect("an .icd");
@@ -220,4 +220,19 @@ fn a_device_in_the_place_of_a_file_is_not_read() {
         folder.mistake(&run(&device, &["--resume"]), 1);
     }
     folder.mistake(&["report", "out"], 2);
+}
+
+#[test]
+fn a_system_that_allows_no_more_threads_ends_pictures_with_a_message() {
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    // No address space can hold stacks of this size, so the system refuses every thread.
+    let stack_bytes = (1_u64 << 62).to_string();
+    let picture = ["render", "scene.toml", "-o", "a.png"];
+    for arguments in [&picture[..], &["view", "scene.toml", "--terminal=blocks", "--frames", "1"]] {
+        let mut raycl = folder.raycl(arguments);
+        let output = raycl.env("RUST_MIN_STACK", &stack_bytes).assert().code(1).get_output().clone();
+        let said = String::from_utf8(output.stderr).expect("UTF-8");
+        assert!(!said.contains("panicked"), "{said}");
+        has(&said, &["a thread could not be started", "ulimit -u"]);
+    }
 }

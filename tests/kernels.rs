@@ -76,9 +76,10 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
         chosen.map(move |(_, &local)| (strategy, local))
     });
     let is_cpu = stand.is_cpu();
-    // A scene of six triangles fits on any device. Three things may not fit: vectors in __local memory at 32 x 32;
-    // the rays of more than 64 tiles, of 66 KiB each, on the stack of a CPU's thread; and 1024 work-items in the
-    // registers of a GPU.
+    // A scene of six triangles fits on any device. Three other things may not fit. With 32 x 32 work-items,
+    // the working vectors may be too large for __local memory. If a work-group has more than 64 tiles, their
+    // rays (66 KiB per tile) may be too large for the stack of a CPU's thread. 1024 work-items may need more
+    // registers than a GPU has.
     let may_not_fit = |(strategy, [x, y]): &Point| match strategy.traversal {
         Traversal::Tile if is_cpu => x * y > 64,
         _ => x * y == 1024 && (strategy.vectors == Vectors::LOCAL || !is_cpu),
@@ -194,8 +195,8 @@ fn each_layout_brings_every_corner_its_own_normal() {
     all_agree(&mut stand, points, none);
 }
 
-/// Each triangle of the first, red object has a twin in a second, blue object. Tests keep the first of two hits at the
-/// same distance.
+/// Each triangle of the first, red object has a twin in a second, blue object. Of two hits at the same
+/// distance, kernels keep the one on the triangle that comes first in the mesh.
 #[test]
 fn of_two_objects_in_the_same_place_every_preset_shows_the_first() {
     apart!();

@@ -1,5 +1,5 @@
-//! Launches, which are measurements of a group of points: each launch uses new worker processes, and is repeated
-//! completely if it lost a worker or was interrupted.
+//! Tests of launches. A launch is one measurement of a group of points. Each launch uses new worker
+//! processes. A launch is repeated completely if it lost a worker or was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::experiment::Past;

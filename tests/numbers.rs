@@ -218,7 +218,8 @@ fn weights_of_needles_are_clamped_to_the_triangle() {
     assert!(!are_no_brighter_than_their_brightest_corner(&Sources::Folder(work_folder.path(&folder))));
 }
 
-/// Returns a sphere on the ground in light as far away as `distance`, which arrives as strongly from any distance.
+/// Returns a sphere on the ground, lit by a light at this distance. The light's power grows with the square
+/// of the distance, so the light arrives equally strongly from any distance.
 fn lit_from(distance: f32) -> Scene {
     let mut scene = scene("sphere.toml");
     let light = &mut scene.lights[0];

@@ -1,5 +1,5 @@
-//! Files that a command would overwrite: a file that raycl did not write, or that was changed after raycl wrote it, is
-//! kept unless `--force` is given. Reports and comparisons are tested in tests/report.rs.
+//! Files that a command would overwrite. Without `--force`, raycl overwrites no file that it did not write,
+//! and no file that was changed after raycl wrote it. Reports and comparisons are tested in tests/report.rs.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, one_point, until};
 use std::io::{BufRead as _, BufReader};

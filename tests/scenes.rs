@@ -131,6 +131,7 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_position() {
         ("[[object]]\nshape = \"spere\"\n", "did you mean `sphere`", "\"spere\""),
         ("[[object]]\nshape = \"ground\"\ntriangles = 7\n", "no `triangles`", "7"),
         ("[[object]]\nobj = \"none.obj\"\n", "no mesh file", "\"none.obj\""),
+        ("[[object]]\nmesh = \"a.obj\"\nobj = \"a.obj\"\n", "both `mesh` and `obj` are set", ""),
         ("[[object]]\nshape = \"ground\"\nscale = [1, 0, 1]\n", "0 is not", "0"),
         (
             "[[object]]\nshape = \"ground\"\nfaces = [[0, 1, 2]]\n",

@@ -1,5 +1,5 @@
-//! Sessions, which turn a strategy into an object that casts: the data that the strategies of a session
-//! share, and the reasons why a strategy may be refused.
+//! Tests of sessions. A session is a scene on an open device; it makes casters from strategies. The tests
+//! check which data the strategies of a session share, and why a strategy may be refused.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};

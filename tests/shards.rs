@@ -109,8 +109,8 @@ fn kill(process: u32) {
     let _ = kill_process(process, Signal::KILL);
 }
 
-/// Returns every file of a folder with its bytes, except two files that differ from run to run: the report,
-/// whose script has a random name, and the file with the report's hash.
+/// Returns every file of a folder with its bytes, except two files that differ from run to run. These are the
+/// report, whose script has a random name, and the file with the report's hash.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let same =

@@ -128,12 +128,13 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     let scene = "[camera]\nposition = [0, 2, -4]\nlook_at = [0, 0, -4]\nup = [0, 0, -1]\n[sky]\nzenith = 0.03\n\
                  [[object]]\nshape = \"ground\"\nmaterial = { k_l = 0.5 }\n[display]\nexposure = 30\ngamma = 1\n";
     let folder = WorkFolder::with(&[("scene.toml", scene)]);
-    // The expected value is 255 x 30 x 0.03 x 0.5, in whatever direction the ray to the sky runs.
+    // The expected value is 255 x 30 (exposure) x 0.03 (the sky's radiance) x 0.5 (the ground's reflectance),
+    // in whatever direction the ray to the sky runs.
     assert_eq!(picture(&folder, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than a ten-thousandth
-/// of the square's diagonal. Shadow rays must start farther from it than that.
+/// At these coordinates, rounding moves hits off the square by a few thousandths, which is more than a
+/// ten-thousandth of the square's diagonal. Shadow rays must start at a greater distance from the square.
 #[test]
 fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     let left = "[49998, 49999.7, 49998], [49998, 49999.7, 50002]";
@@ -147,7 +148,8 @@ fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
         let shown = picture(&folder, &["--samples", "16", "--strategy", strategy]);
         let middle = (20..30).flat_map(|y| (22..38).map(move |x| (x, y)));
         let values: Vec<u32> = middle.map(|at| u32::from(shown[at].0[1])).collect();
-        // The expected value is 255 x 2 x 0.5 x 0.8. A pixel may lose the few of its 16 rays that graze the square.
+        // The expected value is 255 x 2 (exposure) x 0.5 (the sky's radiance) x 0.8 (the square's
+        // reflectance). A pixel may lose the few of its 16 rays that graze the square.
         let mean = f64::from(values.iter().sum::<u32>()) / values.len() as f64;
         assert!((mean / 204.0 - 1.0).abs() < 0.01, "{strategy}: {mean}");
         assert!(values.iter().all(|value| *value > 170), "{strategy}: {values:?}");
@@ -202,8 +204,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// The changes to the kernels include another point of the sequence, of the ball or of the hemisphere; inverted
-/// occlusion; and a leaf of which only one triangle is tested.
+/// With the changes to the kernels, rays use another point of the sequence, of the ball or of the hemisphere,
+/// occlusion is inverted, or only one triangle of a leaf is tested.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");

@@ -1,6 +1,6 @@
-//! Tests of frames that several devices cast together and that must have the same pixels as on one device, of runs on
-//! several devices, and of samples that consist of several frames. PoCL is configured to offer the same CPU as two
-//! devices.
+//! Tests of frames that several devices cast together (their pixels must be the same as on one device), of
+//! runs on several devices, and of samples that consist of several frames. PoCL is configured to offer the
+//! same CPU as two devices.
 
 use crate::binary::{TRIANGLE, WorkFolder, config, repository};
 use crate::common::apart::apart;

@@ -99,8 +99,8 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
     has(&folder.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
     let (plain, _) = folder.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
     assert!(!differ(&plain, &folder.picture(&["--set", "textures=false"]).0));
-    // The floor's own colour is black. It counts as white if a texture is multiplied by it, so that the floor
-    // has a hue only with the texture.
+    // The floor's own colour is black. With a texture, raycl treats this colour as white, so the floor has a
+    // hue only if it has its texture.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()

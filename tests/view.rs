@@ -142,14 +142,28 @@ fn the_picture_gets_the_size_of_the_window() {
 }
 
 #[test]
-fn if_a_window_cannot_open_on_a_display_with_few_colours_the_terminal_is_advised() {
+fn a_display_with_few_colours_is_a_mistake_with_a_remedy() {
     let folder = new_folder();
-    let server = Server::with_depth([160, 100], 16);
-    let output = finish(start(&folder, &server, &["--frames", "1"]));
-    assert!(!output.status.success(), "{output:?}");
-    let said = String::from_utf8_lossy(&output.stderr);
-    let terminal = said.find("--terminal").unwrap_or_else(|| panic!("{said}"));
-    assert!(said.find("--strategy").is_none_or(|strategy| terminal < strategy), "{said}");
+    for bits in [8, 16] {
+        let server = Server::with_depth([160, 100], bits);
+        let output = finish(start(&folder, &server, &["--frames", "1"]));
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        let reason = format!("the display {} has {bits}-bit colours", server.display());
+        has(&String::from_utf8_lossy(&output.stderr), &[&reason, "--terminal", "24-bit colours"]);
+    }
+}
+
+#[test]
+fn a_window_that_x11_cannot_have_is_a_mistake_with_a_remedy() {
+    let folder = new_folder();
+    let server = Server::start([160, 100]);
+    for size in [["65536", "1"], ["1", "65536"]] {
+        let options = ["--width", size[0], "--height", size[1], "--frames", "1"];
+        let child = view(&folder, &options).env("DISPLAY", server.display()).spawn().expect("it starts");
+        let output = finish(child);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        has(&String::from_utf8_lossy(&output.stderr), &["is 65536", "32767 pixels", "--terminal"]);
+    }
 }
 
 /// Returns the first column and the last column in which a picture differs from its first pixel.

@@ -105,8 +105,8 @@ fn leaks_to_nets(strategy: &Strategy) -> usize {
     [false, true].map(|is_flat| leaks_to(&Sources::Embedded, is_flat, strategy)).into_iter().sum()
 }
 
-/// Returns three numbers of faults of some kernels: primary rays that pass through nets, shadow rays that
-/// pass through a net, and rays that a triangle stops although they pass beside it.
+/// Counts the faults of these kernels. Returns three numbers: of primary rays that pass through nets, of
+/// shadow rays that pass through a net, and of rays that a triangle stops although they pass beside it.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
     let primary = leaks_to(kernels, false, strategy) + leaks_to(kernels, true, strategy);
     let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;

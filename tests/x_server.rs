@@ -119,8 +119,9 @@ impl User {
         self.until_done();
     }
 
-    /// Returns the request that sends an event to the window: that a key is pressed (2) or released (3), or a button
-    /// (4 and 5).
+    /// Returns the request that sends an event to the window. `kind` is the event's number: 2 if a key is
+    /// pressed, 3 if it is released, 4 if a button is pressed, and 5 if it is released. `key` is the key or
+    /// the button.
     fn event(&self, kind: u8, key: u8) -> Vec<u8> {
         let mut request = vec![25, 0, 11, 0];
         request.extend(self.window.to_le_bytes());

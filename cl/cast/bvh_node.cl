@@ -25,8 +25,8 @@ typedef struct {
     float entry; // the t at which the first of the rays enters it
 } Waiting;
 
-// Puts a child of a node onto the stack. `waiting` is the number of entries of the stack, `below` this number before
-// the first child of this node was pushed. Returns the new height.
+// Puts a child of a node onto the stack. `waiting` is the number of entries of the stack; `below` is the number that it
+// had before the first child of this node was pushed. Returns the new number of entries.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int slot = waiting;
     // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.

@@ -13,7 +13,7 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
 
 #include "common/intersect_plane.cl"
 
-// Returns where each lane's ray hits that lane's triangle.
+// Returns the hit (t and the weights) of each lane's ray on that lane's triangle.
 Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
     Lanes column[9];
     IntLanes id;

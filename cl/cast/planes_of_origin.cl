@@ -10,9 +10,9 @@
 #endif
 
 // ASK_EDGE_BY_EDGE is 1 if the test checks after each edge whether all rays are outside this edge. If vectors are
-// implemented as separate scalars, as on a GPU, most tests end at a check: casting is then 43% faster with the checks
-// than without them, and 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a
-// check costs more than the dot product of an edge: casting is then 10% slower with the checks.
+// implemented as separate scalars, as on a GPU, most tests end at a check. The checks then make casting 43% faster, or
+// 28% faster if the planes are linear in the pixel. If a vector is a register, as on a CPU, a check costs more than the
+// dot product of an edge. The checks then make casting 10% slower.
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -43,7 +43,7 @@ varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// Returns how far a direction is on the inner side of the plane of an edge; negative outside.
+// Returns an edge function, plus the overlap: it is negative if the direction is outside the edge.
 varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }

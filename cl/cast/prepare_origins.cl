@@ -11,8 +11,8 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
     // The last argument of planes_of is the sign of n . (A - from) if rays meet the front (n is the normal, A a
-    // corner). A ray from the eye meets the side that faces the eye: the sign is negative. A shadow ray runs towards
-    // its light, although it is tested from the light, so it meets the side that faces away from the light: the sign is
+    // corner). A ray from the eye meets the side that faces the eye, so the sign is negative. A shadow ray is tested
+    // from its light, but runs towards the light. It meets the side that faces away from the light, so the sign is
     // positive.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL

@@ -18,8 +18,8 @@
 
 #define LOCAL_INDEX ((int)(get_local_id(1) * LOCAL_X + get_local_id(0)))
 
-// Copies rows of `row` elements, which begin every `stride` elements in the source, to contiguous rows. All work-items
-// of the group share the work.
+// Copies `rows` rows of `row` elements each. In the source, a row begins `stride` elements after the row before it; in
+// the target, the rows are contiguous. All work-items of the group share the work.
 #define STAGE(target, source, rows, row, stride)                                    \
     for (int at = LOCAL_INDEX; at < (rows) * (row); at += LOCAL_X * LOCAL_Y)          \
         (target)[at] = (source)[at / (row) * (stride) + at % (row)];

@@ -7,7 +7,7 @@
 //                        ^ first                          ^ first + stride, for item 0
 typedef struct {
     volatile WORKING_SPACE varying *first; // this work-item's x of vector 0
-    size_t stride;                         // from one vector to the next; with many work-items, more than an int
+    size_t stride; // number of varyings from one vector to the next; with many work-items, it does not fit into an int
 } Working;
 
 Vec3 working_get(const Working *working, int which) {

@@ -1,6 +1,6 @@
 // The pixels and rays of a work-item. The ray through pixel coordinates (x, y) starts at eye.xyz in the direction
-// corner + x * step_x + y * step_y, which has depth 1; pixel centres lie at half-integers. eye.w is z_near: hits at
-// smaller depths are ignored.
+// corner + x * step_x + y * step_y. This direction has depth 1 (a component of 1 along the view). Pixel centres lie at
+// half-integers. eye.w is z_near: hits at smaller depths are ignored.
 
 #ifndef CAMERA_PARAMETERS
 #error "CAMERA_PARAMETERS: eye, corner, step_x and step_y, as kernels take them"
@@ -8,7 +8,7 @@
 
 typedef struct {
     varying_int x, y;
-    Mask inside; // in the image: blocks at its right and lower border may extend beyond it
+    Mask inside; // lanes whose pixel is in the image; a block at the right or lower border may extend beyond the image
 #ifdef SUBPIXELS
     // The ray's position in the pixel, across and down: 0.5 at the centre. If the pixel filter is wider than a pixel, a
     // position may lie below 0 or above 1.
@@ -69,7 +69,7 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     return ray;
 }
 
-// Returns the same ray as camera_ray, but in pixel coordinates: its direction is (x, y, 1), and t is depth.
+// Returns the same rays as camera_ray, but in pixel coordinates: a direction is (x, y, 1), and t is the depth.
 Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));

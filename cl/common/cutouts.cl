@@ -13,10 +13,10 @@
 //
 // One step of an 8-bit channel equals LEAST_ALPHA_UNIT units of the least alpha, so that 65535 means an alpha of 1.
 //
-// Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions, so
-// that the foliage of distant plants would grow or vanish.
+// Masks have no mip levels. In a mip level, a texel's alpha is the mean of many texels. For whole regions, this mean
+// would be above (or below) the least alpha, and the foliage of distant plants would grow (or vanish).
 
-// Returns whether a point of a triangle, with these weights, is on its surface and not in a hole.
+// Returns whether the point of a triangle with the weights w1 and w2 is not in a hole.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const float4 c = row[1];
@@ -48,8 +48,8 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Returns those lanes of `hits` whose ray meets a triangle at its surface and not at a hole. Computes the weights
-// first, for callers that do not have them.
+// Returns those lanes of `hits` whose ray meets the triangle's surface and not a hole. The rays start at `from`. The
+// function computes the weights, for callers that do not have them.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 direction, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

@@ -62,8 +62,8 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 
 // Returns the picture's light that the highlight of a surface reflects to the eye. Surfaces that block this light are
 // ignored. A half vector h is chosen with a probability proportional to (n . h)^s, where n is the normal and s the
-// shininess. The estimate is then k_G (surface->glossy), times the radiance from the mirrored direction w_i, times the
-// cosines w_o . h and w_i . n, times (s + 8) / (s + 1). w_o is the direction to the eye.
+// shininess. Let w_o be the direction to the eye, and w_i this direction mirrored at h. The estimate is the product of
+// k_G (surface->glossy), the radiance from the direction w_i, the cosines w_o . h and w_i . n, and (s + 8) / (s + 1).
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

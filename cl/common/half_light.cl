@@ -28,7 +28,8 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
     return SELECT(whole > 0.0f, part / whole, other);
 }
 
-// Filters the ratio of the two half pictures. `ratios` receives, for each pixel, the part of the light that arrives.
+// Filters the ratio of the two half pictures. `ratios` receives, for each pixel and channel, the part of the unoccluded
+// light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions of the sky, which repeat after 4 pixels
 // (soft.cl). The filter's weights along each axis give each of these samples the same share, so that no noise is left
@@ -55,17 +56,17 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // A channel without light gets the ratio of all channels together. If there is no light in any channel, the ratio
-    // is 1.
+    // If a channel has no unoccluded light, its ratio cannot be computed. It then gets the ratio of the sums over all
+    // three channels. If no channel has unoccluded light, the ratio is 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// Returns one pixel of the half picture's row y for each pixel of the whole picture from column x on. This pixel is the
-// nearest one to the left of the whole picture's pixel or, if `to_right` is 1, the nearest one to the right. `left`
-// contains the columns of the nearest pixels to the left.
+// Returns, for each of the WIDTH pixels of the whole picture from column x on, one pixel of row y of the half picture:
+// the nearest pixel to the left or, if `to_right` is 1, the nearest pixel to the right. `left` contains the columns of
+// the nearest pixels to the left.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {

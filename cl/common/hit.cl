@@ -8,9 +8,9 @@
 // The error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
 // The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of
-// their sizes. This error is the sum of half a unit in the last place for each of nine roundings, rounded up to five
-// units: one rounding for each of the two edges (a subtraction), three for a component of their cross product, three
-// for the dot product, and one for the direction. A triangle whose determinant is smaller than this error counts as
+// their sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component of their
+// cross product, three for the dot product, and one for the direction. Each of them adds half a unit in the last place,
+// and the sum is rounded up to five units. A triangle whose determinant is smaller than this error counts as
 // seen edge-on, and is not hit. A larger bound would miss long, thin triangles that are seen at a grazing angle, like a
 // road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
@@ -19,7 +19,7 @@
 // rays at vertices need this overlap. A larger overlap would darken pixels at an edge that shadow rays graze.
 // Measurements with this overlap: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
 // pixels of a terrain are correct. With half the overlap, up to four of these rays slip through in exhaustive casting.
-// With twice the overlap, at most one of these pixels is dark.
+// With twice the overlap, at most one of these pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 
 typedef struct {

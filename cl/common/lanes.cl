@@ -199,8 +199,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// Returns 1 / a with an error of about one bit, which is enough for all uses in the kernels; an exact division takes
-// five instructions with some compilers.
+// Returns 1 / a. In inline PTX, the result has an error of about one bit, which is enough for all uses in the kernels.
+// An exact division would take five instructions with some compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;
@@ -217,8 +217,8 @@ INLINED float lane_get_float(Group *group, float value, int from) {
     return as_float(lane_get(group, as_uint(value), from));
 }
 
-// Returns the smallest of the lanes' numbers, none of which may be negative. The bits of such numbers are ordered like
-// the numbers.
+// Returns the smallest of the lanes' numbers, none of which may be negative. The bits of such floats, read as integers,
+// have the same order as the floats.
 INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
 // Returns the smallest of the lanes' numbers, which may be negative. The bits of the numbers are converted to unsigned

@@ -26,9 +26,9 @@ Row row_of_nothing() {
 // sign of `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost
 // their last digits.
 //
-// The planes are divided by the overlap of neighbouring triangles (see SHARED_EDGE_SLACK), in the units of the edges'
-// dot products, rounded down to a power of two. This makes the overlap 1. The division does not round, because the
-// divisor is a power of two.
+// The overlap of neighbouring triangles (see SHARED_EDGE_SLACK) is computed in the units of the edges' dot products,
+// and rounded down to a power of two. The planes are divided by this number, so that the overlap becomes 1. The
+// division does not round, because the divisor is a power of two.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);

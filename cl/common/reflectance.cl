@@ -1,17 +1,17 @@
 // The reflectance of a surface: which part of a light's radiance it reflects towards the eye. The formulas are from
 // Hughes et al., Computer Graphics, 3rd ed., chapter 15. src/reference/ does the same in f64.
 
-// Returns `base` to the power of `exponent`, neither of which may be negative. It computes x^y as 2^(y log2 x). The
-// logarithm of zero is infinite, so that a base of zero is a special case: 0^0 is 1, other powers of 0 are 0. The
-// built-in pow handles more cases, and is slower.
+// Returns `base` to the power of `exponent`; neither may be negative. The function computes x^y as 2^(y log2 x). A base
+// of zero is a special case, because the logarithm of zero is infinite: 0^0 is 1, other powers of 0 are 0. The built-in
+// pow handles more cases, and is slower.
 varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);
 }
 
 // Returns f(w_i, w_o, n): without a highlight k_L / pi, with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
-// w_i is the direction to the light, w_o the direction to the eye, w_h the unit vector halfway between these two, and n
-// the normal; rows.cl explains k_L, k_G and s.
+// w_i is the direction to the light, and w_o the direction to the eye. w_h is the unit vector halfway between these
+// two, and n is the normal. rows.cl explains k_L, k_G and s.
 Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
     // A highlight costs a division, a logarithm and an exponential, so they are skipped if no lane has a highlight.

@@ -3,15 +3,16 @@
 // The rounding error of the hit's distance from the light, relative to this distance. It is the sum of four roundings,
 // like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
-// Light that grazes a surface at a smaller cosine than 1/50 is so dim that pixels which rounding shadows by mistake are
-// not seen. The limit keeps the gap (between the shadow ray's end and the hit) below 2.5e-5 of the light's distance.
+// The largest 1 / cosine that gap_before_hit uses. At cosines below 1/50, a surface receives so little light that it
+// does not matter if rounding shadows a pixel by mistake. The limit keeps the gap (between the shadow ray's end and the
+// hit) below 2.5e-5 of the light's distance.
 #define MOST_PER_COSINE 50.0f
 
-// Returns the gap between the end of a shadow ray from a light and the hit, relative to the light's distance. The gap
-// is the bias, so the hit's own triangle does not shadow the hit. But seen from a distant light, rounding moves this
-// triangle by more than the bias; the gap is then the rounding error. `per_cosine` is 1 / cosine of the ray's angle
-// with the normal: the more the ray grazes the triangle, the further rounding moves the point at which the ray meets
-// the triangle.
+// Returns the gap between the end of a shadow ray from a light and the hit, relative to the light's distance. Usually,
+// the gap is the bias, so that the hit's own triangle does not shadow the hit. If the light is distant, rounding moves
+// this triangle by more than the bias; the gap is then the rounding error. `per_cosine` is 1 / cosine of the angle
+// between the ray and the normal. The larger `per_cosine` is, the further rounding moves the point at which the ray
+// meets the triangle.
 varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
     return max(bias_per_distance, ROUNDING_AT_DISTANCE * min(per_cosine, (varying)(MOST_PER_COSINE)));
 }

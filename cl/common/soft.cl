@@ -111,9 +111,9 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
                 unit_of(reversed_bits(hashed_bits(second, seed_of(source, 4)))));
 }
 
-// Returns the radius of a light. Lights are points in pictures with a single sample per pixel, and in unoccluded
-// pictures. The number of samples in a round (of the up to two rounds of a picture) does not decide this: with adaptive
-// sampling, a round may have 1 sample too.
+// Returns the radius of a light, or 0 if the light is treated as a point: in pictures with a single sample per pixel,
+// and in unoccluded pictures. The define SAMPLED is tested, and not the number of samples of a round: with adaptive
+// sampling, a round of a picture with several samples may have 1 sample too.
 float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }

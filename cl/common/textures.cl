@@ -155,8 +155,9 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 directio
 #define levels_for(textures, triangle, direction, t) (varying)(0.0f)
 #endif
 
-// Returns the texture's colour at the point of a triangle with these weights, as a mean of the two mip levels nearest
-// to `wanted`. Returns white if the triangle has no texture.
+// Returns the texture's colour at the point of a triangle with the weights w1 and w2. The colour is a weighted mean of
+// the two mip levels nearest to the level `wanted`; without MIPS, it is the colour in level 0. Returns white if the
+// triangle has no texture.
 Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const __global uint *words = textures->words;

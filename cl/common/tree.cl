@@ -38,7 +38,8 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    // The planes: three rows of float4 for the eye, then for each light. A row has a float4 per triangle in leaf order.
+    // The planes: three rows of float4 for the eye, then three rows for each light. A row has a float4 per triangle, in
+    // leaf order.
     const __global float4 *planes;
     int row; // number of float4 in a row
 #endif
@@ -50,7 +51,7 @@ typedef struct {
 // Returns the corners of the triangle at an index in leaf order.
 Corners leaf_corners(const Tree *tree, int index) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
-    // Three aligned loads read the corners. Their fourth numbers are the triangle's number, its material and 0.
+    // Three aligned loads read the corners. The fourth components are the triangle's number, its material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
     corners.a = uniform3(a.x, a.y, a.z);
@@ -63,6 +64,6 @@ Corners leaf_corners(const Tree *tree, int index) {
 int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
 
 #if PLANES_OF_ORIGIN
-// Returns the planes prepared for the eye, which is origin 0, or for a light.
+// Returns the three rows of planes that were prepared for an origin: the eye is origin 0, the first light origin 1.
 const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

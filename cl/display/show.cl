@@ -29,9 +29,10 @@ uchar shown(const float radiance, __global const float *smallest, __global const
     return (uchar)value;
 }
 
-// `image` has the pixels, of which `count` are displayed, starting with `first`. A pixel's fourth channel is positive
-// for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements:
-// the kernel adds to them the number of pixels that hit something, and the number of pixels that are not finite.
+// Displays `count` pixels of `image`, from the pixel with the index `first` on. A pixel's fourth channel is positive
+// for a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two elements.
+// To the first, the kernel adds the number of pixels that hit something; to the second, the number of pixels that are
+// not finite.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict counters) {

@@ -50,8 +50,8 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns (vectors)
-// of their corners and normals: see gather_rows.
+// Computes a vector's hits from its rays and the triangles that the rays hit. `corner` and `normal` are columns
+// (vectors) of the triangles' corners and normals: see gather_rows.
 INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                                     const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);

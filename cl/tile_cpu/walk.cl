@@ -18,8 +18,8 @@ void fetch_child(const Tree *tree, uint word) {
 
 // Pushes those children of a node that a vector of `live` meets onto the stack, the nearest child last. With `any`, the
 // order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
-// number of these children below it, which the tile enters later. An example with three children, entered at 5, 2 and
-// 9:
+// number of pushed children that the tile enters later than this child, and that lie below it on the stack. An example
+// with three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,

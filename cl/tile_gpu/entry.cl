@@ -110,9 +110,9 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // rays in the pass, one bit each. The leader's ray always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. This is the lane in the
-    // middle of the tile if it still has a ray, because its rays are closest to the other rays; otherwise it is the
-    // first lane that has a ray.
+    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. If the lane in the middle of
+    // the tile still has a ray, it is the leader, because its rays are closest to the other rays. Otherwise, the leader
+    // is the first lane that has a ray.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` is the bit of the leading ray, which is the first remaining ray of the lane `leader`. In every lane,
@@ -132,7 +132,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
     const float leader_x = component(direction.x, direction.y, direction.z, shaft->across) * per_leader;
     const float leader_y = component(direction.x, direction.y, direction.z, shaft->down) * per_leader;
     // Rays from the eye are close to each other. Shadow rays may be far apart, since their hits may lie on several
-    // surfaces; only those near the leader join the pass then.
+    // surfaces. With `close`, only the rays near the leader join the pass.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);

@@ -1,6 +1,6 @@
 // Casts rays from the eye in tiles, each owned by a group of 32 work-items, and finds their nearest hits. shadow.cl
 // casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays,
-// and shades.
+// and shades the hits.
 
 // The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS

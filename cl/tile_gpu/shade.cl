@@ -39,9 +39,9 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
     return reached;
 }
 
-// A loop over those entries of the queue of leftover shadow rays that a group casts: every `groups`-th entry from
-// `first` on, where `groups` is the number of groups that share the queue. The step is never larger than the rest of
-// the queue, so that `i` cannot overflow.
+// A loop over the entries of the queue of leftover shadow rays that one group casts. `groups` groups share the queue;
+// the group casts every `groups`-th entry from `first` on. The step is never larger than the rest of the queue, so that
+// `i` cannot overflow.
 #define FOR_QUEUED(i, first, groups, count) for (uint i = first; i < count; i += min(groups, count - i))
 
 // Returns the ray from the eye with an index (see index_of).

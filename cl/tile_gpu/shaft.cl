@@ -82,7 +82,7 @@ INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float h
     shaft->high_y = high_y + more;
 }
 
-// Returns a point of the scene along a pass's axes, relative to the scene's origin.
+// Returns a point's coordinates along a pass's axes, relative to the scene's origin.
 INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
     return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));

@@ -1,26 +1,28 @@
 //! Chooses where to cut a node in two, by the binned surface-area heuristic. A node is divided into slices along each
 //! of the three axes, and a cut lies between two slices. The cost of a cut is a sum over its two sides: half the
-//! surface area of the side's box, times the number of primitives (triangles with their boxes) on this side.
+//! surface area of the side's box, times the number of primitives on this side. A primitive is a triangle's box and the
+//! triangle's number.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
 
-/// Maps the centre of a primitive (a triangle with its box) to the number of a slice along each axis.
+/// Maps the centre of a primitive to the number of a slice along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slicer<const N: usize> {
     low: Vec4,
     scale: Vec4,
 }
 
-/// The sum of this number and a float in `0..2^22` has the integer nearest to the float in its low bits. The addition
-/// is cheaper than a saturating conversion to an integer.
+/// If a float in `0..2^22` is added to this number, the sum's low bits are the integer nearest to the float.
+/// The addition is cheaper than a saturating conversion to an integer.
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Cuts `region` into slices along each axis. The region should contain the doubled centres of all primitives
-    /// (triangles), as `Primitive::centre` returns them. Primitives outside the region go to the first or last slice.
+    /// Cuts `region` into slices along each axis. The region should contain the doubled centres of all
+    /// primitives, as `Primitive::centre` returns them. Primitives outside the region go to the first or last
+    /// slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis has only one slice if the region's extent along it is zero or overflows.
@@ -64,7 +66,7 @@ pub(super) struct Cut {
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
-    /// For each child, a box that contains the doubled centres of the child's primitives (triangles), up to rounding. A
+    /// For each child, a box that contains the doubled centres of the child's primitives, up to rounding. A
     /// doubled centre is the sum of the two corners of a triangle's box.
     pub regions: [Bounds; 2],
 }
@@ -77,7 +79,7 @@ pub(super) struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Counts the primitives (triangles) of each slice, and computes the box around them.
+    /// Counts the primitives of each slice, and computes the box around them.
     pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {
@@ -91,7 +93,7 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the bins of other primitives that were counted with the same slicer (division into slices).
+    /// Adds the counts and the boxes of `other`: the bins of other primitives, made by the same slicer.
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {

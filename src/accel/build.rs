@@ -1,8 +1,9 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
 //! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a buffer,
-//! and a cut moves them within this part of the buffer. The primitives of large nodes are counted by slice, and moved,
-//! in chunks on all cores. The two halves of a cut are independent tasks, except in small subtrees.
+//! and a cut moves them within this part of the buffer. In large nodes, all cores count the primitives of
+//! each slice and move the primitives, chunk by chunk. The two halves of a cut are independent tasks, except
+//! in small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -115,8 +116,9 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // Of two triangles of a leaf in the same place, rays then hit the first one of the mesh, since tests keep the
-        // first of two hits at the same distance. Such triangles have equal centres, so only `halve` can part them.
+        // If two triangles of a leaf lie in the same place, rays then hit the one that comes first in the
+        // mesh, since tests keep the first of two hits at the same distance. Such triangles have equal
+        // centres, so only `halve` can put them into different leaves.
         work.order.sort_unstable();
         return depth;
     }
@@ -144,9 +146,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives (triangles) to its two sides. `region` comes from cutting the parent's
-/// region, so it may be larger than the bounds of the primitives' doubled centres. If no cut is found in `region`, the
-/// search is repeated with these exact bounds.
+/// Finds the best cut, moves the primitives to its two sides, and returns it; `None` if there is no cut.
+/// `region` comes from cutting the parent's region, so it may be larger than the bounds of the primitives'
+/// doubled centres. If no cut is found in `region`, the search is repeated with these exact bounds.
 fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);

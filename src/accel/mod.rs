@@ -92,10 +92,10 @@ impl Bvh {
         build::build(mesh, leaf_size)
     }
 
-    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles.
-    /// The estimate contains the leaf order, the nodes, and the larger of two amounts that are not in use at the same
-    /// time: a buffer of boxes, and a second copy of the nodes (the nodes are made in pieces, then joined). The
-    /// estimate assumes that leaves are half full on average.
+    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles`
+    /// triangles. The estimate contains the leaf order, the nodes, and the larger of two amounts that are not
+    /// in use at the same time. The first is a buffer of boxes. The second is a copy of the nodes, since the
+    /// nodes are made in pieces and then joined. The estimate assumes that leaves are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = triangles * size_of::<bounds::Primitive>() as u64;

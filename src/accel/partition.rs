@@ -1,5 +1,5 @@
-//! Moves a node's primitives (triangles with their boxes) to their side of a cut, within the node's own part of the
-//! buffer. A second buffer would take 32 more bytes per triangle while a tree is built.
+//! Moves a node's primitives to their side of a cut, within the node's own part of the buffer. A second
+//! buffer would take 32 more bytes per triangle while a tree is built.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::Primitive;

@@ -105,9 +105,11 @@ impl WideBvh {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree in the form that a device reads. If a node would have unused slots, its leaves are split to
-    /// fill these slots. In trees with 32 children per node, leaves are not split: 32 work-items prepare the triangles
-    /// of a leaf in parallel, so smaller leaves would only mean that more leaves are visited.
+    /// Builds a mesh's tree in the form that a device reads. With fewer than 32 children per node, the leaves of the
+    /// binary tree are small, and several of them together can form one leaf of up to `leaf_size` triangles. If a node
+    /// would have unused slots, such a leaf is split to fill these slots. With 32 children per node, leaves are not
+    /// split: 32 work-items prepare the triangles of a leaf in parallel, so smaller leaves would only mean that more
+    /// leaves are visited.
     ///
     /// # Errors
     ///

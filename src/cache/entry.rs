@@ -1,6 +1,7 @@
-//! The bytes of a cache entry: a signature, a hash of all later bytes, the length of the key, the key, and the content.
+//! The bytes of a cache entry: a mark, a hash of all later bytes, the length of the key, the key, and the
+//! content.
 
-/// The signature: the first bytes of every entry. The number in the signature is the version of the entry's layout.
+/// The mark: the first bytes of every entry. The number in the mark is the version of the entry's layout.
 const MARK: &[u8] = b"raycl's cache 1\n";
 const HASH_BYTES: usize = 32;
 const LENGTH_BYTES: usize = 4;

@@ -34,8 +34,8 @@ pub struct Entry {
     pub path: PathBuf,
     /// The file's size.
     pub bytes: u64,
-    /// The time of the last use of the entry. If the file's time lies in the future, the last use is unknown, and the
-    /// time is that of an entry that was not used for the longest time.
+    /// The time of the last use of the entry. If the file's time lies in the future, the last use is unknown.
+    /// `used` is then the Unix epoch, so that the entry is removed before all others.
     pub used: SystemTime,
 }
 
@@ -96,10 +96,10 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry, and returns whether the cache then holds it. Nothing is stored if another user owns the folder
-    /// or may write into it, since [`get`](Self::get) would ignore the entry, or if the folder cannot be listed, since
-    /// old entries could then not be removed. If storing fails, for example because the disk is full, the next run only
-    /// takes longer.
+    /// Stores an entry, and returns whether the cache then holds it. Stores nothing if another user owns the
+    /// folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores nothing if
+    /// the folder cannot be listed, since old entries could then not be removed. If storing fails, for
+    /// example because the disk is full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);

@@ -1,4 +1,5 @@
-//! `raycl cache`: shows or clears the data stored between runs.
+//! `raycl cache`: shows or clears the data stored between runs, or prints the path of the folder with these
+//! data.
 
 use crate::cache::{Cache, Entry, LIMIT};
 use crate::error::{Error, Result};
@@ -13,7 +14,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. Each entry counts towards the limit as at least 4,096 bytes, since a file takes at least that much space on most disks; `raycl cache` shows the sum that counts. raycl can regenerate every entry, and does so if an entry is corrupt. raycl stores entries only if the folder belongs to you, nobody else may write into it, and raycl can list it and write into it; otherwise, `raycl cache` says why raycl stores nothing.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set to an absolute path. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. Each entry counts towards the limit as at least 4,096 bytes, since a file takes at least that much space on most disks; `raycl cache` shows the sum that counts. raycl can regenerate every entry, and does so if an entry is corrupt. raycl stores entries only if the folder belongs to you, nobody else may write into it, and raycl can list it and write into it; otherwise, `raycl cache` says why raycl stores nothing.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,

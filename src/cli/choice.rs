@@ -104,8 +104,10 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 }
 
 /// Returns the error for `part`, which is a part of a strategy's text, has no `=`, and is not the preset at the
-/// beginning. `named` is this preset, if there is one, and `axes` are all other parts of the text. `part` may be a
-/// preset that the user wrote after its axes, or the preset of another strategy.
+/// beginning. `named` is this preset, if there is one, and `axes` are all other parts of the text. The advice depends
+/// on `part`. If `part` is a second preset, the advice says that a strategy has only one. If it is a preset and none is
+/// at the beginning, the advice is to write the preset first. If it is no preset, the advice shows the form of a
+/// strategy.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -246,9 +248,9 @@ fn one_device_index(
     }
 }
 
-/// Returns the index, in `infos`, of the device on which commands cast if no option names a device: the first device
-/// that matches the user's settings or, without settings, the most capable device. Returns `None` if there are no
-/// settings and no device is usable.
+/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. This is the first
+/// device that matches the user's settings or, without settings, the most capable device. Returns `None` if there are
+/// no settings and no device is usable.
 ///
 /// # Errors
 ///

@@ -55,8 +55,8 @@ pub(super) fn of_clap() -> ColorChoice {
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 
-/// Returns the last valid value of `--color` on the command line. raycl needs this value before it parses the
-/// arguments, because the value also applies to messages about mistakes in the arguments.
+/// Returns the last valid value of `--color` on the command line. The value also applies to messages about mistakes in
+/// the arguments, so raycl needs it before it parses the arguments.
 pub(super) fn typed(words: &[OsString]) -> Option<Colour> {
     let mut words =
         words.iter().map(|word| word.to_str().unwrap_or_default()).take_while(|word| *word != "--");

@@ -47,13 +47,13 @@ pub struct Args {
     /// them
     #[arg(long, requires = "out")]
     force: bool,
-    /// Print Markdown instead of a table
+    /// Print Markdown instead of a table. Not with --json
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors. Not with --json or --markdown
     #[arg(short, long, conflicts_with_all = ["json", "markdown"])]
     quiet: bool,
 }

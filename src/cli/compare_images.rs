@@ -34,7 +34,7 @@ pub struct Args {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors. Not with --json
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
 }
@@ -60,8 +60,9 @@ struct Report {
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
-    /// The largest difference of a colour channel, divided by the brightest colour channel of the expected pixel, but
-    /// at least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
+    /// The largest relative difference of a channel of a pixel. A difference of a colour channel is divided
+    /// by the brightest colour channel of the expected pixel, but at least by 1/255. A difference of alpha is
+    /// not divided. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
     /// Remarks for the user. The only possible remark is that one picture has displayed values and the other one
@@ -116,7 +117,7 @@ fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
     let rows = found.height.abs_diff(expected.height);
     let scale = (found.width == expected.width && rows == SCALE_HEIGHT).then(|| {
         format!(
-            "; the last {rows} rows of the higher picture may be a colour scale, as in pictures of differences, tests \
+            "; the last {rows} rows of the taller picture may be a colour scale, as in pictures of differences, tests \
              and nodes: leave these rows out"
         )
     });
@@ -257,7 +258,7 @@ mod tests {
         };
         let plain = "render both pictures with the same --width and --height";
         for higher in [help([40, 43], [40, 25]), help([40, 25], [40, 43])] {
-            let scale = "; the last 18 rows of the higher picture may be a colour scale";
+            let scale = "; the last 18 rows of the taller picture may be a colour scale";
             assert!(higher.strip_prefix(plain).is_some_and(|rest| rest.starts_with(scale)), "{higher}");
         }
         assert_eq!([help([41, 43], [40, 25]), help([40, 44], [40, 25])], [plain, plain]);

@@ -33,7 +33,7 @@ pub struct Args {
     /// mesh is compiled as for `raycl render --plain --samples 1`
     scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several
-    /// times; if a strategy cannot be compiled, the others are compiled nevertheless
+    /// times; if the program of a strategy cannot be built, the others are built nevertheless
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
@@ -219,7 +219,7 @@ fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: File
     out.remove_listed(|name| FILES.iter().any(|file| path(file) == name) && !is_written(name))
 }
 
-/// Returns the page that shows the source beside the instructions.
+/// Returns the page that shows the source beside the instructions; `None` if the instructions were not read.
 fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;

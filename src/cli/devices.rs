@@ -23,19 +23,22 @@ pub struct Args {
 
 /// Lists the devices. Fails if there is no OpenCL platform.
 pub fn run(args: Args) -> Result<()> {
-    let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
+    let Survey { devices, empty_platforms, failed_platforms } = device::survey(&Sources::Embedded)?;
     let infos: Vec<DeviceInfo> = devices.into_iter().map(|device| device.info).collect();
     let default = usual_device_index(&infos);
+    let without_devices = [&empty_platforms[..], &failed_platforms[..]];
     if args.json {
-        return super::print_json(&listing(&infos, &empty_platforms, default.ok().flatten()));
+        return super::print_json(&listing(&infos, without_devices, default.ok().flatten()));
     }
-    super::print(text(&infos, &empty_platforms) + &by_default(&infos, default, settings::device_origin()))
+    super::print(text(&infos, without_devices) + &by_default(&infos, default, settings::device_origin()))
 }
 
 #[derive(Serialize)]
 struct Listing<'a> {
     devices: Vec<Row<'a>>,
     empty_platforms: &'a [String],
+    /// The platforms whose drivers failed to list their devices, each with the reason.
+    failed_platforms: &'a [String],
     /// The slug (the name for use in file names) of the device on which commands cast if no option names a device; null
     /// if commands then refuse to cast.
     default: Option<String>,
@@ -50,11 +53,12 @@ struct Row<'a> {
 
 fn listing<'a>(
     infos: &'a [DeviceInfo],
-    empty_platforms: &'a [String],
+    [empty_platforms, failed_platforms]: [&'a [String]; 2],
     default: Option<usize>,
 ) -> Listing<'a> {
     let devices = infos.iter().map(|info| Row { slug: info.slug(), info }).collect();
-    Listing { devices, empty_platforms, default: default.map(|index| infos[index].slug()) }
+    let default = default.map(|index| infos[index].slug());
+    Listing { devices, empty_platforms, failed_platforms, default }
 }
 
 const HEADER: [&str; 9] = [
@@ -69,8 +73,9 @@ const HEADER: [&str; 9] = [
     "native\nvector\nwidth",
 ];
 
-/// Returns the table of devices, and a line for each unusable device and each platform without devices.
-fn text(infos: &[DeviceInfo], empty_platforms: &[String]) -> String {
+/// Returns the table of devices, and a line for each unusable device, each platform without devices, and each platform
+/// whose driver failed to list its devices.
+fn text(infos: &[DeviceInfo], [empty_platforms, failed_platforms]: [&[String]; 2]) -> String {
     let mut text = String::new();
     if !infos.is_empty() {
         let mut table = super::table(&HEADER, 2);
@@ -86,6 +91,9 @@ fn text(infos: &[DeviceInfo], empty_platforms: &[String]) -> String {
     }
     for platform in empty_platforms {
         text += &format!("\nThis platform has no device: {platform}.");
+    }
+    for platform in failed_platforms {
+        text += &format!("\nThe devices of this platform could not be listed: {platform}.");
     }
     if let Some(advice) = device::no_device_advice(empty_platforms) {
         text += &format!("\nNote: {advice}.");
@@ -139,8 +147,11 @@ mod tests {
         let mut relic = example("Old Platform", "relic", DeviceKind::Other, 1);
         relic.unusable = Some("its driver has no compiler for OpenCL C".into());
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let text = text(&[cpu, relic], &["Hollow".into()]);
-        for part in ["relic (unusable)", "no compiler", "This platform has no device: Hollow"] {
+        let broken = ["Broken: clGetDeviceIDs returned CL_OUT_OF_HOST_MEMORY (-6)".to_owned()];
+        let text = text(&[cpu, relic], [&["Hollow".into()], &broken]);
+        let hollow = "This platform has no device: Hollow";
+        let could_not = "could not be listed: Broken: clGetDeviceIDs returned CL_OUT_OF_HOST_MEMORY (-6).";
+        for part in ["relic (unusable)", "no compiler", hollow, could_not] {
             assert!(text.contains(part), "{text}");
         }
         assert!(text.contains("       2 "), "the number of compute units is not right-aligned: {text}");
@@ -177,7 +188,7 @@ mod tests {
     #[test]
     fn json_names_units_and_limits() {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
-        let json = serde_json::to_value(listing(&[cpu], &[], Some(0))).unwrap();
+        let json = serde_json::to_value(listing(&[cpu], [&[], &[]], Some(0))).unwrap();
         assert_eq!(json["devices"][0]["limits"]["local_bytes"], 49152);
         assert_eq!(json["devices"][0]["kind"], "cpu");
         assert_eq!(json["default"], json["devices"][0]["slug"]);

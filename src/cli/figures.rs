@@ -11,7 +11,8 @@ pub struct Args {
     /// The folder of raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
-    /// Write nothing; list the places in documents that differ from the records, and fail if there are any
+    /// Change no file. List the numbers and the lines of tables in raycl's documents that are not what the stored
+    /// records yield, and exit with code 1 if there are any
     #[arg(long)]
     check: bool,
 }
@@ -24,7 +25,7 @@ pub fn run(args: Args) -> Result<()> {
         documents.differences()
     } else {
         let (changed, wrong) = documents.rewrite(&args.root)?;
-        super::print(format!("{} changed", counted(changed, "place")))?;
+        super::print(format!("corrected numbers and lines of tables: {changed}"))?;
         wrong
     };
     if left.is_empty() {
@@ -32,14 +33,14 @@ pub fn run(args: Args) -> Result<()> {
     }
     let error = Error::run(format!("{}:\n{}", differ(left.len()), listed(&left)));
     Err(error.with_help(
-        "`raycl figures` without --check corrects every number that the records give; correct the other places by hand: CONTRIBUTING.md explains how numbers refer to records",
+        "`raycl figures` without --check writes every number that the records yield; correct the other ones by hand: CONTRIBUTING.md explains how documents state from which record a number comes",
     ))
 }
 
-/// Returns a sentence with the number of places that differ from the records.
+/// Returns the first line of the message if a document differs from the records. `count` is the number of differences.
 fn differ(count: usize) -> String {
-    let verb = if count == 1 { "differs" } else { "differ" };
-    format!("{} in documents {verb} from the records", counted(count, "place"))
+    let differences = counted(count, "difference");
+    format!("{differences} between the numbers in raycl's documents and the stored records")
 }
 
 /// Formats differences, each with the file, the line, the text in the document, and the text that the records yield.
@@ -55,8 +56,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_place_differs_and_two_places_differ() {
-        assert_eq!(differ(1), "1 place in documents differs from the records");
-        assert_eq!(differ(2), "2 places in documents differ from the records");
+    fn differences_are_counted() {
+        let rest = "between the numbers in raycl's documents and the stored records";
+        assert_eq!([1, 2].map(differ), [format!("1 difference {rest}"), format!("2 differences {rest}")]);
     }
 }

@@ -27,12 +27,13 @@ const ALLOCATOR: &str = "GLIBC_TUNABLES";
 
 /// Returns the settings of the allocator for a machine with this number of processors.
 ///
-/// The first access to each page of new memory causes a page fault; these page faults took a fifth of the time of a
-/// short command. With these settings, the allocator asks the system for huge pages, and extends its heaps by 2 MiB at
-/// a time. An allocation of 4 MiB or more gets memory of its own, which the system gets back when the allocation is
-/// freed. (By itself, glibc raises this limit to as much as 32 MiB; a picture of ten million triangles then took 125
-/// MiB more.) There are at most as many heaps as processors. (By itself, glibc makes up to eight times as many. With
-/// two heaps instead of five, and steps of 2 MiB instead of 16 MiB, the picture took 50 MiB less, in the same time.)
+/// `hugetlb` lets the allocator ask the system for huge pages. The first access to each page of new memory causes a
+/// page fault, and the faults of small pages took a fifth of the time of a short command. `top_pad` lets the allocator
+/// extend its heaps by 2 MiB at a time. `mmap_threshold` gives an allocation of 4 MiB or more memory of its own, which
+/// the system gets back when the allocation is freed. (By itself, glibc raises this limit to as much as 32 MiB; a
+/// picture of ten million triangles then took 125 MiB more.) `arena_max` limits the number of heaps to the number of
+/// processors. (By itself, glibc makes up to eight times as many. With two heaps instead of five, and steps of 2 MiB
+/// instead of 16 MiB, the picture took 50 MiB less, in the same time.)
 fn allocator_settings(processors: usize) -> String {
     let malloc = ["hugetlb=1", "top_pad=2097152", "mmap_threshold=4194304"].map(str::to_owned);
     let settings = malloc.into_iter().chain([format!("arena_max={processors}")]);
@@ -44,15 +45,16 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process. Then ends this process with the child's exit code, or returns
-/// if this code is 0. If a driver ends the child process, raycl runs the command line again without the drivers that
-/// fail. A command that reads standard input cannot run again, since its input can be read only once. If
+/// Runs this process's command line in a child process. If the child's exit code is 0, returns; otherwise, ends this
+/// process with this exit code. If a driver ends the child process, raycl runs the command line again without the
+/// drivers that fail. A command that reads standard input cannot run again, since its input can be read only once. If
 /// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
 /// unless the user has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes
-/// of `raycl run` do. If `uses_terminal` is true (for `raycl view --terminal`), the terminal is restored however the
-/// child process ends, but only on Unix, and only if standard input and standard output are a terminal. `opens_window`
-/// is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel files, if the command
-/// uses one: if the child process crashes, a mistake in these files is more likely than one in a driver.
+/// of `raycl run` do. If `uses_terminal` is true (for `raycl view --terminal`), the terminal is restored after the
+/// child process has ended in any way. This is done only on Unix, and only if standard input and standard output are a
+/// terminal. `opens_window` is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel
+/// files, if the command uses one: if the child process crashes, a mistake in these files is more likely than one in a
+/// driver.
 ///
 /// # Errors
 ///
@@ -115,19 +117,17 @@ fn without_broken(
     let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(kernels_doing(status, cl_dir, opens_window).unwrap_or_else(|| {
-            Error::run(format!("{cause}, even without the drivers that were left out"))
-                .with_help("another driver fails too: try another device with --device, or update the driver")
-        })),
+        Some(cause) => Err(kernels_doing(status, cl_dir, opens_window)
+            .unwrap_or_else(|| still_failing(status, &cause, opens_window, &good))),
     }
 }
 
 /// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the user added or
-/// changed. The message names these files (the first few and the number of the others), whether the process's programs
-/// include them or not: this process does not know the child process's programs. Unchanged copies of built-in files do
-/// not count. Returns `None` if the user gave no folder, if the folder contains only unchanged copies, or if the
-/// process did not crash. If the process opens a window, the library that opens the window may have crashed instead, so
-/// the remedy names this cause too.
+/// changed. The message names the first few of these files and the number of the others. It names files even if the
+/// child process's programs do not include them, since this process does not know these programs. Unchanged copies of
+/// built-in files do not count. Returns `None` if the user gave no folder, if the folder contains only unchanged
+/// copies, or if the process did not crash. If the process opens a window, the library that opens the window may have
+/// crashed instead, so the remedy names this cause too.
 fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
@@ -156,7 +156,8 @@ fn not_together(cause: &str, drivers: &[Driver]) -> Error {
 
 /// Returns the error if every one of these drivers works when it is loaded alone. `cause` says how the process ended.
 /// If the process crashed and opens a window, the window's library may have crashed: the crate minifb frees memory
-/// twice if it finds that a display's pixels do not have 32 bits.
+/// twice if it finds that a display's pixels do not have 32 bits. raycl opens no window on such a display, but cannot
+/// ask every display how many bits its pixels have.
 fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = advice_for(drivers, full_disk_advice());
     match crash(status).filter(|_| opens_window) {
@@ -167,6 +168,17 @@ fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers:
         None => Error::run(format!("{cause}, although each driver alone lists its devices without failing"))
             .with_help(advice),
     }
+}
+
+/// Returns the error if the process failed again, although it used only these drivers. Each of them lists its devices
+/// when it is loaded alone, so it is not known which of them failed. `cause` says how the process ended.
+fn still_failing(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
+    let advice = format!(
+        "each of the other drivers lists its devices when it is loaded alone: {}",
+        advice_for(drivers, full_disk_advice())
+    );
+    Error::run(format!("{cause}, even without the drivers that were left out"))
+        .with_help(if opens_window && crash(status).is_some() { window_or(&advice) } else { advice })
 }
 
 /// Returns the remedies after a crash of a process that opens a window: first [`WINDOW`], which names the display as
@@ -200,13 +212,13 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
 /// given (for `raycl view --terminal`), the terminal is restored after the child process has ended.
 fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
-    command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
+    let own_number = std::process::id().to_string();
+    command.args(std::env::args_os().skip(1)).env(GUARDED, own_number).envs(variables.iter().cloned());
     let mut child = command.spawn().map_err(|error| not_started(&error))?;
-    let ended = match terminal {
+    match terminal {
         Some(terminal) => terminal.wait(&mut child),
-        None => child.wait(),
-    };
-    ended.map_err(not_awaited)
+        None => child.wait().map_err(not_awaited),
+    }
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
@@ -216,7 +228,7 @@ fn why_broken(driver: &Driver) -> Result<Option<String>> {
     lists_devices(&alone)
 }
 
-/// Returns how a process ended, if a driver may have ended it.
+/// Returns a text that says how a process ended, if a driver may have ended it; otherwise `None`.
 fn drivers_doing(status: ExitStatus) -> Option<String> {
     if status.code() == Some(HUNG) {
         return Some("a driver did not answer".to_owned());
@@ -225,7 +237,7 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     Some(format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
 }
 
-/// Returns the signal that ended a process, if the process crashed.
+/// Returns the number and the name of the signal with which a process crashed; `None` if the process did not crash.
 fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
     signal(status).filter(|(_, name)| CRASHES.contains(name))
 }
@@ -254,8 +266,8 @@ impl LentTerminal {
         Ok(None)
     }
 
-    fn wait(&self, child: &mut std::process::Child) -> std::io::Result<ExitStatus> {
-        child.wait()
+    fn wait(&self, child: &mut std::process::Child) -> Result<ExitStatus> {
+        child.wait().map_err(not_awaited)
     }
 }
 
@@ -303,12 +315,22 @@ fn exit_code(status: ExitStatus) -> i32 {
     status.code().unwrap_or_else(|| 128 + signal(status).map_or(0, |(signal, _)| signal))
 }
 
-/// Makes the system end this process when its parent ends.
+/// Makes the system end this process when its parent ends. Ends the process now if its parent has ended before.
 #[cfg(target_os = "linux")]
 pub fn ends_with_its_parent() {
     use rustix::process::{Signal, set_parent_process_death_signal};
     // If the system does not support this signal, the work continues after the parent's end.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
+    if is_orphan(std::env::var(GUARDED).ok().as_deref(), std::os::unix::process::parent_id()) {
+        std::process::exit(1);
+    }
+}
+
+/// Returns whether a process has lost its parent. `guarded` is the value of the variable [`GUARDED`], which the parent
+/// has set to its own number, and `parent` is the number of the present parent.
+#[cfg(target_os = "linux")]
+fn is_orphan(guarded: Option<&str>, parent: u32) -> bool {
+    guarded.and_then(|number| number.parse::<u32>().ok()).is_some_and(|number| number != parent)
 }
 
 /// Does nothing on systems other than Linux: the work continues after the parent's end.
@@ -342,6 +364,13 @@ mod tests {
     use super::*;
     use std::os::unix::process::ExitStatusExt as _;
 
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_process_whose_parent_is_not_the_one_that_started_it_is_an_orphan() {
+        assert!(is_orphan(Some("7"), 1) && !is_orphan(Some("7"), 7));
+        assert!(!is_orphan(None, 1) && !is_orphan(Some("yes"), 1));
+    }
+
     #[test]
     fn a_small_address_space_is_reported_where_every_driver_alone_works() {
         let limited = otherwise(Some(1_500_000_000));
@@ -365,6 +394,24 @@ mod tests {
             assert!(message.starts_with("a driver did not answer, although each driver alone"), "{message}");
             assert!(!remedy.contains("window") && remedy.contains("--device"), "{remedy}");
         }
+    }
+
+    #[test]
+    fn a_failure_without_the_drivers_that_were_left_out_blames_no_other_driver() {
+        let crashed = "raycl's child process crashed";
+        let error = |status, opens_window| {
+            still_failing(ExitStatus::from_raw(status), crashed, opens_window, &[Driver::Icd("a.icd".into())])
+        };
+        let expected = format!("{crashed}, even without the drivers that were left out");
+        let advice = "each of the other drivers lists its devices when it is loaded alone: ";
+        assert_eq!((error(11, false).to_string(), error(11, false).exit_code()), (expected, 1));
+        for (status, opens_window) in [(11, false), (HUNG << 8, true)] {
+            let error = error(status, opens_window);
+            assert!(error.remedy().starts_with(advice), "{}", error.remedy());
+            assert!(error.remedy().contains("--device"), "{}", error.remedy());
+        }
+        let in_window = error(11, true);
+        assert!(in_window.remedy().starts_with(&format!("{WINDOW}; if the window opened, {advice}")));
     }
 
     #[test]

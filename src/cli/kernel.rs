@@ -47,7 +47,7 @@ pub struct Args {
     all: bool,
     /// Print only the text that affects compilation: comments are removed, macros are replaced by their expansions, and
     /// all blanks are written in the same way. Two sources that differ only in comments, in blanks, or in the macros
-    /// that produce the same text give the same output
+    /// that produce the same text give the same output. Not with --all
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the

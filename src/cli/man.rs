@@ -16,7 +16,8 @@ use std::path::PathBuf;
 
 Packagers can write all pages with --out, and print completions with `raycl completions`. With --out, raycl also writes raycl.b3sum, a list by which it recognises its pages later; a package does not need this list.")]
 pub struct Args {
-    /// The command whose page to print; cache-clear stands for `raycl cache clear` [default: raycl itself]
+    /// The command whose page to print; cache-clear stands for `raycl cache clear`. Not with --out [default: raycl
+    /// itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
     /// Print no page; write the pages of raycl and of all its commands to this folder: raycl.1, raycl-render.1, ...
@@ -99,7 +100,7 @@ fn page(command: Command) -> Result<Page> {
 }
 
 /// Returns the text after a command's help in roff. Indented lines under a title (`Examples:`) become a section with
-/// this title, and stay as they are. The other paragraphs become sections NOTES.
+/// this title, and stay as they are. All other paragraphs become sections with the title NOTES.
 fn after_help(text: &str) -> Roff {
     let (mut roff, mut is_in_notes) = (Roff::new(), false);
     for paragraph in text.split("\n\n") {

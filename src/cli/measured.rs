@@ -1,5 +1,5 @@
-//! Functions for commands that measure several things, such as devices or points, and that may fail to measure some of
-//! them. The functions decide what such a command stores, and what it tells the user.
+//! Functions for commands that measure several things, such as devices or points. Some of these measurements may fail.
+//! The functions decide what such a command stores, and what it tells the user.
 
 use crate::error::{Error, Result};
 use crate::output::Target;

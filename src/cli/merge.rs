@@ -18,7 +18,7 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device are not failures), 1 if a point is missing, if a point failed, or if the merge failed for another reason, 2 for a mistake in the arguments or files. With --status, the exit code is 0 even if points are missing or failed.")]
+Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point is missing, if a point failed, or if the merge failed for another reason, 2 for a mistake in the arguments or files. With --status, the exit code is 0 even if points are missing or failed.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
@@ -26,7 +26,8 @@ pub struct Args {
     /// Merge only the results of these devices: part of their description (name, platform, driver and other properties
     /// that affect times), a kind (cpu, gpu, accelerator), or all. Results of the baselines (ray casters on the host)
     /// are always merged. If no device with results matches NAME, raycl assumes that NAME is a device on which no shard
-    /// has begun, and reports all points except the baselines as missing [default: all devices with results]
+    /// has begun, and reports all points except the baselines as missing. Not with --status [default: all devices with
+    /// results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun (just started; if this
@@ -34,7 +35,7 @@ pub struct Args {
     /// --hang-limit`), lost (killed, or its machine is down), or how the process ended
     #[arg(long)]
     status: bool,
-    /// With --status, the number of seconds (2 or more) between two readings of the counter that each running process
+    /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
     /// increases once per second. A process whose counter stays the same counts as lost. A network file system may show
     /// old data for some time; choose more SECONDS than that time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
@@ -42,7 +43,7 @@ pub struct Args {
     /// Print one JSON object per point instead of tables; with --status, one object per process
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors. Not with --json or --status
     #[arg(short, long, conflicts_with_all = ["json", "status"])]
     quiet: bool,
 }
@@ -63,11 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     if args.out.is_dir() {
         refuse_closed(&args.out, "merge as a user who may write to this folder, or merge a copy of it")?;
     }
-    let merged = merge(&args.out, &args.device)?;
-    let folder = Folder::read(&args.out)?;
-    // A point's 95% interval depends on all launches (worker processes), but the process that measured a shard had only
-    // the samples of its own launches. So the intervals are computed again here.
-    renew_intervals(&args.out.join(RECORDS), &folder.records)?;
+    let (merged, folder) = merged(&args.out, &args.device)?;
     let (question, expectation) = folder.question();
     folder.summarise(&question, &expectation)?;
     let mut out = OutFolder::open(&args.out, Choice::without_force("another OUT"))?;
@@ -78,6 +75,16 @@ pub fn run(args: Args) -> Result<()> {
         print(&folder, &merged, &written.page)?;
     }
     complete(&merged.missing, &folder.records, &args.out)
+}
+
+/// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on all launches
+/// (worker processes), but the process that measured a shard had only the samples of its own launches. So the intervals
+/// are computed again here.
+fn merged(out: &Path, devices: &[String]) -> Result<(Merged, Folder)> {
+    let merged = merge(out, devices)?;
+    let folder = Folder::read(out)?;
+    renew_intervals(&out.join(RECORDS), &folder.records)?;
+    Ok((merged, folder))
 }
 
 fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
@@ -157,7 +164,7 @@ fn tell(args: &Args) -> Result<()> {
     let Some(plan) = ShardPlan::read(&args.out)? else {
         return Err(no_shards(&args.out));
     };
-    let all = status(&args.out, Duration::from_secs_f64(args.between));
+    let all = status(&args.out, Duration::from_secs_f64(args.between))?;
     if args.json {
         return all.iter().try_for_each(|one| super::print_json(&json(one)));
     }
@@ -193,6 +200,40 @@ mod tests {
             "beats": 7,
         });
         assert_eq!(json(&one), expected);
+    }
+
+    /// The process that measured the point stored an interval that does not follow from the merged samples.
+    #[test]
+    fn merged_records_have_the_intervals_that_follow_from_all_samples() {
+        use crate::record::{JsonLines, PlannedPoint, interval, read_lines};
+        use crate::shard::{About, Attempt, Header, Kind, KindPoint};
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let header = Header { shards: 1, ..Header::default() };
+        let plan = ShardPlan { header: header.clone(), ..ShardPlan::default() };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        let planned = PlannedPoint { key: "k".into(), device: "gpu".into(), ..PlannedPoint::default() };
+        let points = vec![KindPoint { point: 0, planned }];
+        let kind = Kind { device: "gpu".into(), identity: "x".into(), points };
+        kind.write(&Kind::file(out, "gpu", "x")).unwrap();
+        let about = About { shard: 1, of: 1, host: "n1".into(), ..About::default() };
+        let attempt = Attempt::begin(out, &about).unwrap();
+        let stored = Some([0.5, 2.0]);
+        let record = Record {
+            key: "k".into(),
+            device: "gpu".into(),
+            outcome: Outcome::Measured,
+            samples_ms: vec![1.0, 1.0],
+            sample_launches: vec![0, 0],
+            interval_ms: stored,
+            ..Record::default()
+        };
+        JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+        let (merged, folder) = merged(out, &[]).unwrap();
+        let expected = interval(&folder.records[0]);
+        assert!(merged.records == 1 && expected != stored, "{expected:?}");
+        let records = read_lines::<Record>(&out.join(RECORDS)).unwrap().lines;
+        assert_eq!(records.iter().map(|record| record.interval_ms).collect::<Vec<_>>(), [expected]);
     }
 
     #[test]

@@ -45,6 +45,7 @@ use crate::device::{cache_variables, pinning_variables, thread_variables, variab
 use crate::error::{Error, Result};
 use crate::own_program::remember_libraries;
 use crate::sources::Sources;
+use crate::threads::start_pool;
 use crate::{printer, settings};
 use colour::Colour;
 
@@ -60,13 +61,15 @@ use colour::Colour;
   raycl strategies                           all strategies: axes and presets
   raycl kernel naive                         the source of one strategy
 
-`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C.
+`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C, 128 + N ended by the signal with the number N.
 
-The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results).
+The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If
+XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in this folder.
 The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the
 variables.")]
 pub struct Cli {
-    /// When to use colours: auto (on a terminal), always or never [default: auto, or never if NO_COLOR is set]
+    /// When to use colours: auto (on a terminal), always or never [default: never if NO_COLOR is set, else the value of
+    /// color in your settings, else auto]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
     color: Option<Colour>,
     #[command(subcommand)]
@@ -150,6 +153,15 @@ impl Command {
         }
     }
 
+    /// Returns whether the command may use parallel iterators in its own process, for example to read a mesh. Worker
+    /// processes start the threads of parallel iterators only when they need them.
+    fn computes_in_parallel(&self) -> bool {
+        let casts = matches!(self, Self::Render(_) | Self::View(_) | Self::Kernel(_) | Self::Compile(_));
+        let measures = matches!(self, Self::Run(_) | Self::Noise(_) | Self::Reproduce(_) | Self::Rule(_));
+        let writes_pages = matches!(self, Self::Merge(_) | Self::Report(_) | Self::Compare(_));
+        casts || measures || writes_pages || matches!(self, Self::CompareImages(_))
+    }
+
     /// Returns whether the command measures times, itself or through workers. If it does, raycl makes PoCL (an OpenCL
     /// driver for CPUs) pin its threads. Also returns true for workers, unless they only compile a program. Returns
     /// false for the commands for contributors.
@@ -171,7 +183,8 @@ impl Command {
         }
     }
 
-    /// Returns the folder of the user's kernel files, for commands that start drivers in their own process.
+    /// Returns the folder of the user's kernel files, for commands that start drivers in their own process. `None` for
+    /// other commands, and without `--cl-dir`.
     fn cl_dir(&self) -> Option<&Path> {
         match self {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
@@ -185,8 +198,9 @@ impl Command {
     }
 }
 
-/// Lets writing fail if a file would become larger than `ulimit -f` allows. Without a handler, the system ends the
-/// process with SIGXFSZ, so that no message is printed and temporary files stay.
+/// Installs a handler for SIGXFSZ, the signal that a process gets when a file would become larger than `ulimit -f`
+/// allows. With the handler, only the write fails. Without it, the signal ends the process, so that no message is
+/// printed and temporary files stay.
 #[cfg(unix)]
 fn outlive_large_files() {
     use std::sync::{Arc, atomic::AtomicBool};
@@ -213,7 +227,8 @@ fn end<T>(said: &clap::Error) -> Result<T> {
 }
 
 impl Cli {
-    /// Parses the process's arguments. A mistake in the arguments ends the process with exit code 2 and a suggestion.
+    /// Parses the process's arguments. A mistake in the arguments ends the process with exit code 2, after a message
+    /// that describes the mistake. `--help` and `--version` end the process after the text is printed.
     ///
     /// # Errors
     ///
@@ -252,6 +267,10 @@ impl Cli {
                 return guarded::run(reads_input, shows_pictures, uses_terminal, opens_window, cl_dir);
             }
             guarded::ends_with_its_parent();
+        }
+        if self.command.computes_in_parallel() {
+            // No thread can start while a driver's libraries are being loaded, so these threads start before.
+            start_pool()?;
         }
         match self.command {
             Command::Render(args) => render::run(args),
@@ -302,9 +321,9 @@ pub(crate) fn prepare_for_drivers(measures: bool) {
     }
 }
 
-/// Lets a negative number be a value of every option that has a value. If the number is out of range, the message of
-/// clap (the library that parses the arguments) then says which values are expected. By default, clap would report `-3`
-/// as an unknown option.
+/// By default, clap (the library that parses the arguments) reports `-3` as an unknown option. This function
+/// lets a negative number be the value of every option that has a value. If the number is out of range,
+/// clap's message therefore says which values are expected.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),

@@ -35,12 +35,14 @@ pub struct Args {
     /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
     /// contains its kernel's number of registers and occupancy; with --compute-capability, the number of registers is
     /// enough. Rasterisers are left out, since their main kernels have work-groups of a fixed size. DIR is a folder of
-    /// results, or its file records.jsonl
+    /// results, or its file records.jsonl. Of the other options, only --compute-capability and --json can be given with
+    /// this one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
     /// Print how many threads per multiprocessor are predicted by Figure 5 of the student paper that raycl repeats, how
     /// many the paper's 63 registers per work-item allow, and how many remain if each work-item also needs the 108 B of
-    /// __local memory of the paper's optimisation 1
+    /// __local memory of the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given
+    /// with this one
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

@@ -39,8 +39,9 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(json_of(value)?)
 }
 
-/// Prints a command's report: as JSON if `json` is true, else as text, unless `quiet` is true. The report goes to
-/// standard error if `streams` is true, that is, if the command writes a picture to standard output.
+/// Prints a command's report: as JSON if `json` is true, and otherwise as text. The text is not printed if `quiet` is
+/// true. The report goes to standard error if `streams` is true, that is, if the command writes a picture to standard
+/// output.
 pub fn print_report(
     report: &impl Serialize,
     text: impl FnOnce() -> String,

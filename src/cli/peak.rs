@@ -10,12 +10,13 @@ use crate::experiment::Observer;
 use crate::output::{Choice, Target};
 use crate::own_program::own_program;
 use crate::peak::{Figure, Peak, measure};
+use crate::printer;
 use crate::program::Sources;
 use crate::record::{dirty_program, significant};
 use crate::settings;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -69,7 +70,7 @@ pub fn run(args: Args) -> Result<()> {
     if all.is_empty() {
         return end;
     }
-    target.iter().try_for_each(|target| store(&all, &end, target))?;
+    target.iter().try_for_each(|target| store_rates(&all, &end, target))?;
     if target.as_ref().is_some_and(Target::is_standard_output) {
         return end;
     }
@@ -80,6 +81,36 @@ pub fn run(args: Args) -> Result<()> {
     texts(&all).into_iter().try_for_each(super::print)?;
     dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     end
+}
+
+/// Writes the rates to a file. The user is told which rates of an existing file this replaces, except rates of the same
+/// device in the same state.
+fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
+    let replaced = if end.is_ok() { replaced(all, target) } else { Vec::new() };
+    store(&all, end, target)?;
+    replaced.iter().for_each(|note| printer::tell(printer::plain(note)));
+    Ok(())
+}
+
+/// Returns a note for each device whose rates in the file `target` will be lost. These are devices that are not in
+/// `all`, the file's new rates, or that have another driver or another state there. If the file contains no rates,
+/// there are no notes.
+fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
+    if target.is_standard_output() {
+        return Vec::new();
+    }
+    let file = target.path();
+    let earlier = Peak::read(file).unwrap_or_default();
+    let is_lost = |peak: &&Peak| !all.iter().any(|new| new.is_of_state_of(peak));
+    let note = |peak: &Peak| {
+        let Peak { device, driver, timestamp, .. } = peak;
+        let state = peak.state.as_ref().map_or(String::new(), |state| format!(" ({state})"));
+        format!(
+            "note: '{}' no longer has the peak rates of {device} with the driver {driver}{state}, measured at {timestamp}",
+            file.display()
+        )
+    };
+    earlier.iter().filter(is_lost).map(note).collect()
 }
 
 /// Returns the devices that `pattern` selects; without `pattern`, those that the user's settings select; without
@@ -139,10 +170,7 @@ impl Wanted<'_> {
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
         let output = ended.map_err(|error| failed(&error))?;
-        // A child process that fails may have printed the rates of some of its devices. Such incomplete output is not
-        // used.
-        let output = output.filter(|output| output.status.success());
-        let peaks = output.and_then(|output| listed(&String::from_utf8_lossy(&output.stdout)));
+        let peaks = output.as_ref().and_then(complete);
         peaks.ok_or_else(|| failed(&"the reason is above"))
     }
 
@@ -153,6 +181,13 @@ impl Wanted<'_> {
         arguments.extend(self.cl_dir.into_iter().flat_map(|folder| ["--cl-dir".into(), folder.into()]));
         arguments
     }
+}
+
+/// Returns the peak rates that a child process printed; `None` if it failed. It may then have printed the rates of some
+/// of its devices, and such incomplete output is not used.
+fn complete(output: &Output) -> Option<Vec<Peak>> {
+    let printed = output.status.success().then(|| String::from_utf8_lossy(&output.stdout))?;
+    listed(&printed)
 }
 
 /// Returns the peak rates that a child process printed. A driver may print lines before the JSON.
@@ -217,6 +252,49 @@ mod tests {
         let json = serde_json::to_string_pretty(&all).unwrap();
         assert_eq!(listed(&format!("[driver] ready\n{json}\n")), Some(all));
         assert_eq!((listed(""), listed("[\nno list")), (None, None));
+    }
+
+    /// A process that fails at its second device prints the rates of the first one.
+    #[test]
+    #[cfg(unix)]
+    fn the_rates_that_a_process_printed_before_it_failed_are_not_used() {
+        use std::os::unix::process::ExitStatusExt as _;
+        use std::process::ExitStatus;
+        let printed = vec![Peak { device: "a".into(), ..Peak::default() }];
+        let stdout = serde_json::to_vec_pretty(&printed).unwrap();
+        let of = |status| {
+            let status = ExitStatus::from_raw(status);
+            complete(&Output { status, stdout: stdout.clone(), stderr: Vec::new() })
+        };
+        // These are the states of a process that succeeded, one that exited with code 1, and one that was killed.
+        assert_eq!([0, 1 << 8, 9].map(of), [Some(printed), None, None]);
+    }
+
+    #[test]
+    fn rates_of_another_state_are_not_replaced_silently() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("peak.json");
+        let peak = |device: &str, state: Option<&str>| Peak {
+            device: device.into(),
+            driver: "1".into(),
+            timestamp: "noon".into(),
+            state: state.map(str::to_owned),
+            ..crate::peak::fixtures::rates()
+        };
+        let target = Target::of_results(&path);
+        let new = [peak("cpu", Some("2 threads"))];
+        assert!(replaced(&new, &target).is_empty(), "there is no file yet");
+        let of_any_state = peak("cpu", None);
+        let earlier = [peak("gpu", None), peak("cpu", Some("4 threads")), new[0].clone(), of_any_state];
+        Peak::write(&earlier, &path).unwrap();
+        let expected = ["gpu with the driver 1", "cpu with the driver 1 (4 threads)"].map(|device| {
+            let file = path.display();
+            format!("note: '{file}' no longer has the peak rates of {device}, measured at noon")
+        });
+        assert_eq!(replaced(&new, &target), expected);
+        store_rates(&new, &Ok(()), &target).unwrap();
+        assert_eq!(Peak::read(&path).unwrap(), new);
+        assert!(replaced(&new, &target).is_empty(), "the same state");
     }
 
     #[test]

@@ -124,7 +124,7 @@ impl Lines {
         format!("[{}/{}{}] {text}", self.done, self.points, self.left())
     }
 
-    /// Returns a line about the current work if no line was printed for a minute.
+    /// Returns a line about the current work if no line was printed for a minute; otherwise `None`.
     fn overdue_line(&mut self, what: &str) -> Option<String> {
         let is_quiet = self.printed_at.get_or_insert_with(Instant::now).elapsed() >= QUIET;
         is_quiet.then(|| self.line(what))
@@ -263,7 +263,7 @@ fn line(record: &Record) -> String {
     let point = format!("{} {width}x{height} {} {}{local}", record.scene, record.device, record.name);
     match (record.outcome, record.median_ms) {
         (Outcome::Measured, Some(median_ms)) => {
-            format!("{point}: {median_ms:.3} ms, n = {}", record.samples_ms.len())
+            format!("{point}: {} ms, n = {}", ms(median_ms), record.samples_ms.len())
         }
         (outcome, _) => {
             // A compiler's log has many lines. Only the first line is shown; the record contains the whole log.

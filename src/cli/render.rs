@@ -1,4 +1,4 @@
-//! `raycl render`: renders a picture of a scene.
+//! `raycl render`: renders a picture or a moving picture of a scene.
 
 mod casting;
 mod guess;
@@ -57,19 +57,20 @@ use timeline::Timeline;
 pub struct Args {
     #[command(flatten)]
     pub(super) subject: Subject,
-    /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the
-    /// name of the scene's file, with the extension .png]
+    /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the name of the
+    /// scene's file, with the extension .png; picture.png for a scene from standard input]
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write layers: depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes
-    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own
+    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own. Not with --devices
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long)]
     force: bool,
     /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
-    /// vendor; a kind (cpu, gpu, accelerator); or all
+    /// vendor; a kind (cpu, gpu, accelerator); or all. A bare mesh is then shown as with --plain, unless --samples is
+    /// given. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
@@ -78,16 +79,18 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
-    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1 sample; for a bare mesh, 6 samples in
-    /// pixels that differ from their neighbours and 1 sample in all others]
+    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1 sample; for a bare mesh without lights,
+    /// 6 samples in pixels near differences between neighbours and 1 sample in all others, but 1 sample with --plain or
+    /// --devices]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
-    /// Cast one sixteenth of the samples for every pixel, and the other samples only where neighbouring pixels differ
-    /// [default number of samples: 16]
+    /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring
+    /// pixels differ. Not with --devices [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If this is more than once, raycl
-    /// casts one more frame first, which does not count if it takes less than a second
+    /// first casts a frame that counts only if it takes longer than a second. With --devices, a first frame never
+    /// counts
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
@@ -98,13 +101,13 @@ pub struct Args {
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = whole::<u32>(1..=u32::MAX))]
     verify: Option<Option<u32>>,
     /// Render the picture again whenever a file of the scene or a kernel file of --cl-dir changes; Ctrl-C ends the
-    /// command
+    /// command. Not with --json, or with a scene from standard input
     #[arg(long, conflicts_with = "json")]
     watch: bool,
     /// Print one JSON object; to standard error if the picture goes to standard output
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors and, with --json, the JSON object
     #[arg(short, long)]
     quiet: bool,
 }
@@ -173,8 +176,8 @@ fn render(args: &Args) -> Result<()> {
     let Loaded { scene, mut notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     // The device's lane operations, by which work-items exchange values, need not be tested now if `hurry` may choose
-    // the strategy. In this case the picture is cast with the preset hurry::QUICK, which uses no lane operations, or
-    // with a program that an earlier start of raycl has compiled after such a test.
+    // the strategy. The picture is then cast in one of two ways: with the preset hurry::QUICK, which uses no lane
+    // operations, or with a program that an earlier start of raycl has compiled after such a test.
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
@@ -255,8 +258,8 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; to standard error if the picture goes to standard output. Then returns the error `wrong` if the
-/// picture is wrong. Otherwise, without `--watch`, the function ends the process.
+/// Prints the report; to standard error if the picture goes to standard output. If the picture is wrong, then returns
+/// the error `wrong`. If the picture is right and `--watch` is not given, ends the process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>) -> Result<()> {
     let streams = target(args).is_standard_output();
     super::print_report(report, || report.text(device), streams, (args.json, args.quiet))?;
@@ -274,7 +277,8 @@ fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> i
     hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
-/// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample.
+/// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample; otherwise
+/// `None`.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let message = || {
@@ -331,8 +335,8 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 
 /// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
 /// of the picture is a file of the scene. For moving pictures, the files that only later frames use count as files of
-/// the scene too. For a still picture, raycl does not look for these files: it would have to read them each time that
-/// it renders the picture again, and they may be large.
+/// the scene too. For a still picture, raycl does not look for the files of later frames: these files may be large, and
+/// raycl would have to read them each time that it renders the picture again.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation

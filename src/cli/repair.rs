@@ -2,6 +2,7 @@
 //! records.jsonl), and names other files that cannot be read.
 
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::experiment::Lock;
 use crate::peak::Peak;
 use crate::record::journals::RECORDS;
@@ -60,15 +61,15 @@ impl Findings {
     /// attempts, reads the attempts' counters twice; `between` is the time from the first reading to the second.
     fn of(folder: &Path, between: Duration) -> Result<Self> {
         let has_shards = ShardPlan::read(folder)?.is_some();
-        if !has_shards && !folder.join(RECORDS).is_file() {
+        if !has_shards && !existing::is_file(&folder.join(RECORDS))? {
             return Err(no_results(folder));
         }
         let _lock = lock_of(folder)?;
         let mut findings =
             Self { repaired: repair(folder)?, unreadable: unreadable(folder), running: Vec::new() };
         if has_shards {
-            let stopped = stopped(folder, between);
-            for attempt in Attempt::all(folder) {
+            let stopped = stopped(folder, between)?;
+            for attempt in Attempt::all(folder)? {
                 findings.repair(attempt.folder, stopped.contains(&attempt.name))?;
             }
         }
@@ -141,12 +142,12 @@ fn lock_of(folder: &Path) -> Result<Lock> {
     Lock::take(folder)
 }
 
-/// Returns the names of the attempts that have ended or were lost. Attempts' locks do not show reliably whether an
-/// attempt has ended: a file system may have no locks, and a machine may not see the locks of an attempt on another
-/// machine.
-fn stopped(folder: &Path, between: Duration) -> HashSet<String> {
-    let all = status(folder, between).into_iter();
-    all.filter(|one| matches!(one.state, State::Ended(_) | State::Lost)).map(|one| one.name).collect()
+/// Returns the names of the attempts that have ended or were lost. The lock of an attempt's folder does not show
+/// reliably whether the attempt has ended: a file system may have no locks, and a machine may not see the locks of
+/// another machine.
+fn stopped(folder: &Path, between: Duration) -> Result<HashSet<String>> {
+    let all = status(folder, between)?.into_iter();
+    Ok(all.filter(|one| matches!(one.state, State::Ended(_) | State::Lost)).map(|one| one.name).collect())
 }
 
 #[cfg(test)]

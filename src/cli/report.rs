@@ -27,7 +27,7 @@ pub struct Args {
     /// Print one JSON object with the paths of the page and of the folders of plots and exports
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors. Not with --json
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
 }

@@ -6,6 +6,7 @@ use super::progress::{Stages, observer};
 use super::run;
 use crate::config::with_absolute_paths;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::experiment::find_devices;
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::record::Folder;
@@ -52,13 +53,14 @@ pub struct Args {
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Measure nothing; from existing results, generate the page that judges the student paper's claims
+    /// Measure nothing; from existing results, generate the page that judges the student paper's claims. Not with
+    /// --device, --set, --resume, --no-wait or --verbose
     #[arg(long, conflicts_with_all = ["device", "set", "resume", "no_wait", "verbose"])]
     page_only: bool,
     /// Print neither the progress nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
-    /// Print a line for every finished point, instead of a progress bar
+    /// Print a line for every finished point, instead of a progress bar. Not with --quiet
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
 }
@@ -68,7 +70,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = OutFolder::open(&args.out, choice)?;
-    refuse_other_folders(&args.out, choice, out.is_known() || present(&args.out).next().is_some())?;
+    refuse_other_folders(&args.out, choice, out.is_known() || !present(&args.out)?.is_empty())?;
     out.check(report::REPRODUCTION)?;
     let failed = if args.page_only { Vec::new() } else { measure_all(&args, &mut out)? };
     say_where(&args, &write_page(&mut out)?)?;
@@ -150,15 +152,22 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     if args.quiet {
         return Ok(());
     }
-    for page in present(&args.out).map(|folder| folder.join(report::PAGE)).filter(|page| page.exists()) {
+    let pages = present(&args.out)?.into_iter().map(|folder| folder.join(report::PAGE));
+    for page in pages.filter(|page| page.exists()) {
         super::print(format!("Report:       {}", page.display()))?;
     }
     super::print(format!("Reproduction: {}", page.display()))
 }
 
 /// Returns those folders of the configs' results that exist.
-fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
-    CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join(RECORDS).exists())
+fn present(out: &Path) -> Result<Vec<PathBuf>> {
+    let mut present = Vec::new();
+    for folder in CONFIGS.iter().map(|(name, _)| out.join(name)) {
+        if existing::exists(&folder.join(RECORDS))? {
+            present.push(folder);
+        }
+    }
+    Ok(present)
 }
 
 /// Writes copies of the paper's configs and scenes into the output folder.
@@ -178,7 +187,8 @@ fn alone(text: &str) -> Vec<u8> {
 }
 
 fn write_page(out: &mut OutFolder) -> Result<PathBuf> {
-    let folders = present(out.path()).map(|folder| Folder::read(&folder)).collect::<Result<Vec<_>>>()?;
+    let folders = present(out.path())?;
+    let folders = folders.iter().map(|folder| Folder::read(folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {
         let error = Error::input(format!("{} holds no results of the paper's configs", out.path().display()));
         return Err(error.with_help("run `raycl reproduce` without --page-only first"));

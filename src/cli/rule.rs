@@ -136,8 +136,8 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
-/// Loads a case's scene. Returns an error if the kinds that the case states (few triangles, an eye inside the scene,
-/// many triangles per pixel) are not those that follow from its scene and image size.
+/// Loads a case's scene. Returns an error if the kinds that the case states are not those that follow from its scene
+/// and image size. The kinds are: few triangles, an eye inside the scene, many triangles per pixel.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);

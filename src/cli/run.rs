@@ -61,19 +61,21 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 if no point failed (points that do not fit on their device are not failures), 1 if a point failed, if --fail-on-regression found a regression, or if the run failed for another reason, 2 for a mistake in the arguments or files, 130 if Ctrl-C stopped the run.")]
+Exit code: 0 if no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point failed, if --fail-on-regression found a regression, or if the run failed for another reason, 2 for a mistake in the arguments or files, 130 if Ctrl-C or SIGTERM stopped the run.")]
 pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
-    /// The folder of results [default: results/NAME, where NAME is the config's name, or results/NAME-2, ... if that
-    /// folder exists; with --resume, the latest of these folders. Your settings may name another folder than results]
+    /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml, or
+    /// results/NAME-2, ... if that folder exists; with --resume, the latest of these folders. Your settings may name
+    /// another folder than results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     pub(super) force: bool,
     /// The devices to use instead of the config's devices: part of a name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu, accelerator); or all
+    /// devices`; a kind (cpu, gpu, accelerator); or all [default if the config names no devices: the devices in your
+    /// settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
@@ -87,7 +89,8 @@ pub struct Args {
     /// frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
-    /// Distribute the points over several devices of the same model, instead of measuring every point on every device
+    /// Distribute the points over several devices of the same model, instead of measuring every point on every device.
+    /// Not with two folders of --cl-dir
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
@@ -100,7 +103,7 @@ pub struct Args {
     /// Measure nothing; print every point and the memory that it needs. With --resume, also print which points are done
     #[arg(long)]
     dry_run: bool,
-    /// Change a value of the config
+    /// Change a value of the config; may be given several times
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Print one JSON object per point instead of tables; with --dry-run, the object states how many bytes of memory
@@ -110,7 +113,7 @@ pub struct Args {
     /// Print neither the progress, nor the tables, nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
-    /// Print a line for every finished point, instead of a progress bar
+    /// Print a line for every finished point, instead of a progress bar. Not with --quiet
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
@@ -125,11 +128,13 @@ pub struct Args {
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
-    /// (Slurm, MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges the parts
+    /// (such as Slurm or MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges
+    /// the parts. Needs --out; not with --spread, --dry-run or two folders of --cl-dir
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
     /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, 1 to
-    /// 100,000, and the second job merges the results. raycl itself submits no job
+    /// 100,000, and the second job merges the results. raycl itself submits no job. Not with --shard, --spread,
+    /// --dry-run, --resume or two folders of --cl-dir
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = whole::<u32>(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3
@@ -354,9 +359,9 @@ fn keep_peak(
     Ok(())
 }
 
-/// Returns a note that names the devices without peak rates, if the rates come from a file and there are such devices.
-/// If rates of such a device were `left_out`, the note states the device's driver and state, to which they do not
-/// belong.
+/// Returns a note that names the devices for which a file has no peak rates, if there is such a file and there are such
+/// devices. If `left_out` contains rates of a device with another driver or in another state, the note states the
+/// device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
@@ -418,8 +423,8 @@ fn names_devices(args: &Args, experiment: &Experiment) -> bool {
     !args.device.is_empty() || !experiment.devices.is_empty()
 }
 
-/// Returns the words by which devices are selected: those from the arguments, else from the config, else from the
-/// user's settings, else `all`.
+/// Returns the words that select devices. These are the words in the arguments. If there are none, they are the words
+/// in the config; if there are none either, it is the word in the user's settings or, without settings, `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],

@@ -16,6 +16,10 @@ use crate::strategy::{Strategy, Task, preset};
 use look::Look;
 use std::path::PathBuf;
 
+/// The note if the scene is a scene file, whose look `--plain` does not change.
+const PLAIN_SCENE: &str =
+    "--plain has no effect: it changes only how a bare mesh is shown, and this scene comes from a scene file";
+
 /// A scene, and the options for casting it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Subject {
@@ -35,10 +39,11 @@ pub struct Subject {
     /// raycl expects to be fastest on the device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     pub strategy: Option<String>,
-    /// Local size: work-items per work-group, across and down; 8 stands for 8x8
+    /// Local size: work-items per work-group, across and down, 1 to 4096 each; 8 stands for 8x8 [default: a size that
+    /// raycl chooses for the strategy and the device]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub local_size: Option<[u32; 2]>,
-    /// Change an axis of the strategy or a value of the scene
+    /// Change an axis of the strategy or a value of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     pub set: Vec<(String, String)>,
     #[command(flatten)]
@@ -67,12 +72,15 @@ impl Subject {
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let aspect = f64::from(self.width) / f64::from(self.height);
         let most_triangles = self.needs_tree().then_some(WideBvh::MAX_INDEX as u64);
-        load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed, most_triangles })
+        let shot = Shot { aspect, turns, dressed, most_triangles };
+        let mut loaded = load_scene_for(&self.scene, &self.overrides()?, shot)?;
+        loaded.notes.extend((self.look.plain && !loaded.is_bare).then(|| PLAIN_SCENE.to_owned()));
+        Ok(loaded)
     }
 
-    /// Returns whether the requested strategy needs a tree. If neither a strategy nor an axis is requested, returns
-    /// true, since a scene with many triangles is then cast with a strategy that needs a tree, such as `tile`. Mistakes
-    /// in the requested strategy are reported later, when the strategy is chosen.
+    /// Returns whether the requested strategy needs a tree. Returns true if neither a strategy nor an axis is
+    /// requested: raycl then casts a scene with many triangles with a strategy that needs a tree, such as `tile`.
+    /// Mistakes in the requested strategy are reported later, when the strategy is chosen.
     fn needs_tree(&self) -> bool {
         let strategy = preset("tile")
             .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));
@@ -179,6 +187,21 @@ mod tests {
             loaded.scene.camera.position.length()
         };
         assert!(away([10, 40]) > 1.5 * away([40, 10]), "{} {}", away([10, 40]), away([40, 10]));
+    }
+
+    #[test]
+    fn plain_is_for_bare_meshes() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = folder.path().join("triangle.obj");
+        std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let scene = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let has_note = |path: &PathBuf, plain: bool| {
+            let mut subject = subject(path.clone(), [8, 8]);
+            subject.look.plain = plain;
+            let notes = subject.load(false, !plain).unwrap().notes;
+            notes.iter().any(|note| note == PLAIN_SCENE)
+        };
+        assert!(has_note(&scene, true) && !has_note(&scene, false) && !has_note(&mesh, true));
     }
 
     /// In this test, not even a work-group with one tile fits on the device, so the error message names the last local

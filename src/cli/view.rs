@@ -38,7 +38,7 @@ pub struct Args {
     /// Print one JSON object at the end
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors and, with --json, the JSON object
     #[arg(short, long)]
     quiet: bool,
 }

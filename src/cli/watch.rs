@@ -9,7 +9,7 @@ use notify::{EventKind, Watcher as _};
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are not listed:
@@ -75,6 +75,11 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
+        if let Err(error) = check_thread(&changes) {
+            // Without its thread, the watcher would panic when it is dropped.
+            std::mem::forget(watcher);
+            return Err(error);
+        }
         for folder in &mut folders {
             folder.watch(&mut watcher).map_err(failed)?;
         }
@@ -149,8 +154,9 @@ impl Folder {
     }
 }
 
-/// What distinguishes a folder from another folder that later gets its name: the numbers of its disk and of the folder,
-/// and the time of its creation, since a disk may give the number of a removed folder to a new one.
+/// The identity of a folder, which distinguishes it from another folder that later gets its name. It consists of the
+/// numbers of the disk and of the folder, and of the time of the folder's creation. This time is needed, since a disk
+/// may give the number of a removed folder to a new folder.
 type Identity = ([u64; 2], Option<SystemTime>);
 
 /// Returns the identity of the folder that has this path now; `None` if there is none.
@@ -227,6 +233,18 @@ fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, no
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
 }
 
+/// Returns an error if the system has refused the thread of a watcher that sends changes. The crate notify reports no
+/// error then, and panics when the watcher is used. A watcher without its thread has dropped the changes' sender.
+fn check_thread(changes: &Receiver<Instant>) -> Result<()> {
+    match changes.try_recv() {
+        Err(TryRecvError::Disconnected) => {
+            let refused = std::io::Error::other("the system refused it");
+            Err(Error::not_started("the thread that watches files", &refused))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Waits until no file has changed for the time `QUIET`; returns false if no more changes can come.
 fn quiet(changes: &Receiver<Instant>) -> bool {
     loop {
@@ -255,6 +273,17 @@ mod tests {
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
         seen
+    }
+
+    #[test]
+    fn a_watcher_whose_thread_the_system_has_refused_is_an_error() {
+        let (sender, changes) = channel();
+        assert!(check_thread(&changes).is_ok());
+        drop(sender);
+        let error = check_thread(&changes).expect_err("there is no thread");
+        let expected = "the thread that watches files could not be started: the system refused it";
+        assert_eq!(error.to_string(), expected);
+        assert!(error.exit_code() == 1 && error.remedy().contains("`ulimit -u`"), "{}", error.remedy());
     }
 
     #[test]
@@ -363,8 +392,8 @@ mod tests {
             );
             assert!(error.remedy().starts_with("check the path of the scene"), "{}", error.remedy());
         }
-        // The remedy suggests the folder `misssing`. It does not suggest `missin`, since this is a file, although its
-        // name is as similar.
+        // The remedy suggests the folder `misssing`. It does not suggest `missin`, whose name is as similar, since
+        // `missin` is a file.
         std::fs::write(folder.path().join("missin"), "").expect("a file");
         let meant = folder.path().join("misssing");
         std::fs::create_dir(&meant).expect("a folder");

@@ -1,19 +1,47 @@
 //! Queries a device and reads the answers as raw bytes, so that a failed query, or an answer of an impossible length,
 //! makes the device unusable, but does not stop raycl.
 
+use super::direct::{device_answer, one_line};
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// The reasons why a device is unusable if its driver lacks a feature. Only another driver can make such a device
-/// usable.
+/// The reasons why a device is unusable if its driver lacks a feature, or the beginnings of these reasons. Only another
+/// driver can make such a device usable.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
+const NO_GROUPS: &str = "its driver reports that a work-group may have no work-items";
+const TOO_OLD: &str = "its driver supports OpenCL";
+const UNREADABLE: &str = "its version of OpenCL cannot be read";
+
+/// The oldest version of OpenCL that raycl can use: its major and its minor number.
+const OLDEST: (u16, u16) = (1, 2);
 
 /// Returns whether a device that is unusable for `reason` may soon be usable with the same driver. This is the case if
 /// the device is not available now, or if a query failed.
 pub(super) fn may_be_usable_soon(reason: &str) -> bool {
-    ![NO_COMPILER, NO_TIMES].contains(&reason)
+    let lasting = [NO_COMPILER, NO_TIMES, NO_GROUPS, TOO_OLD, UNREADABLE];
+    !lasting.iter().any(|start| reason.starts_with(start))
+}
+
+/// Returns why a device with this version of OpenCL cannot be used, such as "OpenCL 1.1 A Driver"; `None` if it can.
+fn unsuitable_version(version: &str) -> Option<String> {
+    match numbers_of(version) {
+        None => Some(format!("{UNREADABLE}: '{version}'")),
+        Some(numbers) if numbers < OLDEST => {
+            Some(format!("{TOO_OLD} {}.{}, but raycl needs {}.{}", numbers.0, numbers.1, OLDEST.0, OLDEST.1))
+        }
+        Some(_) => None,
+    }
+}
+
+/// Returns the major and the minor number of a version such as "OpenCL 3.0 A Driver"; `None` if the text has another
+/// form.
+fn numbers_of(version: &str) -> Option<(u16, u16)> {
+    let mut words = version.split_whitespace();
+    words.next().filter(|word| word.eq_ignore_ascii_case("OpenCL"))?;
+    let (major, minor) = words.next()?.split_once('.')?;
+    Some((major.parse().ok()?, minor.parse().ok()?))
 }
 
 /// A device that is being queried, with the first query that failed.
@@ -49,6 +77,8 @@ impl Asked {
         let available = self.number(Query::Available) != 0;
         let compiler = self.number(Query::CompilerAvailable) != 0;
         let profiling = self.number(Query::QueueProperties) & ocl::ffi::CL_QUEUE_PROFILING_ENABLE != 0;
+        let groups = self.number(Query::MaxWorkGroupSize) > 0 && self.has_two_sides();
+        let version = self.text(Query::Version);
         if self.failure.is_some() {
             return self.failure;
         }
@@ -56,8 +86,16 @@ impl Asked {
             (available, "its driver says that it is not available"),
             (compiler, NO_COMPILER),
             (profiling, NO_TIMES),
+            (groups, NO_GROUPS),
         ];
-        reasons.into_iter().find(|(fine, _)| !fine).map(|(_, reason)| reason.to_owned())
+        let reason = reasons.into_iter().find(|(fine, _)| !fine).map(|(_, reason)| reason.to_owned());
+        reason.or_else(|| unsuitable_version(&version))
+    }
+
+    /// Returns whether a work-group may have at least one work-item along each of the two sides of a picture.
+    fn has_two_sides(&mut self) -> bool {
+        let sizes = self.numbers(Query::MaxWorkItemSizes);
+        sizes.len() >= 2 && sizes.iter().take(2).all(|&size| size > 0)
     }
 
     /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL.
@@ -71,8 +109,7 @@ impl Asked {
     }
 
     pub fn text(&mut self, query: Query) -> String {
-        let bytes = self.bytes(query);
-        String::from_utf8_lossy(&bytes).trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
+        one_line(&self.bytes(query))
     }
 
     fn numbers(&mut self, query: Query) -> Vec<u64> {
@@ -85,17 +122,16 @@ impl Asked {
     }
 
     fn bytes(&mut self, query: Query) -> Vec<u8> {
-        match ocl::core::get_device_info_raw(self.device.as_core(), query as u32) {
+        match device_answer(self.device, query as u32) {
             Ok(bytes) => bytes,
-            Err(error) => {
-                self.fail(query, &error.to_string());
+            Err(why) => {
+                self.fail(query, &why);
                 Vec::new()
             }
         }
     }
 
     fn fail(&mut self, query: Query, answer: &str) {
-        let answer = answer.split_whitespace().collect::<Vec<_>>().join(" ");
         self.failure
             .get_or_insert(format!("its driver gives no valid answer to the query {query:?}: {answer}"));
     }
@@ -122,5 +158,20 @@ mod tests {
         assert_eq!(parse_numbers(&sizes), [4096, 64, 1]);
         assert!(parse_numbers(&[1, 2, 3]).is_empty());
         assert!(parse_numbers(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_version_must_be_readable_and_new_enough() {
+        for version in ["OpenCL 1.2 pocl", "OpenCL 2.0", "opencl 99.99 x", "OpenCL 3.0 PoCL 3.1"] {
+            assert_eq!(unsuitable_version(version), None, "{version}");
+        }
+        let old = "its driver supports OpenCL 1.1, but raycl needs 1.2";
+        assert_eq!(unsuitable_version("OpenCL 1.1 x").as_deref(), Some(old));
+        for version in ["garbage", "", "OpenCL x.y", "OpenCL", "OpenCL 2"] {
+            let expected = format!("its version of OpenCL cannot be read: '{version}'");
+            assert_eq!(unsuitable_version(version), Some(expected.clone()));
+            assert!(!may_be_usable_soon(&expected) && !may_be_usable_soon(old));
+        }
+        assert!(may_be_usable_soon("its driver says that it is not available"));
     }
 }

@@ -8,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::asked::Asked;
+use super::direct;
 use super::kernel_cache::cache_advice;
 use super::patience::Patience;
 use super::threads::threads_of;
@@ -17,13 +18,15 @@ use crate::error::{Error, Result};
 use crate::memory::{address_space_limit, readable};
 use crate::sources::Sources;
 
-/// All devices, and platforms without devices.
+/// All devices, and the platforms that list none.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
     /// Every device of every platform, in the loader's order. An unusable device states why it is unusable.
     pub devices: Vec<Device>,
     /// Platforms without devices.
     pub empty_platforms: Vec<String>,
+    /// Platforms whose drivers failed to list their devices, each with the reason.
+    pub failed_platforms: Vec<String>,
 }
 
 impl Survey {
@@ -55,14 +58,22 @@ pub(super) fn discover_untested() -> Result<Survey> {
 /// Returns an error if there is no device, usable or not.
 fn with_devices(survey: Survey) -> Result<Survey> {
     if survey.devices.is_empty() {
-        let platforms = survey.empty_platforms.join(", ");
-        let help = no_device_advice(&survey.empty_platforms).unwrap_or_else(|| HOW_TO_GET_ONE.to_owned());
-        return Err(Error::run(format!(
-            "no OpenCL device was found (platforms without a device: {platforms})"
-        ))
-        .with_help(help));
+        return Err(no_device(&survey));
     }
     Ok(survey)
+}
+
+/// Returns the error if there are platforms, but no device.
+fn no_device(Survey { empty_platforms, failed_platforms, .. }: &Survey) -> Error {
+    let parts = [
+        ("platforms without a device", empty_platforms),
+        ("platforms whose devices could not be listed", failed_platforms),
+    ];
+    let parts = parts.iter().filter(|(_, platforms)| !platforms.is_empty());
+    let parts: Vec<_> = parts.map(|(what, platforms)| format!("{what}: {}", platforms.join(", "))).collect();
+    let usual = if failed_platforms.is_empty() { HOW_TO_GET_ONE } else { FAILED };
+    let help = no_device_advice(empty_platforms).unwrap_or_else(|| usual.to_owned());
+    Error::run(format!("no OpenCL device was found ({})", parts.join("; "))).with_help(help)
 }
 
 /// PoCL's environment variable that names the devices that PoCL lists.
@@ -104,11 +115,13 @@ fn survey_untested() -> Result<Survey> {
     let _patience = Patience::of_guarded()?;
     let mut survey = Survey::default();
     for platform in platforms()? {
-        let devices = devices_of(platform);
-        if devices.is_empty() {
-            survey.empty_platforms.push(platform.name().unwrap_or_else(|_| "unnamed".into()));
+        match direct::devices(platform) {
+            Ok(devices) if devices.is_empty() => survey.empty_platforms.push(name_of(platform).0),
+            Ok(devices) => {
+                survey.devices.extend(devices.into_iter().map(|device| inspect(platform, device)));
+            }
+            Err(why) => survey.failed_platforms.push(format!("{}: {why}", name_of(platform).0)),
         }
-        survey.devices.extend(devices.into_iter().map(|device| inspect(platform, device)));
     }
     number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
     label(survey.devices.iter_mut().map(|device| &mut device.info));
@@ -133,21 +146,35 @@ fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     Ok(platforms.into_iter().map(ocl::Platform::new))
 }
 
-fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
-    ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
+/// The name of a platform or a device that has none.
+const UNNAMED: &str = "unnamed";
+
+/// Returns a platform's name and, if its driver cannot tell the name, the reason.
+fn name_of(platform: ocl::Platform) -> (String, Option<String>) {
+    match direct::platform_text(platform, ocl::ffi::CL_PLATFORM_NAME) {
+        Ok(name) => (or_unnamed(name), None),
+        Err(why) => {
+            (UNNAMED.to_owned(), Some(format!("its driver does not tell the platform's name: {why}")))
+        }
+    }
 }
 
-/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its properties have
-/// changed. Changes of its lane operations (how work-items exchange values), of its label and of its `twins_before`
-/// (the number of earlier devices with the same name) are not noticed, since these three are copied from `known`. Only
-/// the driver of the device's platform is started.
+fn or_unnamed(name: String) -> String {
+    if name.is_empty() { UNNAMED.to_owned() } else { name }
+}
+
+/// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its
+/// properties have changed. Changes of three properties are not noticed, since they are copied from `known`:
+/// its lane operations (how work-items exchange values), its label, and its `twins_before` (the number of
+/// earlier devices with the same name). Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded().ok()?;
-    let name = |platform: &ocl::Platform| platform.name().unwrap_or_default().trim().to_owned();
-    let namesakes = platforms().ok()?.filter(|platform| name(platform) == known.platform);
-    let devices =
-        namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
+    let namesakes = platforms().ok()?.filter(|platform| name_of(*platform).0 == known.platform);
+    let devices = namesakes.flat_map(|platform| {
+        let devices = direct::devices(platform).unwrap_or_default();
+        devices.into_iter().map(move |device| (platform, device))
+    });
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
     // `twins_before` numbers the devices with the same name in the order in which they are listed here.
     let mut device =
@@ -159,6 +186,8 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     (device.info == *known).then_some(device)
 }
 
+/// The remedy if a driver is installed, but cannot list its devices.
+const FAILED: &str = "a driver is installed, but could not list its devices: check that enough memory is free and that you may use the device, and run the command again";
 const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
@@ -229,14 +258,15 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let kind = DeviceKind::from_type(asked.number(Query::Type));
     let extensions: Vec<String> =
         asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
-    let raw = |query| ocl::core::get_device_info_raw(device.as_core(), query).ok();
-    let platform_name = platform.name().unwrap_or_default().trim().to_owned();
+    let raw = |query| direct::device_answer(device, query).ok();
+    let (platform_name, without_name) = name_of(platform);
+    let platform_version = direct::platform_text(platform, ocl::ffi::CL_PLATFORM_VERSION);
     let mut info = DeviceInfo {
         settings: variables::deciding(&platform_name),
         cores: (kind == DeviceKind::Cpu).then(cores),
         platform: platform_name,
-        platform_version: platform.version().unwrap_or_default().trim().to_owned(),
-        name: asked.text(Query::Name),
+        platform_version: platform_version.unwrap_or_default(),
+        name: or_unnamed(asked.text(Query::Name)),
         vendor: asked.text(Query::Vendor),
         version: asked.text(Query::Version),
         driver: asked.text(Query::DriverVersion),
@@ -250,7 +280,7 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         unusable: None,
     };
     info.threads = threads_of(&info.platform, kind, info.limits.compute_units);
-    info.unusable = asked.why_unusable();
+    info.unusable = without_name.or_else(|| asked.why_unusable());
     if info.unusable.is_none() {
         info.limits.lane_operations = LaneOperations::assumed(&info);
     }
@@ -286,6 +316,28 @@ mod tests {
             assert!(advice.contains(&expected), "{advice}");
         }
         assert_eq!(no_device_advice(&["NVIDIA CUDA".to_owned()]), None);
+    }
+
+    #[test]
+    fn a_driver_that_fails_to_list_its_devices_need_not_be_installed() {
+        let [empty, failed] = ["Hollow", "Broken: clGetDeviceIDs returned CL_OUT_OF_HOST_MEMORY (-6)"]
+            .map(|platform| vec![platform.to_owned()]);
+        let of = |empty_platforms: &[String], failed_platforms: &[String]| {
+            let error = no_device(&Survey {
+                empty_platforms: empty_platforms.to_vec(),
+                failed_platforms: failed_platforms.to_vec(),
+                ..Survey::default()
+            });
+            assert_eq!(error.exit_code(), 1);
+            (error.to_string(), error.remedy().to_owned())
+        };
+        let (message, remedy) = of(&empty, &failed);
+        let expected = "no OpenCL device was found (platforms without a device: Hollow; platforms whose devices \
+            could not be listed: Broken: clGetDeviceIDs returned CL_OUT_OF_HOST_MEMORY (-6))";
+        assert_eq!((message.as_str(), remedy.as_str()), (expected, FAILED));
+        let (message, remedy) = of(&empty, &[]);
+        assert_eq!(message, "no OpenCL device was found (platforms without a device: Hollow)");
+        assert_eq!(remedy, HOW_TO_GET_ONE);
     }
 
     #[test]

@@ -14,17 +14,89 @@ pub fn lacks_resources(status: Status) -> bool {
     )
 }
 
-/// Returns whether a step that failed with this status may succeed later: memory may be free again, or the device is
-/// not available now, for example because it is being reset or because another process uses it exclusively.
+/// Returns whether a step that failed with this status may succeed later, because a resource such as memory
+/// is missing now, or because the device is not available now. For example, a device is not available while
+/// it is being reset, or while another process uses it exclusively.
 pub fn may_pass(status: Status) -> bool {
     lacks_resources(status) || matches!(status, Status::CL_DEVICE_NOT_AVAILABLE)
 }
 
-/// Returns the compiler's messages without the frames of `#` that the crate `ocl` adds.
-pub fn compiler_log(message: &str) -> String {
-    let lines: Vec<_> =
-        message.lines().filter(|line| !line.contains("####") && !line.trim().is_empty()).collect();
-    lines.join("\n")
+/// A call of OpenCL that failed.
+#[derive(Debug)]
+pub struct CallError {
+    /// The function and its status, or the compiler's messages.
+    pub message: String,
+    /// The status, if it says why the call failed; `None` if the compiler rejected a program.
+    pub status: Option<Status>,
+}
+
+impl CallError {
+    /// Returns an error without a status.
+    pub fn new(message: String) -> Self {
+        Self { message, status: None }
+    }
+
+    /// Returns whether the same call may succeed later.
+    pub fn may_pass(&self) -> bool {
+        self.status.is_some_and(may_pass)
+    }
+}
+
+impl From<ocl::Error> for CallError {
+    fn from(error: ocl::Error) -> Self {
+        Self { message: without_frame(&error.to_string()), status: error.api_status() }
+    }
+}
+
+impl From<ocl::core::Error> for CallError {
+    fn from(error: ocl::core::Error) -> Self {
+        Self::from(ocl::Error::from(error))
+    }
+}
+
+/// The words with which messages of the crate `ocl` name the function that failed.
+pub const EXECUTING: &str = "Error executing function: ";
+
+/// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a
+/// frame of `#` around it and ends with a link.
+pub fn without_frame(message: &str) -> String {
+    let lines = message.lines().map(str::trim);
+    let mut lines = lines.filter(|line| !line.is_empty() && !line.contains("####")).peekable();
+    let function = lines.peek().and_then(|line| line.strip_prefix(EXECUTING));
+    if let Some(function) = function {
+        lines.next();
+        if let Some(status) = lines.peek().and_then(|line| line.strip_prefix("Status error code: ")) {
+            return format!("{function} returned {status}");
+        }
+        return format!("{function} failed: {}", lines.collect::<Vec<_>>().join(" "));
+    }
+    lines.collect::<Vec<_>>().join(" ")
+}
+
+/// The largest number of lines of a compiler's messages that are shown and stored.
+const MOST_LINES: usize = 100;
+/// The largest number of bytes of a compiler's messages that are shown and stored.
+const MOST_BYTES: usize = 16 * 1024;
+
+/// Returns a compiler's messages without blank lines. Of long messages, only the first lines are returned, with the
+/// number of the others.
+pub fn compiler_log(log: &str) -> String {
+    let lines: Vec<_> = log.lines().filter(|line| !line.trim().is_empty()).collect();
+    let (mut shown, mut bytes) = (0, 0);
+    while shown < lines.len().min(MOST_LINES) && bytes + lines[shown].len() <= MOST_BYTES {
+        bytes += lines[shown].len();
+        shown += 1;
+    }
+    let mut text = lines[..shown].join("\n");
+    if let Some(line) = lines.first().filter(|_| shown == 0) {
+        // A character has at most four bytes.
+        text = line.chars().take(MOST_BYTES / 4).chain("...".chars()).collect();
+        shown = 1;
+    }
+    match lines.len() - shown {
+        0 => text,
+        others => format!("{text}\n... ({others} more lines)"),
+    }
 }
 
 #[cfg(test)]
@@ -46,8 +118,33 @@ mod tests {
     }
 
     #[test]
-    fn a_compilers_log_has_no_frame() {
-        let message = "\n###### OPENCL PROGRAM BUILD DEBUG OUTPUT ######\n\na.cl:1:1: error: no\n\n######\n";
-        assert_eq!(compiler_log(message), "a.cl:1:1: error: no");
+    fn a_compilers_log_has_no_blank_lines_and_a_long_one_is_cut() {
+        assert_eq!(compiler_log("\na.cl:1:1: error: no\n\n  ^\n"), "a.cl:1:1: error: no\n  ^");
+        assert_eq!(compiler_log(""), "");
+        let lines: String = (0..1000).map(|number| format!("line {number}\n")).collect();
+        let log = compiler_log(&lines);
+        assert!(log.starts_with("line 0\n") && log.ends_with("line 99\n... (900 more lines)"), "{log}");
+        let long = "\u{e9}".repeat(MOST_BYTES);
+        let log = compiler_log(&format!("{long}\nb\n"));
+        assert!(
+            log.len() < MOST_BYTES + 40 && log.ends_with("\u{e9}...\n... (1 more lines)"),
+            "{}",
+            log.len()
+        );
+        let log = compiler_log(&format!("a\n{long}"));
+        assert_eq!(log, "a\n... (1 more lines)");
+    }
+
+    #[test]
+    fn a_message_is_the_function_and_its_status() {
+        let message = "\n\n####### OPENCL ERROR ####### \n\nError executing function: clCreateBuffer  \n\n\
+            Status error code: CL_INVALID_BUFFER_SIZE (-61)  \n\nPlease visit the following url for more \
+            information: \n\nhttps://example.org/clCreateBuffer.html#errors  \n\n####### \n";
+        assert_eq!(without_frame(message), "clCreateBuffer returned CL_INVALID_BUFFER_SIZE (-61)");
+        assert_eq!(
+            without_frame("Error executing function: clFinish\n\nno status"),
+            "clFinish failed: no status"
+        );
+        assert_eq!(without_frame("a text\nof  two lines "), "a text of  two lines");
     }
 }

@@ -107,12 +107,12 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 /// soon change is stored with the current time, because such a change need not change the key under which the list is
 /// stored.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
-    let Survey { devices, empty_platforms } = survey;
+    let Survey { devices, empty_platforms, failed_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
         return;
     }
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    let lasts = is_lasting(&infos, empty_platforms, hardware);
+    let lasts = failed_platforms.is_empty() && is_lasting(&infos, empty_platforms, hardware);
     put(cache, key, &Entry { devices: infos, listed_at: (!lasts).then(now) });
 }
 
@@ -135,9 +135,9 @@ fn now() -> u64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
-/// Returns whether a list probably stays the same until the system starts again. The list may change earlier if a
-/// device may be usable soon, or if a driver lists no device although the system shows some: perhaps a GPU is being
-/// reset, or the driver's module is being loaded again.
+/// Returns whether a list probably stays the same until the system starts again. The list may change earlier
+/// if a device may be usable soon, or if a driver lists no device although the system shows some. In the
+/// second case, perhaps a GPU is being reset, or the driver's module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =
@@ -149,11 +149,12 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
     !recovers && !empty_platforms.iter().any(lacks)
 }
 
-/// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
-/// files, the hardware that the system shows and that this process may use, the drivers' variables, the number of cores
-/// that the process may use, and the kernel that tests how work-items exchange values. The key also contains an
-/// identifier of the system's latest start, since a driver that fails may list its devices after the next start: after
-/// an update, NVIDIA's driver fails until the system is started again.
+/// Returns the key under which the list of devices is stored: a text of everything that affects the list.
+/// This is raycl's version, the drivers' files, the drivers' variables, and the kernel that tests how
+/// work-items exchange values. It is also the hardware that the system shows and that this process may use,
+/// and the number of cores that the process may use. The key also contains an identifier of the system's
+/// latest start, since a driver that fails may list its devices after the next start. For example, NVIDIA's
+/// driver fails after an update, until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));

@@ -4,6 +4,7 @@ mod alike;
 mod asked;
 mod common_name;
 mod compiling;
+mod direct;
 mod discover;
 pub mod drivers;
 mod errors;
@@ -13,6 +14,7 @@ mod known;
 mod lanes;
 mod limits;
 pub mod occupancy;
+mod panics;
 pub mod patience;
 mod quieting;
 mod select;
@@ -22,8 +24,9 @@ pub mod variables;
 pub use alike::check_alike;
 pub(crate) use common_name::{both_names, common_name, common_names};
 pub(crate) use compiling::compile;
+pub(crate) use direct::build;
 pub use discover::{Survey, discover, no_device_advice, survey};
-pub(crate) use errors::{compiler_log, lacks_resources, may_pass};
+pub(crate) use errors::{CallError, lacks_resources, without_frame};
 pub use hardware::Hardware;
 pub use kernel_cache::{cache_variables, full_disk_advice};
 pub use known::{list, pick_one};
@@ -32,6 +35,8 @@ pub use limits::DeviceLimits;
 pub(crate) use limits::power_of_two;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
+pub use panics::report_panics;
+pub(crate) use panics::{forget_failures, note_device, note_failure, tell_panics};
 pub(crate) use quieting::{Hush, quieting};
 pub use select::{default_index, matching_indices, select};
 pub use threads::{pinning_variables, thread_variables};
@@ -207,9 +212,9 @@ impl DeviceInfo {
         format!("{platform} | {platform_version} | {name} | {driver}")
     }
 
-    /// Returns the number that makes the device's programs differ from those of other devices with the same name
-    /// (twins): for a CPU, the number of earlier twins, else 0, since GPUs with the same name can share a compiled
-    /// program.
+    /// Returns the number that makes the device's programs differ from those of other devices with the same
+    /// name (twins). For a CPU, this is the number of earlier twins. For other devices, it is 0, since GPUs
+    /// with the same name can share a compiled program.
     pub fn program_twin(&self) -> usize {
         if self.limits.is_cpu { self.twins_before } else { 0 }
     }
@@ -220,8 +225,9 @@ impl DeviceInfo {
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
     }
 
-    /// Returns the facts beyond the device's identity that affect its times: compute units, cores, threads and the
-    /// driver's variables. These facts are part of the keys under which measured points are stored.
+    /// Returns a text of the properties, beyond the device's identity, that affect its times: compute units,
+    /// cores, threads and the driver's variables. This text is part of the keys under which measured points
+    /// are stored.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));

@@ -10,11 +10,11 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the usable devices that match the patterns, each once, in the order of the patterns. Without patterns,
 /// returns every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), any part of a platform's name or version or of a device's
-/// name or vendor, or a device's whole name for files (`slug`), which is the label of each of several devices with the
-/// same name. The case of letters does not matter. A pattern that matches no usable device is a user error. A mistake
-/// in a kernel file of the user is a user error, too, if a selected device fails the test of its lane operations
-/// because of this mistake.
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
+/// of a device's name or vendor. A pattern can also be a device's whole name for files (`slug`). If several
+/// devices have the same name, this is the label of each of them. The case of letters does not matter. A
+/// pattern that matches no usable device is a user error. A mistake in a kernel file of the user is a user
+/// error, too, if a selected device fails the test of its lane operations because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;

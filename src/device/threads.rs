@@ -14,9 +14,19 @@ const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 /// newer variable, and the older one.
 const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
+/// Returns whether the environment variable with this name sets the number of PoCL's threads.
+pub fn sets_threads(name: &str) -> bool {
+    COUNTS.contains(&name)
+}
+
+/// Returns whether raycl sets the environment variable with this name, unless the user has set it.
+pub fn is_set_by_raycl(name: &str) -> bool {
+    sets_threads(name) || name == PINNED
+}
+
 /// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may run
-/// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of
-/// PoCL's variables for the number of threads.
+/// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of the
+/// variables in [`COUNTS`], or [`OF_ALL_DRIVERS`].
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
 }
@@ -25,8 +35,9 @@ pub fn thread_variables() -> Vec<(&'static str, String)> {
 const PINNED: &str = "POCL_AFFINITY";
 
 /// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Returns no variables if the
-/// user has set `POCL_AFFINITY`, if the processors of the process are not the first processors of the machine, if the
-/// process may use them only for part of the time, or if the user asks for more threads than there are processors.
+/// user has set `POCL_AFFINITY`, or asks for more threads than the process may run at the same time. A value that is no
+/// number counts as too many threads. Also returns no variables if the processors of the process are not the first
+/// processors of the machine, or if the process may use them only for part of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
     pinning(value_of, &processors(), allowed())
@@ -118,6 +129,13 @@ mod tests {
             assert!(!is_pinned(name, "3") && !is_pinned(name, "4") && !is_pinned(name, "many"), "{name}");
         }
         assert!(pinning(|_| None, &[1, 2], 2).is_empty(), "the processors are not the first ones");
+    }
+
+    #[test]
+    fn raycl_sets_the_variables_for_the_number_of_threads_and_for_pinning_them() {
+        let all = variables(|_| false, 2).into_iter().chain(pinning(|_| None, &[0, 1], 2));
+        assert!(all.clone().all(|(name, _)| is_set_by_raycl(name)) && all.count() == 3);
+        assert!(!is_set_by_raycl("POCL_WORK_GROUP_METHOD") && !sets_threads(PINNED));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Lists the environment variables that drivers read. A run stores all of these variables that are set. Variables that
 //! affect times or pictures are also part of the keys under which measured points are stored.
 
+use super::threads::{is_set_by_raycl, sets_threads};
 use std::sync::OnceLock;
 
 /// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
@@ -153,6 +154,26 @@ pub fn of_user() -> &'static [Setting] {
     OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
 }
 
+/// Returns those of a device's variables that raycl itself has set, because the user had not set them.
+pub fn set_by_raycl(settings: &[Setting]) -> Vec<Setting> {
+    not_of(settings, of_user())
+}
+
+/// Returns those of the variables that raycl sets, unless the user's variables `of_user` contain them.
+fn not_of(settings: &[Setting], of_user: &[Setting]) -> Vec<Setting> {
+    let is_own = |setting: &&Setting| is_set_by_raycl(name_of(setting)) && !of_user.contains(*setting);
+    settings.iter().filter(is_own).cloned().collect()
+}
+
+/// Returns whether a variable that is set determines the number of PoCL's threads.
+pub fn determines_threads(setting: &str) -> bool {
+    sets_threads(name_of(setting))
+}
+
+fn name_of(setting: &str) -> &str {
+    setting.split_once('=').map_or(setting, |(name, _)| name)
+}
+
 /// Returns whether a repeated command needs the variable with this name. If it does, the name is one that shells can
 /// assign a value to.
 pub fn is_to_be_repeated(name: &str) -> bool {
@@ -225,6 +246,15 @@ mod tests {
         for name in ["PATH", "POCL_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "POCL_VECTORIZER_$(id)"] {
             assert!(!is_to_be_repeated(name), "{name}");
         }
+    }
+
+    #[test]
+    fn raycls_own_variables_are_those_that_it_sets_and_the_user_has_not_set() {
+        let set = |settings: &[&str]| settings.iter().map(|&setting| setting.to_owned()).collect::<Vec<_>>();
+        let all = set(&["POCL_AFFINITY=1", "POCL_MAX_PTHREAD_COUNT=2", "POCL_WORK_GROUP_METHOD=cbs"]);
+        assert_eq!(not_of(&all, &[]), all[..2]);
+        assert_eq!(not_of(&all, &set(&["POCL_MAX_PTHREAD_COUNT=2"])), all[..1]);
+        assert!(determines_threads(&all[1]) && !determines_threads(&all[0]));
     }
 
     #[test]

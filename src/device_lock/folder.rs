@@ -1,8 +1,10 @@
 //! The folder of the device locks. All users of a machine share this folder, so that their measurements wait for
 //! each other.
 
-use crate::error::{Error, Result};
-use crate::record::own_file;
+use crate::error::{Error, Result, cause, limit_advice};
+use crate::existing;
+use crate::reader::folder_of;
+use crate::record::{TEMPORARY_PREFIX, own_file, temporary_in};
 use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -76,38 +78,27 @@ impl Folder {
     }
 
     /// Returns whether the folder still has `file` under the lock's name, and this name is not a link.
-    #[cfg(unix)]
     pub fn still_has(&self, lock: &str, file: &File) -> bool {
-        use std::os::unix::fs::MetadataExt as _;
-        let (Ok(named), Ok(open)) = (self.path(lock).symlink_metadata(), file.metadata()) else {
-            return false;
+        existing::still_leads_to(&self.path(lock), file).unwrap_or(false)
+    }
+
+    /// Returns the error for a lock whose file cannot be used.
+    pub fn unusable(&self, lock: &str, error: &IoError) -> Error {
+        let file = self.path(lock);
+        let message = format!("cannot open {}, the lock file of a device: {}", file.display(), cause(error));
+        let another = || {
+            format!(
+                "set {VARIABLE} to another folder; all processes that measure on this machine must use the same folder"
+            )
         };
-        named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino())
-    }
-
-    /// Returns whether the folder still has a file under the lock's name.
-    #[cfg(not(unix))]
-    pub fn still_has(&self, lock: &str, _file: &File) -> bool {
-        self.path(lock).exists()
-    }
-
-    /// Returns the error for a folder that cannot be used.
-    pub fn unusable(&self, error: &IoError) -> Error {
-        let message = format!("cannot open the lock file of a device in {}: {error}", self.path.display());
-        Error::run(message).with_help(format!(
-            "set {VARIABLE} to another folder; all processes that measure on this machine must use the same folder"
-        ))
+        Error::run(message).with_help(limit_advice(error).map_or_else(another, str::to_owned))
     }
 
     fn make(&self) -> std::io::Result<()> {
         if !self.shared {
             return std::fs::create_dir_all(&self.path);
         }
-        match std::fs::create_dir(&self.path) {
-            Ok(()) => open_to_all(&self.path, 0o1777)?,
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-            Err(error) => return Err(error),
-        }
+        make_shared(&self.path)?;
         // Another user may have replaced the folder by a link.
         match self.path.symlink_metadata()?.is_dir() {
             true => Ok(()),
@@ -122,11 +113,49 @@ fn shared_path() -> PathBuf {
     temporary.join("raycl-locks")
 }
 
-/// Creates a file that every user can lock.
+/// Makes a folder that every user can write to, unless something has its path. The folder gets its name only when every
+/// user can write to it: otherwise, a process that is killed could leave a folder that only one user can write to.
+fn make_shared(path: &Path) -> std::io::Result<()> {
+    if path.symlink_metadata().is_ok() {
+        return Ok(());
+    }
+    let made = tempfile::Builder::new().prefix(TEMPORARY_PREFIX).tempdir_in(folder_of(path))?;
+    open_to_all(made.path(), 0o1777)?;
+    match rename_new(made.path(), path) {
+        // Another process has made the folder meanwhile.
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
+        renamed => renamed,
+    }
+}
+
+/// Renames a folder to a path that nothing else may have.
+#[cfg(target_os = "linux")]
+fn rename_new(folder: &Path, path: &Path) -> std::io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, folder, CWD, path, RenameFlags::NOREPLACE)?;
+    Ok(())
+}
+
+/// Renames a folder to a path that nothing but an empty folder may have.
+#[cfg(not(target_os = "linux"))]
+fn rename_new(folder: &Path, path: &Path) -> std::io::Result<()> {
+    std::fs::rename(folder, path)
+}
+
+/// Creates a file that every user can lock. Like the folder, the file gets its name only when every user can open it.
 fn create(path: &Path) -> std::io::Result<File> {
-    let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
-    open_to_all(path, 0o666)?;
-    Ok(file)
+    let file = temporary_in(folder_of(path))?;
+    open_to_all(file.path(), 0o666)?;
+    match file.persist_noclobber(path) {
+        Ok(file) => Ok(file),
+        Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
+        // Some file systems cannot rename a file without the risk of replacing another.
+        Err(_) => {
+            let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+            open_to_all(path, 0o666)?;
+            Ok(file)
+        }
+    }
 }
 
 /// Refuses a file that has a second hard link. Another user may have linked some file into the folder, and
@@ -174,6 +203,35 @@ mod tests {
         assert!(folder.still_has("cpu", &file));
         assert_eq!((mode(&folder.path), mode(&folder.path("cpu"))), (0o1777, 0o666));
         assert!(folder.open("cpu").is_ok(), "and open it again");
+        let entries = |path: &Path| std::fs::read_dir(path).unwrap().count();
+        assert_eq!([entries(parent.path()), entries(&folder.path)], [1, 1], "nothing temporary stays");
+    }
+
+    #[test]
+    fn of_processes_that_make_the_same_lock_at_once_all_open_the_same_file() {
+        use std::os::unix::fs::MetadataExt as _;
+        let parent = tempfile::tempdir().unwrap();
+        let folder = Folder { path: parent.path().join("locks"), shared: true };
+        let files: Vec<u64> = std::thread::scope(|scope| {
+            let open = |_| scope.spawn(|| folder.open("cpu").unwrap().metadata().unwrap().ino());
+            let threads: Vec<_> = (0..8).map(open).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
+    }
+
+    #[test]
+    fn an_error_names_the_locks_file_and_a_limit_on_open_files_has_its_own_remedy() {
+        let of = |errno: rustix::io::Errno| {
+            let error = IoError::from_raw_os_error(errno.raw_os_error());
+            Folder::named(Path::new("locks")).unusable("cpu", &error)
+        };
+        let closed = of(rustix::io::Errno::ACCESS);
+        let expected = "cannot open locks/cpu.lock, the lock file of a device: ";
+        assert!(closed.to_string().starts_with(expected), "{closed}");
+        assert!(closed.remedy().contains(VARIABLE), "{}", closed.remedy());
+        let limited = of(rustix::io::Errno::MFILE);
+        assert!(limited.remedy().contains("ulimit -n"), "{}", limited.remedy());
     }
 
     #[test]
@@ -200,7 +258,7 @@ mod tests {
         let shared = Folder { path: folder.path("c"), shared: true };
         symlink(parent.path(), &shared.path).unwrap();
         let refused = shared.open("cpu").unwrap_err();
-        assert!(shared.unusable(&refused).to_string().contains("this path is not a folder"));
+        assert!(shared.unusable("cpu", &refused).to_string().contains("this path is not a folder"));
         assert_eq!(std::fs::read_to_string(&precious).unwrap(), "kept");
     }
 }

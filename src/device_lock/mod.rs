@@ -77,7 +77,8 @@ impl Locks {
         Self { folder: Folder::of_machine(), wait }
     }
 
-    /// Returns the locks of a folder.
+    /// Returns the locks whose files are in `folder`. `wait` has the same meaning as for
+    /// [`of_machine`](Self::of_machine).
     pub fn in_folder(folder: &Path, wait: bool) -> Self {
         Self { folder: Folder::named(folder), wait }
     }
@@ -94,7 +95,7 @@ impl Locks {
         let claim = self.claim(device, tells, interrupted)?;
         let mut reported = None;
         loop {
-            let failed = |error| self.folder.unusable(&error);
+            let failed = |error| self.folder.unusable(device.file(), &error);
             let file = self.folder.open(device.file()).map_err(failed)?;
             match self.try_hold(file, device).map_err(failed)? {
                 Attempt::Held(file) => return Ok(Held { file, _claim: Some(claim) }),

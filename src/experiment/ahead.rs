@@ -24,10 +24,10 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Idle builders (builders without a program to build) keep their processes if the scene is small: if the builders'
-/// share of memory could hold the scenes of at least this many times the number of builders. New processes would have
-/// to start their drivers again. The memory that programs and drivers need does not count here, since it is the same
-/// for every scene.
+/// Idle builders (builders without a program to build) keep their processes if the scene is small, since new
+/// processes would have to start their drivers again. A scene is small if the memory that builders may use
+/// could hold the scene this many times for each builder. The memory that programs and drivers need does not
+/// count here, since it is the same for every scene.
 const PLENTY: usize = 4;
 /// A program, identified by the hash of its source and options, and by its job: the task of the workers of one device,
 /// with one folder of kernels. A program that traverses a tree also depends on the depth of the traversal's stack. The
@@ -244,8 +244,8 @@ impl Ahead {
                 }
                 self.finish(order.program, built);
             }
-            // If memory is tight, idle processes end: they still hold a scene, in memory that the points being timed
-            // may need.
+            // If memory is tight, idle processes end: they still hold a scene, and the points that are being
+            // timed may need this memory.
             if std::mem::take(&mut is_tight) {
                 usual.end();
                 without_driver_cache.end();

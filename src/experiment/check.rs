@@ -111,7 +111,8 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Compares an image with the reference and saves the pictures of the comparison.
+    /// Compares an image with the reference, and saves the pictures of the comparison. Adds the results of
+    /// the comparison to `record`. Returns the point's failure if the image is wrong.
     fn judge(
         &mut self,
         cast: &Cast,

@@ -28,10 +28,10 @@ impl Taken {
 
 /// Returns the numbers of the complete launches in ascending order, each with the reason why the launch ended. `points`
 /// has the key of each point, and its samples in all launches. `end_of` returns the stored end of a launch, which has
-/// the number of samples of each point. A launch is complete if `points` has exactly these numbers of samples. In two
-/// cases, no suitable end is stored: the folder is of an earlier version of raycl, or samples were lost. The launch is
-/// then complete if its samples are enough according to `rule`. In no case is a launch complete if a point has fewer
-/// samples in it than `rule.least()`.
+/// the number of samples of each point that did not fail in this launch. A launch is complete if `points` has exactly
+/// these numbers of samples. In two cases, no suitable end is stored: the folder is of an earlier version of raycl, or
+/// samples were lost. The launch is then complete if its samples are enough according to `rule`. In no case is a launch
+/// complete if its stored end lacks one of the points, or if a point has fewer samples in it than `rule.least()`.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,
@@ -45,10 +45,17 @@ pub fn complete_launches(
         if samples.iter().any(|samples| samples.len() < rule.least()) {
             return None;
         }
+        let end = end_of(launch);
+        // A point that failed in the launch has samples from before it failed. They may seem to be enough if the points
+        // that did not fail are not measured again, since the rule is then applied to fewer points.
+        let lacks_one = |end: &LaunchEnd| points.iter().any(|(key, _)| !end.samples.contains_key(*key));
+        if end.as_ref().is_some_and(lacks_one) {
+            return None;
+        }
         let has_all = |end: &LaunchEnd| {
             points.iter().zip(&samples).all(|((key, _), own)| end.samples.get(*key) == Some(&own.len()))
         };
-        let stored = end_of(launch).filter(has_all).map(|end| end.stop_reason);
+        let stored = end.filter(has_all).map(|end| end.stop_reason);
         stored.or_else(|| {
             let ms = |samples: &Vec<&Taken>| samples.iter().map(|one| one.times.frame_ms).collect();
             let elapsed_ms: f64 = samples.iter().flatten().map(|one| one.times.elapsed_ms()).sum();
@@ -214,6 +221,22 @@ mod tests {
         // rule decides whether the launch is complete.
         assert_eq!(reason([20, 20], [20, 21]), None);
         assert_eq!(reason([30, 30], [30, 31]), Some(StopReason::TimeLimit));
+    }
+
+    /// The point "b" failed in the launch after 40 samples. With `--retry-failed`, it is measured again, and "a" is not.
+    #[test]
+    fn a_launch_is_not_complete_for_a_point_that_failed_in_it() {
+        let rule =
+            StoppingRule { min_samples: 10, max_samples: 40, relative_sigma: 0.0, time_limit_ms: 30.0 };
+        let samples = [Taken { launch: 3, ..taken(FrameTimes::whole(1.0, 1.0)) }; 40];
+        let is_complete = |key: &str| {
+            let end_of = |launch: u32| {
+                let samples = [("a".to_owned(), 40)].into();
+                Some(LaunchEnd { launch, stop_reason: StopReason::NoiseSettled, samples })
+            };
+            !complete_launches(&[(key, &samples[..])], end_of, &rule).is_empty()
+        };
+        assert!(is_complete("a") && !is_complete("b"));
     }
 
     #[test]

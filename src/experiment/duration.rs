@@ -32,8 +32,9 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// Longest time by which the run may exceed `time` if the host moves this virtual machine's processors to other
-    /// cores: launches then wait, take more rounds, or are replaced by additional launches.
+    /// The longest time by which the run may exceed `time`. It exceeds `time` if the host moves this virtual
+    /// machine's processors to other cores: launches then wait, take more rounds, or are replaced by
+    /// additional launches.
     pub additional: Duration,
     /// Number of points with a record that are not in the plan, for example because the config has changed.
     pub others: usize,
@@ -123,8 +124,9 @@ impl Run<'_> {
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 
-    /// Returns a point's times in an earlier record; `None` if there is no such record, or if the point did not fit on
-    /// its device then but fits now: such a record says nothing about this session.
+    /// Returns a point's times in an earlier record; `None` if there is no such record. Also returns `None`
+    /// if the point did not fit on its device then, but fits now, since such a record says nothing about this
+    /// session.
     fn known_before(&self, pending: &PendingPoint, earlier: &ByName<'_>) -> Option<Known> {
         let before = earlier.of_same(&pending.record).filter(|before| !pending.fits_meanwhile(before));
         self.known(&pending.record, before?)
@@ -251,8 +253,8 @@ fn not_planned(groups: &[Vec<PendingPoint>], past: &Past) -> usize {
     past.records.iter().filter(|record| !planned.contains(&record.key)).count()
 }
 
-/// Finds earlier records by name: by the text that [`point`] returns for a record and, if the record has a time, also
-/// by the text that [`strategy`] returns for it.
+/// Finds earlier records by name. A record's name is the text that [`point`] returns for it. A record that
+/// has a time is also found by the text that [`strategy`] returns for it.
 struct ByName<'a>(HashMap<String, &'a Record>);
 
 impl<'a> ByName<'a> {

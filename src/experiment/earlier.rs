@@ -5,14 +5,14 @@ use super::moved_processors::{is_near, near_ns};
 use crate::error::Result;
 use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
-use crate::record::{AnchorSample, LaunchEnd, Lines, Record, RoundLoad, Sample, read_lines_if_any};
+use crate::record::{AnchorSample, LaunchEnd, Lines, Record, RoundLoad, Sample, latest, read_lines_if_any};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts: one record of each point that has one, and everything that was measured in each
-/// launch in which an unfinished point was measured.
+/// The results of earlier attempts. They consist of one record of each point that has a record, and of the
+/// data of every launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
@@ -33,10 +33,13 @@ pub struct Before {
 /// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
 /// core-to-core latency. Points with a record are finished. If `retry_failed` is true, points whose record is not final
 /// ([`Record::is_final`]: a failure, or a lack of memory that may be temporary) are unfinished too, since they are
-/// measured again.
+/// measured again. In any case, a point is unfinished if it exceeded a limit of the device that may differ
+/// from session to session ([`Record::is_of_the_session`]): if the point fits now, an earlier attempt in
+/// which it fitted may have measured some of its launches.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
-    let finished = before.records.iter().filter(|record| !retry_failed || record.is_final());
+    let is_finished = |record: &&Record| (!retry_failed || record.is_final()) && !record.is_of_the_session();
+    let finished = before.records.iter().filter(is_finished);
     let done: HashSet<&str> = finished.map(|record| record.key.as_str()).collect();
     let mut next = 0;
     for folder in folders {
@@ -81,13 +84,14 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
     Ok(before)
 }
 
-/// Returns one record of each point of which attempts have records: the record with the lowest rank ([`Record::rank`])
-/// or, if several records have this rank, the record of the first folder.
+/// Returns one record of each point that has records in these folders: the record with the lowest rank
+/// ([`Record::rank`]). If several records have this rank, the one of the first folder is returned. If a
+/// folder has several records of a point, its last record is used, as in a merge.
 fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
     let mut indices: HashMap<String, usize> = HashMap::new();
     for folder in folders {
-        for record in lines::<Record>(&folder.join(RECORDS))? {
+        for record in latest(lines(&folder.join(RECORDS))?, |record| record.key.clone()) {
             let index = *indices.entry(record.key.clone()).or_insert(records.len());
             match records.get_mut(index) {
                 Some(held) if record.rank() < held.rank() => *held = record,
@@ -233,6 +237,25 @@ mod tests {
         };
         assert_eq!(keys(true), ["failed"]);
         assert!(keys(false).is_empty());
+    }
+
+    /// The point exceeded the device's memory in the first attempt. The second attempt had a larger limit, and was killed
+    /// after a launch of the point.
+    #[test]
+    fn a_launch_of_a_point_that_fits_meanwhile_is_taken_over() {
+        let parent = tempfile::tempdir().unwrap();
+        let [first, second] = ["first", "second"].map(|name| parent.path().join(name));
+        let samples = [("lacking", 1, None), ("measured", 2, None)];
+        let folders = [attempt(&first, "measured", &[]), attempt(&second, "other", &samples)];
+        let keys_after = |reason: &str| {
+            let (outcome, reason) = (Outcome::Infeasible, Some(reason.to_owned()));
+            let lacking = Record { key: "lacking".into(), outcome, reason, ..Record::default() };
+            JsonLines::append_to(&first.join(RECORDS)).unwrap().append(&lacking).unwrap();
+            let before = read(&folders, false, false).unwrap();
+            before.samples.into_iter().map(|sample| sample.key).collect::<Vec<String>>()
+        };
+        assert!(keys_after("__local memory: 2 B > 1 B").is_empty());
+        assert_eq!(keys_after("global memory: 2 B > 1 B"), ["lacking"]);
     }
 
     /// The usual core-to-core latency of the second attempt's machine is 2.3 times that of the first attempt's machine.

@@ -115,11 +115,12 @@ impl Run<'_> {
         points.filter(is_done).map(|pending| pending.record.key.clone()).collect()
     }
 
-    /// Returns whether a point is not measured again, since it has this record. If the run retries failed points, a
-    /// failure is measured again, and so is a point that did not fit only because too little memory was free when it
-    /// was tried. A record does not count in three cases: the point was skipped (its preset is meant for another kind
-    /// of device), but this run is to measure it; the point did not fit into the device's memory, but fits now; or
-    /// another device than the point's own measured it.
+    /// Returns whether a point is not measured again, since it has this record. If the run retries failed
+    /// points, a failure is measured again, and so is a point that did not fit only because too little memory
+    /// was free when it was tried. Whether the run retries failed points or not, a point is measured again in
+    /// three cases. The point was skipped, since its preset is meant for another kind of device, but this run
+    /// is to measure it. The point exceeded a limit of the device in an earlier session, but fits now.
+    /// Another device than the point's own measured it.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);

@@ -386,8 +386,9 @@ fn take_locks(
     held
 }
 
-/// Copies the names, the notes, the folder of kernels and the block from a point's draft (its record before the point
-/// was tried) to the record that the point's check returned, since workers do not know these values.
+/// Copies values that workers do not know to the record that a point's check returned: the names, the notes,
+/// the folder of kernels and the block. They are in the point's draft (its record before the point was
+/// tried).
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -27,8 +27,9 @@ impl Waiting {
         self.groups.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the next group for a device, or for any device if `device` is `None`. Chooses at
-    /// random among the groups that were visited least often; first visits follow the plan's order.
+    /// Takes the next group for a device, or for any device if `device` is `None`. Chooses at random among
+    /// the groups that were visited least often; first visits follow the plan's order. Returns `None` if no
+    /// group that may be measured on the device is waiting.
     fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
         let mut groups = self.locked();
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
@@ -49,8 +50,9 @@ impl Waiting {
     }
 }
 
-/// Visits groups, each visit measuring one launch of a group, until the groups are finished. These are all groups, or
-/// those that may be measured on one device. After an error, no other group is visited.
+/// Visits groups until they are finished. Each visit measures one launch of a group. If `device` is `None`,
+/// all groups are visited, otherwise those that may be measured on this device. After an error, no other
+/// group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -2,10 +2,16 @@
 
 use crate::device_lock::lacks_locks;
 use crate::error::{Error, Result};
+use crate::existing;
+use crate::printer;
+use crate::reader::folder_of;
 use crate::record::own_file;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
+
+/// The name of the lock's file.
+const LOCK: &str = ".lock";
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
 /// process is killed.
@@ -24,26 +30,47 @@ impl Drop for Lock {
 impl Lock {
     /// Takes the lock of a folder, or returns an error that names the process that holds it.
     pub fn take(folder: &Path) -> Result<Self> {
-        let path = folder.join(".lock");
-        let failed = |error: std::io::Error| Error::unwritable(&path, &error);
-        own_file(&path).map_err(failed)?;
-        let mut file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&path)
-            .map_err(failed)?;
+        let path = folder.join(LOCK);
+        loop {
+            let file = open(&path).map_err(|error| Error::unwritable(&path, &error))?;
+            if let Some(lock) = Self::of_file(file, &path)? {
+                return Ok(lock);
+            }
+        }
+    }
+
+    /// Locks the open file of a folder's lock. Returns `None` if somebody removed this file after it was opened: the
+    /// lock would not stop other processes, since they lock a new file.
+    fn of_file(mut file: File, path: &Path) -> Result<Option<Self>> {
+        let failed = |error: std::io::Error| Error::unwritable(path, &error);
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
+            Err(TryLockError::WouldBlock) => return Err(taken(folder_of(path), file)),
             // On a file system without locks, raycl runs without a lock.
-            Err(TryLockError::Error(error)) if lacks_locks(&error) => {}
+            Err(TryLockError::Error(error)) if lacks_locks(&error) => tell_unlocked(folder_of(path)),
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
+        if !existing::still_leads_to(path, &file).map_err(failed)? {
+            return Ok(None);
+        }
         file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(failed)?;
-        Ok(Self { file })
+        Ok(Some(Self { file }))
     }
+}
+
+/// Opens the file of a lock, and creates it if it is missing.
+fn open(path: &Path) -> std::io::Result<File> {
+    own_file(path)?;
+    OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path)
+}
+
+/// Tells the user that a folder cannot be locked.
+fn tell_unlocked(folder: &Path) {
+    let note = format!(
+        "note: the file system of {} has no locks, so raycl cannot refuse a second run in this folder",
+        folder.display()
+    );
+    printer::tell(printer::plain(&note));
 }
 
 fn taken(folder: &Path, mut file: File) -> Error {
@@ -66,6 +93,19 @@ mod tests {
         assert_eq!(refused.exit_code(), 2);
         assert!(refused.to_string().contains(&format!("process {}", std::process::id())), "{refused}");
         drop(first);
+        assert!(Lock::take(folder.path()).is_ok());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_lock_whose_file_was_removed_is_not_taken_for_the_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LOCK);
+        let opened = open(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let other = Lock::take(folder.path()).unwrap();
+        assert!(Lock::of_file(opened, &path).unwrap().is_none(), "another process holds the new file's lock");
+        drop(other);
         assert!(Lock::take(folder.path()).is_ok());
     }
 }

@@ -63,11 +63,11 @@ impl Launch {
     }
 }
 
-/// Returns the latency of near processors: the 20th percentile of all latencies of the run, which are in ascending
-/// order; infinity if there are none. The smallest latency is no suitable value: it may come from a moment in which two
-/// processors of the virtual machine shared a core, and all other samples would then be treated as samples of
-/// processors that are far apart. The median is no suitable value either: in some runs, the processors run on cores far
-/// from each other for most of the time.
+/// Returns the latency of near processors: the 20th percentile of `latencies_ns`, which are all latencies of
+/// the run in ascending order. Returns infinity if there are none. The smallest latency is no suitable value.
+/// It may come from a moment in which two processors of the virtual machine shared a core; near processors
+/// would then count as far apart. The median is no suitable value either: in some runs, the processors run on
+/// cores far from each other for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
@@ -130,8 +130,9 @@ pub(super) struct LeftOut {
     pub samples: u32,
 }
 
-/// Removes the samples that do not count: all samples of launches that do not count and, in the other launches, the
-/// samples for which `is_near` is false. If no launch counts, all samples do. Returns `None` if no latency is known.
+/// Removes the samples that do not count from `taken`. These are all samples of launches that do not count
+/// and, in the other launches, the samples for which `is_near` is false. If no launch counts, all samples
+/// count. Returns how many launches and samples were left out; `None` if no latency is known.
 pub(super) fn leave_out_moved(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
     let moved = moved_launches(launches, near_ns);

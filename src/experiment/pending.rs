@@ -14,7 +14,7 @@ use crate::memory::Available;
 use crate::program::Sources;
 use crate::record::{Outcome, PlannedPoint, Record};
 use crate::scene::Scene;
-use crate::strategy::{Infeasible, Requirements, Values, Workload};
+use crate::strategy::{Requirements, Values, Workload};
 use std::collections::HashMap;
 
 /// A point that still has to be measured.
@@ -69,16 +69,16 @@ impl PendingPoint {
         Task { point: self.point, job: self.job, scene: self.scene, key, verified }
     }
 
-    /// Returns whether, according to an earlier record, the point exceeded a limit of the device that may differ in
-    /// each session, but fits now. Such a record says nothing about this session.
+    /// Returns whether the point fits now, although it exceeded a limit of the device according to an earlier
+    /// record. Such limits may differ from session to session, so the record says nothing about this session.
     pub fn fits_meanwhile(&self, earlier: &Record) -> bool {
-        let lacked = earlier.reason.as_deref().is_some_and(Infeasible::is_of_the_session);
-        self.fits && lacked && earlier.outcome == Outcome::Infeasible
+        self.fits && earlier.is_of_the_session()
     }
 
-    /// Returns the record of the point, which cannot be cast now. A point that has been cast before does not exceed a
-    /// limit of the device: it only lacks memory that other programs or other points use at the moment. Such a point
-    /// counts as failed, not as infeasible, since its earlier launches would otherwise be lost unnoticed.
+    /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
+    /// A point that has been cast before does not exceed a limit of the device: it only lacks memory that
+    /// other programs or other points use at the moment. Such a point counts as failed, not as infeasible,
+    /// since its earlier launches would otherwise be lost unnoticed.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {

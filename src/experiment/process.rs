@@ -5,7 +5,7 @@ use super::supervisor::{Death, Spawner, Wait, Worker};
 use crate::device::{full_disk_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
-use crate::program::CACHE_DISABLE;
+use crate::program::{AFRESH, CACHE_DISABLE};
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Read, Result as IoResult, Write as _};
@@ -25,6 +25,8 @@ pub struct Processes {
     /// True if workers use the driver's cache of programs. The cache contains no compiler messages,
     /// and therefore no numbers of registers.
     driver_cache: bool,
+    /// True if the next worker compiles its programs again.
+    afresh: bool,
 }
 
 impl Processes {
@@ -32,7 +34,7 @@ impl Processes {
     /// that `spawn(i)` starts.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
-        Self { jobs, driver_cache: false }
+        Self { jobs, driver_cache: false, afresh: false }
     }
 
     /// Lets workers use the driver's cache of programs. Builders (workers that compile programs before points need
@@ -64,7 +66,11 @@ impl Processes {
 impl Spawner for Processes {
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
         let not_started = |error: std::io::Error| Error::not_started("a worker process", &error);
-        let mut child = self.command(std::env::var_os(CACHE_DISABLE))?.spawn().map_err(not_started)?;
+        let mut command = self.command(std::env::var_os(CACHE_DISABLE))?;
+        if std::mem::take(&mut self.afresh) {
+            command.env(AFRESH, "1");
+        }
+        let mut child = command.spawn().map_err(not_started)?;
         let no_thread = |error: std::io::Error| Error::no_thread(&error);
         let replies = child.stdout.take().map(read_replies).transpose().map_err(no_thread)?;
         let last_words = child.stderr.take().map(read_last_words).transpose().map_err(no_thread)?;
@@ -82,6 +88,10 @@ impl Spawner for Processes {
             }
         }
         Ok(Box::new(worker))
+    }
+
+    fn compile_afresh(&mut self) {
+        self.afresh = true;
     }
 }
 

@@ -113,9 +113,9 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Prepares for requests about a point: drops the entries (the points that can be cast) of the previous group if
-    /// the point is in another group, and loads the point's scene, with the camera of the point's images, unless it is
-    /// loaded already.
+    /// Prepares for requests about a point. If the point is in another group than the previous point, the
+    /// entries (the points that can be cast) are dropped. If the point's scene, with the camera for the
+    /// point's images, is not loaded yet, it is loaded.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
@@ -181,8 +181,9 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Calls `cast`, which casts on `device` or, without one, on the host. Returns its result, and the processor time in
-/// milliseconds that this process used meanwhile; `None` if the device is not a CPU.
+/// Calls `cast`, which casts on `device` or, without a device, on the host. Returns the result of `cast`, and
+/// the processor time in milliseconds that this process used meanwhile. The time is `None` if the device is
+/// not a CPU.
 fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -> (T, Option<f64>) {
     let before = processor_time();
     let result = cast();

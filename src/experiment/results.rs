@@ -6,6 +6,7 @@ use super::lock::Lock;
 use super::moved_processors::near_ns;
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::record::journals::{
@@ -92,7 +93,7 @@ const ELSEWHERE: &str = "choose another folder with --out DIR";
 impl Results {
     /// Makes the folder. A folder that already contains records is refused: no measurement is ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
-        if folder.join(RECORDS).exists() {
+        if existing::exists(&folder.join(RECORDS))? {
             let error = Error::input(format!("{} already holds results", folder.display()));
             return Err(
                 error.with_help("continue the run with --resume, or choose another folder with --out")
@@ -102,11 +103,13 @@ impl Results {
     }
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
-    /// attempts ended. Points with a record in an earlier attempt count as finished; if `retry_failed` is true, only
-    /// points with a final record ([`Record::is_final`]) do: one that is neither a failure nor due to a lack of memory
-    /// that may be temporary. If a launch has samples of unfinished points, all its samples that count, its end, the
-    /// anchor's times and the load of its rounds are copied. Each copied sample names the attempt and launch that took
-    /// it. Unless `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual
+    /// attempts ended. Points with a record in an earlier attempt count as finished, except points that
+    /// exceeded a limit of the device that may differ from session to session
+    /// ([`Record::is_of_the_session`]). If `retry_failed` is true, a point is also unfinished if its record
+    /// is not final ([`Record::is_final`]): a failure, or a lack of memory that may be temporary. If a launch
+    /// has samples of unfinished points, all its samples that count, its end, the anchor's times and the load
+    /// of its rounds are copied. Each copied sample names the attempt and launch that took it. Unless
+    /// `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual
     /// latency do not count. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
@@ -140,7 +143,7 @@ impl Results {
             [RECORDS, SAMPLES, LAUNCHES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         // No other run writes to the folder while this one holds the lock.
         remove_leftovers(folder, Duration::ZERO);
-        keep_environment(folder, environment)?;
+        keep_environment(folder, |path| environment.write(path))?;
         let mut results = Self {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
@@ -187,8 +190,10 @@ impl Results {
         Ok(left_out)
     }
 
-    /// Stores a record.
+    /// Stores a record. Fails if the folder was removed or replaced, so that the run ends at once, and not only when it
+    /// has measured all points.
     pub fn record(&mut self, record: &Record) -> Result<()> {
+        self.records.check_place()?;
         self.records.append(record)
     }
 
@@ -216,8 +221,9 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Stores the end of a launch whose points had enough samples.
+    /// Stores the end of a launch whose points had enough samples. Fails if the folder was removed or replaced.
     pub fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
+        self.records.check_place()?;
         self.launch_ends.append(end)
     }
 
@@ -270,6 +276,7 @@ impl Results {
     /// Writes the summaries of the points in the folder's plan, and updates the 95% intervals in the journal of
     /// records. Returns the records of these points.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
+        self.records.check_place()?;
         let shown = Folder::read(&self.folder)?;
         let journal = self.folder.join(RECORDS);
         if renew_intervals(&journal, &shown.records)? {
@@ -285,7 +292,7 @@ impl Past {
     /// ignored; a point whose record is damaged is measured again. The folder's lock is not needed: a run that is
     /// writing to the folder only appends to it.
     pub fn in_folder(folder: &Path) -> Result<Self> {
-        if !folder.join(RECORDS).is_file() {
+        if !existing::exists(&folder.join(RECORDS))? {
             return Ok(Self::default());
         }
         let records = intact_lines(read_records(folder)?, RECORDS);
@@ -343,15 +350,30 @@ fn by_launch(ends: Vec<LaunchEnd>) -> HashMap<u32, LaunchEnd> {
     ends.into_iter().map(|end| (end.launch, end)).collect()
 }
 
-/// Writes the environment; the file of the previous run is renamed and kept.
-fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
+/// Writes the environment with `write`, which replaces the file completely or not at all. The file of the previous run
+/// is kept under another name.
+fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let path = folder.join(ENVIRONMENT);
-    if path.exists() {
-        let earlier = |number: usize| folder.join(earlier_environment(number));
-        let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
-        std::fs::rename(&path, &free).map_err(|error| Error::unwritable(&free, &error))?;
+    if !existing::exists(&path)? {
+        return write(&path);
     }
-    environment.write(&path)
+    let earlier = |number: usize| folder.join(earlier_environment(number));
+    let mut number = 1;
+    while existing::exists(&earlier(number))? {
+        number += 1;
+    }
+    let kept = earlier(number);
+    // The old file gets a second name, and keeps its first name until the new file replaces it: if the disk is full, or
+    // if this process is killed now, the folder still has its environment. Some file systems have no second names.
+    let linked = std::fs::hard_link(&path, &kept);
+    linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
+    write(&path).inspect_err(|_| {
+        // The session did not begin, so its predecessor is not an earlier one. If this fails, the file is listed twice.
+        let _ = match path.exists() {
+            true => std::fs::remove_file(&kept),
+            false => std::fs::rename(&kept, &path),
+        };
+    })
 }
 
 #[cfg(test)]
@@ -403,6 +425,69 @@ mod tests {
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
+    }
+
+    #[test]
+    fn a_session_that_does_not_begin_leaves_the_environment_of_the_earlier_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [now, earlier] = ["environment.json", "environment-1.json"].map(|name| folder.path().join(name));
+        let write = |text: &'static str| {
+            keep_environment(folder.path(), |path| {
+                // The earlier file is there until the new one replaces it.
+                assert_eq!(path.exists(), text != "first");
+                crate::record::write_whole(path, text.as_bytes())
+            })
+        };
+        write("first").unwrap();
+        assert!(keep_environment(folder.path(), |_| Err(Error::run("the disk is full"))).is_err());
+        assert_eq!((std::fs::read_to_string(&now).unwrap().as_str(), earlier.exists()), ("first", false));
+        write("second").unwrap();
+        assert_eq!([&now, &earlier].map(|path| std::fs::read_to_string(path).unwrap()), ["second", "first"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn results_that_cannot_be_found_do_not_count_as_missing() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Past::in_folder(folder.path()).unwrap(), Past::default());
+        Results::create(folder.path(), &Environment::default()).unwrap();
+        // A link that leads to itself stands for a disk that fails.
+        for name in [RECORDS, SAMPLES, CONTROLS, ROUNDS, ANCHORS, LAUNCHES] {
+            let path = folder.path().join(name);
+            let text = std::fs::read(&path).unwrap_or_default();
+            let _ = std::fs::remove_file(&path);
+            symlink(&path, &path).unwrap();
+            let error = Past::in_folder(folder.path()).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("cannot read {}", path.display())), "{error}");
+            std::fs::remove_file(&path).unwrap();
+            std::fs::write(&path, text).unwrap();
+        }
+        assert_eq!(Past::in_folder(folder.path()).unwrap(), Past::default());
+    }
+
+    /// Otherwise, the run would measure all points, and nobody would find the results.
+    #[cfg(unix)]
+    #[test]
+    fn a_run_whose_folder_is_removed_or_replaced_ends_at_the_next_launch_or_point() {
+        let parent = tempfile::tempdir().unwrap();
+        let [folder, moved] = ["out", "old"].map(|name| parent.path().join(name));
+        let mut results = Results::create(&folder, &Environment::default()).unwrap();
+        results.record(&record("a", Outcome::Measured)).unwrap();
+        let end = LaunchEnd { launch: 0, stop_reason: StopReason::Precise, samples: Default::default() };
+        results.launch_end(&end).unwrap();
+        std::fs::rename(&folder, &moved).unwrap();
+        std::fs::create_dir(&folder).unwrap();
+        for ended in [
+            results.launch_end(&end),
+            results.record(&record("b", Outcome::Measured)),
+            results.summarise("", "").map(drop),
+        ] {
+            let error = ended.unwrap_err();
+            assert_eq!(error.exit_code(), 1);
+            assert!(error.to_string().contains("was removed or replaced"), "{error}");
+        }
+        assert_eq!(Past::in_folder(&moved).unwrap().records.len(), 1);
     }
 
     #[test]

@@ -56,10 +56,10 @@ fn in_launch(launch: u32, round: u32) -> u64 {
 
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
 /// number after which the launch would end if all samples counted. Samples that do not count are taken again in the
-/// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that count after
-/// the usual number of rounds, the launch continues until every point has enough, or until the launch has taken
-/// [`MOST`] times as many samples as there are in the usual number of rounds. If no sample of a point counts, the
-/// launch ends after the usual number of rounds.
+/// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that
+/// count after the usual number of rounds, the launch continues until every point has enough. It ends earlier
+/// if it has taken [`MOST`] times as many samples as there are in the usual number of rounds. If no sample of
+/// a point counts, the launch ends after the usual number of rounds.
 pub fn measure(
     points: usize,
     rule: &StoppingRule,
@@ -265,8 +265,8 @@ mod tests {
         assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
         let counting = samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
         assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
-        // Of three samples of a round, two do not count, so they are not taken again, and the launch needs an eighth
-        // round.
+        // Two of the second round's three samples do not count. That is more than half of them, so neither is taken
+        // again. The launch therefore needs an eighth round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
         measure(3, &RULE, 0, 1, &mut fake)?;
         assert_eq!(fake.order.len(), 3 * 8);

@@ -43,13 +43,15 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked; with `None`, each program is built during
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
-    /// True if all samples count, even those whose core-to-core latency was far from the run's usual latency, because
-    /// the host of a virtual machine had moved the machine's processors to other cores.
+    /// True if all samples count. If false, groups that are measured on CPUs leave out samples whose
+    /// core-to-core latency was far from the run's usual latency, because the host of a virtual machine had
+    /// moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count, even those whose core-to-core latency was far from the
-/// run's usual latency, because the host of a virtual machine had moved the machine's processors to other cores.
+/// If this environment variable is `keep`, all samples count. Otherwise, groups that are measured on CPUs
+/// leave out samples whose core-to-core latency was far from the run's usual latency, because the host of a
+/// virtual machine had moved the machine's processors to other cores.
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
 /// Returns whether the user wants all samples to count, whatever their core-to-core latency.
@@ -77,8 +79,8 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the device that the records of kernels name if the points are distributed over devices of the same
-    /// model; `None` if they are not distributed.
+    /// Returns the first device if the points are distributed over devices of the same model; all records of
+    /// kernels then name this device. Returns `None` if the points are not distributed.
     pub(super) fn named_device(&self) -> Option<&DeviceInfo> {
         self.devices.first().filter(|_| self.spread).copied()
     }

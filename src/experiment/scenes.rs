@@ -42,8 +42,8 @@ pub fn distinct_scenes(mut experiment: Experiment) -> Result<Experiment> {
     Ok(experiment)
 }
 
-/// Returns a record that only identifies a scene, and the hashes of the scene's content: if raycl places the camera,
-/// one hash for images of each of the `shapes`, otherwise a single hash.
+/// Returns a record that only identifies a scene, and the hashes of the scene's content. If raycl places the
+/// camera, there is one hash for images of each of the `shapes`; otherwise, there is a single hash.
 fn identified(choice: &SceneChoice, shapes: &[[u32; 2]]) -> Result<(Record, Vec<String>)> {
     let (mut scene, mut hashes) = (Record::default(), Vec::new());
     for &shape in shapes {

@@ -24,6 +24,9 @@ pub trait Spawner {
     /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
     /// kernels. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
+    /// Lets the worker that `spawn` starts next compile its programs again, and replace the stored ones: a worker died
+    /// that may have loaded a stored program that crashes the driver.
+    fn compile_afresh(&mut self) {}
 }
 
 /// A worker serves requests one after another, until it dies or is dropped.
@@ -56,9 +59,10 @@ pub struct Death {
     pub last_words: String,
 }
 
-/// Adds up how long raycl has waited for a worker's reply. A wait is meant to take `LOOK_UP`, or `limit` if that is
-/// shorter, and counts as at most twice `LOOK_UP`: if it takes longer, raycl itself was stopped (by Ctrl-Z, or by a
-/// scheduler that suspends jobs), and its workers too.
+/// Adds up how long raycl has waited for a worker's reply. A single wait is meant to end after at most
+/// `LOOK_UP` (or `limit`, if that is shorter). If it takes more than twice `LOOK_UP`, raycl and its workers
+/// were stopped meanwhile (by Ctrl-Z, or by a scheduler that suspends jobs), so only twice `LOOK_UP` is
+/// added.
 pub struct Quiet {
     limit: Duration,
     so_far: Duration,
@@ -139,6 +143,8 @@ pub struct Supervisor<'a> {
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
+    /// The jobs and the scenes of workers that died. Their next workers compile their programs again.
+    afresh: HashSet<(usize, usize)>,
     /// The numbers of the jobs on whose devices the anchor failed. The anchor is not run again for these jobs.
     without_anchor: HashSet<usize>,
 }
@@ -156,6 +162,7 @@ impl<'a> Supervisor<'a> {
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
+            afresh: HashSet::new(),
             without_anchor: HashSet::new(),
         }
     }
@@ -200,7 +207,8 @@ impl<'a> Supervisor<'a> {
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
-                self.starting.insert(post, self.spawner.spawn(post.0)?);
+                let worker = self.spawn(post)?;
+                self.starting.insert(post, worker);
             }
         }
         Ok(())
@@ -223,6 +231,8 @@ impl<'a> Supervisor<'a> {
                     }
                     return Ok(Ok((record, ready)));
                 }
+                // The device broke down, and the worker's process has ended.
+                Ok(Reply::Refused(failure)) => return Ok(Err(failure)),
                 Ok(reply) => return Err(unexpected(reply)),
                 Err(loss) => {
                     if let Some(refusal) = self.refusal(task, loss) {
@@ -255,10 +265,11 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Runs the anchor of the device on which a point was cast. Returns `None` if the point has no worker, or if the
-    /// anchor has already failed on the device: a failed anchor is not run again. If the anchor fails, returns the
-    /// reason and drops the worker, but the run continues. The worker is dropped because the context of a GPU may be
-    /// unusable after a fault; every later point of this worker would then fail too.
+    /// Runs the anchor of the device on which a point was cast, and returns its times. Returns `None` if the
+    /// point has no worker. A failed anchor is not run again, so `None` is also returned if the anchor has
+    /// already failed on the device. If the anchor fails now, returns the reason and drops the worker, but
+    /// the run continues. The worker is dropped because the context of a GPU may be unusable after a fault;
+    /// every later point of this worker would then fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
         if self.without_anchor.contains(&task.job) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
@@ -306,7 +317,7 @@ impl<'a> Supervisor<'a> {
         {
             return Ok(Post { worker, ready: HashSet::new() });
         }
-        let mut worker = self.spawner.spawn(post.0)?;
+        let mut worker = self.spawn(post)?;
         let why = match self.opens(worker.as_mut())? {
             Ok(()) => return Ok(Post { worker, ready: HashSet::new() }),
             Err(Loss::Died(death)) => death.describe(),
@@ -316,6 +327,14 @@ impl<'a> Supervisor<'a> {
         Err(error.with_help(
             "`raycl devices` shows whether the device still responds; finished measurements are saved",
         ))
+    }
+
+    /// Starts the process of a worker.
+    fn spawn(&mut self, post: (usize, usize)) -> Result<Box<dyn Worker>> {
+        if self.afresh.remove(&post) {
+            self.spawner.compile_afresh();
+        }
+        self.spawner.spawn(post.0)
     }
 
     /// Waits until a worker has opened its device.
@@ -364,6 +383,7 @@ impl<'a> Supervisor<'a> {
         let deaths = self.deaths.entry((task.job, task.point)).or_default();
         *deaths += 1;
         if *deaths < ATTEMPTS && self.given_up < PATIENCE {
+            self.afresh.insert(task.post());
             return None;
         }
         self.given_up += 1;
@@ -412,6 +432,7 @@ impl Death {
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),
+        Reply::Refused(failure) => Error::run(failure.reason),
         _ => Error::fault("a worker process sent a reply that does not match the request"),
     }
 }

@@ -56,9 +56,9 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// Saves pictures of the cost of each pixel's rays: the number of triangles against which these rays are tested (all
-/// triangles, or those that a tree finds) and, with a tree, the number of nodes that the rays visit. A rasteriser
-/// casts no primary rays, so it gets no pictures of costs.
+/// Saves pictures of the cost of each pixel's rays. One picture shows the number of triangles against which
+/// these rays are tested: all triangles, or those that a tree finds. With a tree, a second picture shows the
+/// number of nodes that the rays visit. A rasteriser casts no primary rays, so it gets no pictures of costs.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

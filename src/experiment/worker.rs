@@ -4,14 +4,16 @@
 use super::asleep::Asleep;
 use super::check::Checker;
 use super::draft::Drafter;
+use super::point_failure::PointFailure;
 use super::protocol::{Job, Reply, Request};
 use super::request_handler::RequestHandler;
 use super::{Pictures, Plan};
 use crate::cache::Cache;
 use crate::config;
-use crate::device::{Device, DeviceInfo, Hardware, LaneTest, pick_one};
+use crate::device::{Device, DeviceInfo, Hardware, LaneTest, forget_failures, pick_one, tell_panics};
 use crate::error::{Error, Result};
 use crate::program::Sources;
+use crate::record::Outcome;
 use serde::de::DeserializeOwned;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::BufRead as _;
@@ -22,6 +24,7 @@ use std::sync::mpsc::{Receiver, channel};
 /// Serves requests until standard input ends.
 pub fn serve() -> Result<()> {
     ignore_interrupts()?;
+    tell_panics(refuse);
     let lines = input_lines()?;
     let Ok(line) = lines.recv() else { return Ok(()) };
     let job: Job = parse(&line)?;
@@ -60,6 +63,7 @@ fn answer(
         if let (Some(fault), Some((step, point))) = (&job.fault, request.step()) {
             fault.strike(step, point, &job.folder);
         }
+        forget_failures();
         reply(&answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;
     }
     Ok(())
@@ -128,6 +132,12 @@ fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
 /// Sends a reply to the process that started this worker.
 fn reply(reply: &Reply) -> Result<()> {
     send(reply, &mut std::io::stdout().lock())
+}
+
+/// Replies to the present request that the device fails, since the crate `ocl` has panicked and this process ends.
+fn refuse(reason: &str) {
+    // If nobody reads the reply, nobody needs it.
+    let _ = reply(&Reply::Refused(PointFailure::new(Outcome::LaunchFailed, reason)));
 }
 
 /// Writes a reply on a new line, since a driver may have left an unfinished line. Writing fails if the process that

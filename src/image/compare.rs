@@ -58,10 +58,11 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
 }
 
-/// Returns a picture of the differences between `actual` and `expected`, in false colours with a scale below. The
-/// colour follows the logarithm of [`relative_difference`], or of the difference of alpha if that is larger, from 1e-6
-/// (dark) to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels with a difference below 1e-6 are black. Pixels are red if a
-/// value is not finite, or if they are outside one of the two pictures. Alpha counts only if both pictures have it.
+/// Returns a picture of the differences between `actual` and `expected`, in false colours with a scale below.
+/// A pixel's difference is the larger of [`relative_difference`] and, if both pictures have alpha, the
+/// difference of alpha. The scale is logarithmic, from 1e-6 (dark) to 1 (bright). Pixels with a difference
+/// below 1e-6 are black. Pixels are red if a value is not finite, or if they are outside one of the two
+/// pictures.
 pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (actual.width.max(expected.width), actual.height.max(expected.height));

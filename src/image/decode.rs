@@ -12,8 +12,8 @@ const PNG_CHUNK_BYTES: usize = 8;
 /// The message about a picture whose last bytes are missing.
 const CUT_OFF: &str = "the file ends before the picture does";
 
-/// Returns a reader of a picture. The format follows from the picture's first bytes. If they fit no known format, it is
-/// `by_name`, the format that the file's name suggests.
+/// Returns a reader of a picture. The picture's first bytes show the format. If these bytes fit no known
+/// format, the reader uses `by_name`, the format that the file's name suggests.
 ///
 /// # Errors
 ///

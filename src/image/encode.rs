@@ -88,7 +88,7 @@ fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     pixel.map(|value| (value / step).round() * step)
 }
 
-/// The encoding of an EXR: fast compression without loss, line by line, since simple readers cannot read an EXR of
+/// The encoding of an EXR: fast compression without loss, line by line. Simple readers cannot read an EXR of
 /// tiles.
 const LINES: Encoding =
     Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };

@@ -216,8 +216,9 @@ fn known(path: &Path) -> Option<Format> {
     EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format)
 }
 
-/// Returns a path that a message can suggest in place of `path`, which has no known extension: a picture in the folder
-/// that `path` names, `a.png` for `a.png.gz`, or a PNG with the same name.
+/// Returns a path that a message can suggest in place of `path`, which has no known extension. If `path`
+/// names a folder, this is the path of a picture in the folder. For `a.png.gz`, it is `a.png`. For any other
+/// path, the last extension is replaced by `.png`.
 fn picture_for(path: &Path) -> PathBuf {
     if names_a_folder(path) || path.is_dir() {
         return path.join("picture.png");

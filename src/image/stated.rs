@@ -9,8 +9,8 @@ use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
 const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-/// Chromaticities count as those of sRGB if none of their numbers differs by more than this. Those that Radiance itself
-/// assumes are as close.
+/// Chromaticities count as those of sRGB if none of their numbers differs by more than this. The
+/// chromaticities that the program Radiance itself assumes therefore count as those of sRGB.
 const CLOSE: f32 = 0.03;
 /// The largest number of channels that a message names.
 const NAMED: usize = 8;
@@ -33,8 +33,8 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     ))
 }
 
-/// Returns remarks on a picture whose colours are not those of sRGB, or that is a cube map. They are meant to follow
-/// the file's name in a message.
+/// Returns remarks on a picture whose colours are not those of sRGB, or that is a cube map. Each remark is
+/// meant to follow the file's name in a message.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));

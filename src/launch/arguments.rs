@@ -162,7 +162,8 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds new values to those of the kernel's parameters that can differ between frames.
+    /// Binds these arguments to those parameters of the kernel that may change between frames. Other arguments are
+    /// ignored.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {

@@ -5,8 +5,8 @@ use std::ops::Range;
 /// Rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
-/// Number of bisections with which [`balance`] searches for the time of all parts. After this number, the time is as
-/// precise as a floating-point number allows.
+/// Number of bisections with which [`balance`] searches for the time that each part takes. After so many bisections,
+/// the time is as precise as a floating-point number allows.
 const HALVINGS: usize = 60;
 
 /// The time that a device takes for a frame, and how this time is distributed over the frame's rows.
@@ -48,8 +48,8 @@ impl Cost {
     }
 }
 
-/// Returns where each device's part of a frame ends (0 is the top, 1 the bottom), and the time that each part takes.
-/// All parts take equally long.
+/// Divides a frame into one part per device, so that all parts take equally long. Returns where each part ends (0 is
+/// the top of the frame, 1 the bottom), and the time of a part in milliseconds.
 pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     let parts: Vec<Vec<f64>> = costs.iter().map(Cost::parts_ms).collect();
     let ends = |ms: f64| -> Vec<f64> {

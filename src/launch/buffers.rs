@@ -52,9 +52,9 @@ pub fn upload_rows<T: OclPrm>(
     Ok(buffer)
 }
 
-/// Passes a buffer's rows of `row` values to `take`: in one call and in place if the device shares the host's
-/// memory. Otherwise large transfers are passed in pieces: `take` processes one piece while the next is being
-/// transferred.
+/// Passes some of a buffer's rows to `take`. Each row has `row` values. If the device shares the host's memory, `take`
+/// is called once and reads the rows in place. Otherwise, `take` gets copies of the rows. A large transfer is divided
+/// into pieces: `take` processes one piece while the next piece is being transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,

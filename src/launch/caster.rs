@@ -205,7 +205,7 @@ impl Caster {
         Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
     }
 
-    /// Returns the half pictures, if a sampling uses them.
+    /// Returns the half pictures if a sampling uses them; otherwise `None`.
     fn half_light(&self, sampling: &Sampling) -> Option<&HalfLight> {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
@@ -240,7 +240,7 @@ impl Caster {
         frames(samples, self.most_bits).try_fold(FrameTimes::default(), cast)
     }
 
-    /// Returns the buffer of the image.
+    /// Returns the device's buffer that contains the image.
     pub(super) fn image(&self) -> &Buffer<Float4> {
         &self.image
     }
@@ -308,8 +308,9 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye and for lights: for all
-/// lights or, if the strategy casts shadow rays to a few lights at a time, for these few lights.
+/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye and for all lights. If the
+/// strategy casts shadow rays to a few lights at a time, each triangle has planes only for the eye and for these few
+/// lights.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

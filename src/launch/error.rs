@@ -1,13 +1,12 @@
 //! The errors because of which a frame cannot be prepared or cast.
 
-use crate::device::{DeviceInfo, lacks_resources};
+use crate::device::{DeviceInfo, lacks_resources, note_failure, without_frame};
 use crate::sensor::{UsedMemory, used_memory};
 use crate::sources::some_of;
 use ocl::enums::Status;
 use thiserror::Error;
 
-/// Why a frame cannot be prepared or cast: the device or its driver refused a step, the tree could not be built, a
-/// kernel file of the user has a mistake, the strategy does not support the rays of a caller, or raycl has a bug.
+/// The reason why a frame cannot be prepared or cast.
 #[derive(Debug, Error)]
 pub enum LaunchError {
     /// OpenCL's own error.
@@ -60,7 +59,7 @@ pub enum LaunchError {
     /// The heap, the buffer from which a kernel allocates working vectors, was too small: the header of a kernel file
     /// states too few bytes.
     #[error(
-        "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`: it must count the bytes of every vector of a ray"
+        "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`, which must be the number of bytes of all vectors of a ray"
     )]
     HeapExhausted {
         /// Number of values requested.
@@ -73,9 +72,10 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
-    /// Turns `error`, because of which a program's kernel could not be made, into a [`LaunchError`]. `own_files` are
-    /// the paths of the kernel files in the program that the user added or changed. If there are such files, they may
-    /// lack the kernel, or declare other parameters.
+    /// Returns the [`LaunchError`] for `error`, with which OpenCL refused to make the kernel of this name or to set its
+    /// arguments. `own_files` are the paths of those kernel files of the program that the user added or changed. If
+    /// there are such files, a missing kernel or other parameters are a mistake of the user, and the message names the
+    /// files.
     pub(crate) fn of_kernel(kernel: &str, own_files: &[String], error: ocl::Error) -> Self {
         let (status, files) = (error.api_status(), some_of(own_files));
         match status {
@@ -87,8 +87,10 @@ impl LaunchError {
             _ if matches!(error, ocl::Error::Kernel(_)) || status.is_some_and(of_arguments) => {
                 let why = without_frame(&error.to_string());
                 let why = why.split(". ").next().unwrap_or_default();
+                let one_of = if own_files.len() == 1 { "" } else { "one of these files: " };
                 Self::OwnKernel(format!(
-                    "the kernel `{kernel}` of a program with {files} has other parameters than raycl's kernel: {why}"
+                    "the kernel `{kernel}` has other parameters than raycl's kernel of this name ({why}); correct its \
+                     parameters in {one_of}{files}"
                 ))
             }
             _ => Self::from(error),
@@ -129,6 +131,7 @@ impl From<ocl::core::Error> for LaunchError {
 impl From<ocl::Error> for LaunchError {
     fn from(error: ocl::Error) -> Self {
         let message = without_frame(&error.to_string());
+        note_failure(&message);
         match error.api_status().is_some_and(lacks_resources) {
             true => Self::Resources(message),
             false => Self::OpenCl(message),
@@ -144,38 +147,9 @@ fn of_arguments(status: Status) -> bool {
     )
 }
 
-/// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a
-/// frame of `#` around it and ends with a link.
-fn without_frame(message: &str) -> String {
-    let lines = message.lines().map(str::trim);
-    let mut lines = lines.filter(|line| !line.is_empty() && !line.contains("####")).peekable();
-    let function = lines.peek().and_then(|line| line.strip_prefix("Error executing function: "));
-    if let Some(function) = function {
-        lines.next();
-        if let Some(status) = lines.peek().and_then(|line| line.strip_prefix("Status error code: ")) {
-            return format!("{function} returned {status}");
-        }
-        return format!("{function} failed: {}", lines.collect::<Vec<_>>().join(" "));
-    }
-    lines.collect::<Vec<_>>().join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_message_is_the_function_and_its_status() {
-        let message = "\n\n####### OPENCL ERROR ####### \n\nError executing function: clCreateBuffer  \n\n\
-            Status error code: CL_INVALID_BUFFER_SIZE (-61)  \n\nPlease visit the following url for more \
-            information: \n\nhttps://example.org/clCreateBuffer.html#errors  \n\n####### \n";
-        assert_eq!(without_frame(message), "clCreateBuffer returned CL_INVALID_BUFFER_SIZE (-61)");
-        assert_eq!(
-            without_frame("Error executing function: clFinish\n\nno status"),
-            "clFinish failed: no status"
-        );
-        assert_eq!(without_frame("a text\nof  two lines "), "a text of  two lines");
-    }
 
     #[test]
     fn memory_that_others_use_is_reported_only_where_memory_may_be_missing() {

@@ -27,9 +27,9 @@ impl<T: OclPrm> Lent<T> {
         let values = list(mesh);
         let buffer = if queue.shares_memory && !values.is_empty() {
             let builder = Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_ONLY);
-            // SAFETY: the buffer is read-only, so that no command writes the list. The list belongs to the mesh, which
-            // lives as long as the buffer and every command that uses the buffer: casters own the tree whose buffer
-            // their kernels use, and `drop` waits for the commands. No command uses two buffers of the same list.
+            // SAFETY: the buffer is read-only, so that no command writes the list. The list belongs to the mesh, and
+            // `_mesh` keeps the mesh alive as long as the buffer. A caster owns the tree with the buffers of its
+            // kernels, and `drop` waits until no command uses the buffer. No command uses two buffers of the same list.
             unsafe { builder.use_host_slice(values) }.len(values.len()).build()?
         } else {
             upload(queue, values)?

@@ -119,9 +119,9 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Returns the step that shows the sky's picture behind everything; `None` if the sky has no picture, or the
-    /// picture is not seen. The kernel takes little time, so it processes the whole image even if the frame's other
-    /// kernels cast only a band (some of the rows).
+    /// Returns the step that shows the sky's picture behind everything; `None` if the sky has no picture, or if rays
+    /// that hit nothing see the background instead of the picture. The kernel takes little time, so it processes the
+    /// whole image even if the frame's other kernels cast only a band (some of the rows).
     pub fn show_sky(
         &self,
         image: &'a Buffer<Float4>,
@@ -160,7 +160,7 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel))))
     }
 
-    /// Returns the steps of a rasteriser: they clear the buffers, find the depth of each pixel, then the triangle
+    /// Returns the steps of a rasteriser. They clear the buffers, then find the depth of each pixel, then the triangle
     /// at this depth.
     fn rasterise(&self, arguments: &Arguments<'a>, nearest: &Buffer<i32>) -> Result<Steps, LaunchError> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);

@@ -78,8 +78,8 @@ impl Prepared {
     }
 
     /// Changes lights, sky, background, shadow bias and exposure to those of another scene, starting with the caster's
-    /// next frame. The camera is not changed here, since it is an argument of each cast anyway. Returns `false` if the
-    /// scene needs other buffers or kernels, for example because it has another mesh or another number of lights.
+    /// next frame. The camera is not changed here, since each cast gets its camera as an argument. Returns `false` if
+    /// the scene needs other buffers or kernels, for example because it has another mesh or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -90,9 +90,9 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns whether the program and all buffers suit another scene. The other scene must have the current scene's
-    /// mesh, and its sizes and features (the [`Workload`]) must be the same. Either both scenes or neither of them must
-    /// have a transparent background, and either both or neither must show a picture of the sky.
+    /// Returns whether the program and all buffers suit another scene. This is so if four properties of the two scenes
+    /// are equal: the mesh, the sizes and features (the [`Workload`]), whether the background is transparent, and
+    /// whether rays that hit nothing see a picture of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, given_rays, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
@@ -102,9 +102,10 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels, from the build log and from `ptx`. `ptx` is the program's
-    /// binary if that is PTX, else empty. The occupancy of a kernel is predicted for the local size with which a frame
-    /// starts it: kernels that prepare or rasterise triangles, or show the sky, do not have the workload's local size.
+    /// Returns properties of a frame's compiled kernels, from the build log `log` and from `ptx`. `ptx` is the
+    /// program's binary if this binary is PTX, and is empty otherwise. The occupancy of each kernel is predicted for
+    /// the local size with which a frame starts this kernel. This need not be the workload's local size: kernels that
+    /// prepare or rasterise triangles, or that show the sky, have a local size of their own.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);

@@ -28,6 +28,7 @@ pub struct Queue {
 impl Queue {
     /// Opens a device.
     pub fn open(&device::Device { platform, device, ref info, .. }: &device::Device) -> Result<Self> {
+        device::note_device(info);
         let open = || -> ocl::Result<Self> {
             let context = Context::builder().platform(platform).devices(device).build()?;
             let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;

@@ -82,7 +82,8 @@ fn pack(ray: &Ray) -> [Float4; 2] {
     [Float4::new(from.x, from.y, from.z, ray.t_min), Float4::new(to.x, to.y, to.z, 0.0)]
 }
 
-/// Prepares each triangle's planes for the rays' common origin, if the ray-triangle test needs planes.
+/// Prepares each triangle's planes for the rays' common origin. Returns `None` if the ray-triangle test needs no
+/// planes, or if there are no triangles.
 fn prepare(setup: &Setup<'_>, origin: Vec3) -> Result<Option<Buffer<f32>>, LaunchError> {
     let Setup { queue, strategy, uploaded, .. } = *setup;
     let Some(kernel) = strategy.family().kernel(Role::Prepare) else { return Ok(None) };

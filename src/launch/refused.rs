@@ -1,7 +1,7 @@
 //! The reasons why a strategy cannot be cast on a device.
 
 use super::LaunchError;
-use crate::device::{DeviceInfo, full_disk_advice, is_pocl};
+use crate::device::{DeviceInfo, full_disk_advice, is_pocl, note_failure};
 use crate::error::Error;
 use crate::program::BuildError;
 use crate::sources::does_not_compile;
@@ -39,19 +39,25 @@ const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
 /// The remedy if a kernel file of the user lacks a kernel, or changes its parameters.
-const OWN_KERNEL: &str = "where a file replaces a built-in one, each kernel keeps its name and its parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
+const OWN_KERNEL: &str = "if a file replaces a built-in file, each kernel in it must keep its name and its parameters, as in `__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS)`; `raycl kernel STRATEGY` shows raycl's own kernels";
 /// The remedy if a kernel file of the user states too few bytes.
 const OWN_HEADER: &str =
     "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";
 /// The remedy if a step fails for another reason than missing memory.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
-/// The remedy if a step fails because memory is missing.
+/// The remedy if the compiler rejects a program that contains no file of the user.
+const ANOTHER_BUILD: &str =
+    "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device";
+/// The remedy if a step or a build fails because memory is missing.
 const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory; `raycl devices` lists other devices";
 
 impl Refused {
-    /// Returns a function that adds to an error the name of the step that failed.
+    /// Returns a function that converts an error of the step `step` to a [`Refused::Launch`].
     pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
-        move |error| Self::Launch { step, error }
+        move |error| {
+            note_failure(&format!("{step} failed: {error}"));
+            Self::Launch { step, error }
+        }
     }
 
     /// Returns the reason in a sentence.
@@ -106,11 +112,14 @@ impl Refused {
             },
             Self::Host(_) => cannot("this machine", SMALLER),
             Self::Build(error) if error.has_own_file => does_not_compile(reason),
-            Self::Build(_) => Error::run(format!("the build of the kernels failed: {reason}")).with_help(
-                "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
-            ),
-            Self::Launch { error: LaunchError::OwnKernel(_), .. } => Error::input(reason).with_help(OWN_KERNEL),
-            Self::Launch { error: LaunchError::OwnHeader(_), .. } => Error::input(reason).with_help(OWN_HEADER),
+            Self::Build(error) => Error::run(format!("the build of the kernels failed: {reason}"))
+                .with_help(if error.may_pass { FREE_MEMORY } else { ANOTHER_BUILD }),
+            Self::Launch { error: LaunchError::OwnKernel(_), .. } => {
+                Error::input(reason).with_help(OWN_KERNEL)
+            }
+            Self::Launch { error: LaunchError::OwnHeader(_), .. } => {
+                Error::input(reason).with_help(OWN_HEADER)
+            }
             Self::Launch { step, error: LaunchError::WorkGroup { .. } } => {
                 Error::input(format!("{step} failed: {reason}")).with_help(ANOTHER_SIZE)
             }
@@ -209,6 +218,17 @@ mod tests {
         let refused = Refused::Host(Infeasible::beyond("memory: 2 B > 1 B".to_owned()));
         let message = refused.into_error(&device()).to_string();
         assert_eq!(message, "this machine cannot cast this frame: memory: 2 B > 1 B");
+    }
+
+    #[test]
+    fn a_build_without_memory_advises_to_need_less_or_to_free_some() {
+        for (may_pass, remedy) in [(true, FREE_MEMORY), (false, ANOTHER_BUILD)] {
+            let log = "clBuildProgram returned -6".to_owned();
+            let error =
+                Refused::Build(BuildError { log, has_own_file: false, may_pass }).into_error(&device());
+            assert_eq!((error.exit_code(), error.remedy()), (1, remedy));
+            assert_eq!(error.to_string(), "the build of the kernels failed: clBuildProgram returned -6");
+        }
     }
 
     #[test]

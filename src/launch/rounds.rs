@@ -107,9 +107,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Returns the step that prepares the planes of a tree's triangles for the ray origins of a round of lights (origin
-    /// 0 is the eye, origin 1 the round's first light) and empties the queue of leftover shadow rays. Returns `None` if
-    /// the strategy uses no planes, or if there are no triangles or no origins.
+    /// Returns the step that prepares the planes of a tree's triangles for some ray origins of a round of lights:
+    /// origin 0 is the eye, and origin 1 is the round's first light. The step also empties the queue of leftover shadow
+    /// rays. Returns `None` if the strategy uses no planes, or if there are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

@@ -16,10 +16,11 @@ use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::time::Instant;
 
-/// The number of samples that each block of pixels gets.
+/// The buffers on the device for several samples per pixel, and the kernel that marks rough blocks.
 pub(super) struct Samples {
+    /// The number of samples that each block of pixels gets.
     wanted: Buffer<u32>,
-    /// The rough blocks. Only they get further samples after the first ones.
+    /// The rough blocks. Only these blocks get further samples after the first ones.
     rough: Buffer<u32>,
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
@@ -225,9 +226,9 @@ mod tests {
         translation = [0, 1, 0]
         ";
 
-    /// Of at most 64 samples, each pixel first gets four; of at most 32, it first gets two. With four samples,
-    /// neighbouring pixels differ less by chance than with two. If blocks with such small differences counted as
-    /// smooth, most of the picture would get no further samples.
+    /// A pixel that may get 64 samples first gets four of them, and a pixel that may get 32 samples first gets two.
+    /// With four samples, neighbouring pixels differ less by chance than with two. If the limit for rough blocks were
+    /// the same in both cases, most of the picture would get no further samples after the first four.
     #[test]
     fn more_adaptive_samples_make_no_worse_picture() {
         let samplings = [Sampling::adaptive(32), Sampling::adaptive(64), Sampling::all(256)];
@@ -365,8 +366,8 @@ mod tests {
         }
     }
 
-    /// Displayed values are compared: values beyond white do not differ, and a gamma of 2 enlarges differences near
-    /// black. The more first samples, the smaller the difference that counts.
+    /// The kernel compares displayed values. Values beyond white are therefore equal, and a gamma of 2 enlarges
+    /// differences near black. If pixels have more first samples, a smaller difference makes a block rough.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let mut marking = Marking::new();

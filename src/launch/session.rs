@@ -66,7 +66,7 @@ impl Session {
         }
     }
 
-    /// Sets lower limits, such as those of a smaller device.
+    /// Replaces the device's limits by lower ones, such as those of a smaller device.
     #[must_use]
     pub fn limited(self, limits: DeviceLimits) -> Self {
         Self { limits, ..self }
@@ -105,7 +105,7 @@ impl Session {
         Self { early_tree, ..self }
     }
 
-    /// Rounds the stacks with which kernels traverse a tree, if they are in private memory, up to multiples of
+    /// Rounds the sizes of stacks in private memory, with which kernels traverse a tree, up to multiples of
     /// [`ROUNDED_STACK`] entries. One program then serves most scenes, and can be built before the scene's tree is
     /// known. Stacks in `__local` memory are not rounded, since larger ones slow a kernel down.
     #[must_use]
@@ -295,7 +295,9 @@ impl Session {
     /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory is not free if
     /// other strategies or existing frames of the session use it.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
-        let held_bytes = self.frames.bytes() + self.shared.bytes_beside(strategy);
+        let beside_own = self.shared.bytes_beside(strategy, self.queue.shares_memory);
+        let held_beside_mesh = self.frames.bytes() + beside_own.buffers;
+        let held_bytes = held_beside_mesh + beside_own.mesh_lists;
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
@@ -303,7 +305,9 @@ impl Session {
             let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
-        let held_of_host = if self.queue.shares_memory { held_bytes } else { 0 };
+        // The memory that the strategy needs on the host includes the mesh. Lists of the mesh that the device reads in
+        // place are therefore not counted again.
+        let held_of_host = if self.queue.shares_memory { held_beside_mesh } else { 0 };
         let own_bytes = resident_bytes().unwrap_or(0).saturating_sub(held_of_host);
         self.host_needs(strategy, workload)
             .check(&Available::read(), own_bytes)
@@ -324,8 +328,10 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
 mod tests {
     use super::*;
     use crate::device::discover;
-    use crate::scene::load_scene;
-    use crate::strategy::preset;
+    use crate::reference::fixtures;
+    use crate::scene::{Sky, SkyPicture, load_scene};
+    use crate::strategy::{Layout, LeafSize, preset};
+    use glam::Vec3;
     use std::path::Path;
 
     #[test]
@@ -367,6 +373,26 @@ mod tests {
         assert_eq!(of("deferred", true), 0);
     }
 
+    #[test]
+    fn nothing_is_cast_at_half_resolution_with_one_sample_without_soft_light_or_under_a_picture() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let half_light = |sky: Option<Sky>, samples| {
+            let scene = Arc::new(Scene { sky, ..fixtures::single_triangle() });
+            let session = Session::open(&device, &Sources::Embedded, scene).unwrap();
+            session.with_sampling(Sampling { half_light: 2, ..Sampling::all(samples) }).sampling.half_light
+        };
+        let under = |picture| {
+            let [zenith, horizon, up] = [Vec3::ONE, Vec3::ONE, Vec3::Y];
+            Some(Sky { zenith, horizon, up, reach: 1.0, picture })
+        };
+        let texels = Arc::from([[1.0; 3]; 2]);
+        let picture = SkyPicture { size: [2, 1], texels, ahead: Vec3::X, is_seen: false };
+        assert_eq!(half_light(under(None), 4), 2);
+        assert_eq!(half_light(under(None), 1), 0);
+        assert_eq!(half_light(None, 4), 0);
+        assert_eq!(half_light(under(Some(Arc::new(picture))), 4), 0);
+    }
+
     /// A picture that is far too large for the host is refused while a small one exists.
     #[test]
     fn what_other_points_hold_counts_as_the_hosts_if_the_device_shares_its_memory() {
@@ -388,5 +414,29 @@ mod tests {
             assert!(reason.starts_with("the host's memory"), "{reason}");
             assert_eq!(reason.contains("in addition to"), shares_memory, "{reason}");
         }
+    }
+
+    /// Two strategies with trees of their own read the normals and triangles of one mesh.
+    #[test]
+    fn lists_of_the_mesh_that_other_points_read_in_place_do_not_count_beside_the_mesh() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/pyramid-lower.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let tile = preset("tile").unwrap().strategy;
+        let of = |leaf_size| Strategy { layout: Layout::INDEXED_32, leaf_size, ..tile };
+        let [first, second] = [LeafSize::L4, LeafSize::L8].map(of);
+        let limits =
+            DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..device.info.limits };
+        let queue = Queue { shares_memory: true, ..Queue::open(&device).unwrap() };
+        let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene).limited(limits);
+        let mut workload = |strategy: &Strategy, side| {
+            session.workload(strategy, [side; 2], [1, 1]).map_err(|refused| refused.reason())
+        };
+        let small = workload(&first, 8).unwrap();
+        let lists = Requirements::mesh_list_bytes(&first, &small);
+        let held = Requirements::tree_bytes(&first, &small) - lists;
+        let reason = workload(&second, 1 << 20).err().unwrap();
+        assert!(lists > 0 && reason.starts_with("the host's memory"), "{reason}");
+        assert!(reason.contains(&format!(", in addition to {held} B ")), "{reason}");
     }
 }

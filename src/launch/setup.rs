@@ -167,8 +167,8 @@ pub(super) fn scene_arguments<'a>(
     surfaces.add_to(arguments)
 }
 
-/// Returns the arguments and, if the workload has soft light, the further arguments that soft light needs: the sky with
-/// the lights' radii, and the arguments for one sample per pixel.
+/// Returns the arguments. If the workload has soft light, adds the arguments that soft light needs: the sky with the
+/// lights' radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,

@@ -27,11 +27,20 @@ impl Kind {
     }
 }
 
+/// The bytes that parts of a scene take on the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct PartBytes {
+    /// Bytes of all buffers except lists of the mesh.
+    pub buffers: u64,
+    /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads them in place.
+    pub mesh_lists: u64,
+}
+
 /// The layouts and trees of a scene that are on the device, each with the bytes that it takes there.
 #[derive(Default)]
 pub(super) struct SharedScene {
     layouts: HashMap<LayoutKind, (Arc<DeviceScene>, u64)>,
-    trees: HashMap<TreeKind, (Arc<DeviceTree>, u64)>,
+    trees: HashMap<TreeKind, (Arc<DeviceTree>, PartBytes)>,
 }
 
 impl SharedScene {
@@ -40,12 +49,23 @@ impl SharedScene {
         self.trees.get(&Kind::of(strategy).tree?).map(|(tree, _)| Arc::clone(tree))
     }
 
-    /// Returns the bytes of the parts that are on the device but that `strategy` does not use.
-    pub fn bytes_beside(&self, strategy: &Strategy) -> u64 {
+    /// Returns the bytes of the parts that are on the device but that `strategy` does not use. If `reads_in_place` is
+    /// true, because the device shares the host's memory, all strategies read the same lists of the mesh. These lists
+    /// then count once, or not at all if `strategy` reads them too. Otherwise, each tree has a copy of these lists.
+    pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);
         let trees = self.trees.iter().filter(|(kind, _)| Some(**kind) != own.tree);
-        layouts.map(|(_, (_, bytes))| bytes).chain(trees.map(|(_, (_, bytes))| bytes)).sum()
+        let trees: Vec<PartBytes> = trees.map(|(_, (_, bytes))| *bytes).collect();
+        let of_layouts: u64 = layouts.map(|(_, (_, bytes))| bytes).sum();
+        let of_trees: u64 = trees.iter().map(|tree| tree.buffers).sum();
+        let lists = trees.iter().map(|tree| tree.mesh_lists);
+        let mesh_lists: u64 = match reads_in_place {
+            true if strategy.reads_lists_of_mesh() => 0,
+            true => lists.max().unwrap_or(0),
+            false => lists.sum(),
+        };
+        PartBytes { buffers: of_layouts + of_trees, mesh_lists }
     }
 
     /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless `early` contains a
@@ -64,12 +84,15 @@ impl SharedScene {
         };
         if let (Some(kind), Some(tree)) = (Kind::of(strategy).tree, built) {
             let tree = DeviceTree::upload(queue, &scene.mesh, strategy, tree)?;
-            self.trees.insert(kind, (Arc::new(tree), Requirements::tree_bytes(strategy, workload)));
+            let mesh_lists = Requirements::mesh_list_bytes(strategy, workload);
+            let buffers = Requirements::tree_bytes(strategy, workload) - mesh_lists;
+            self.trees.insert(kind, (Arc::new(tree), PartBytes { buffers, mesh_lists }));
         }
         Ok(())
     }
 
-    /// Returns the scene in the layout of a strategy.
+    /// Returns the scene on the device, in the layout of a strategy. Uploads the scene first if it is not there in this
+    /// layout.
     pub fn layout(
         &mut self,
         queue: &Queue,
@@ -117,16 +140,52 @@ mod tests {
         let scene = load_scene(&path).unwrap().scene;
         let workload = Workload::of(&scene, [8, 8], [1, 1]);
         let [without, with, other] = ["deferred", "bvh", "tile"].map(|name| preset(name).unwrap().strategy);
+        let beside = |shared: &SharedScene, strategy| {
+            let PartBytes { buffers, mesh_lists } = shared.bytes_beside(strategy, true);
+            assert_eq!(mesh_lists, 0);
+            buffers
+        };
         let mut shared = SharedScene::default();
         shared.layout(&queue, &scene, &without, &workload).unwrap();
-        assert_eq!(shared.bytes_beside(&without), 0);
-        let layout = shared.bytes_beside(&other);
+        assert_eq!(beside(&shared, &without), 0);
+        let layout = beside(&shared, &other);
         assert_eq!(layout, Requirements::scene_bytes(&without, &workload));
         shared.build_tree(&queue, &scene, &with, &workload, None).unwrap();
-        let both = shared.bytes_beside(&other);
+        let both = beside(&shared, &other);
         assert_eq!(both - layout, Requirements::tree_bytes(&with, &workload));
         shared.layout(&queue, &scene, &with, &workload).unwrap();
-        assert_eq!((shared.bytes_beside(&other), shared.bytes_beside(&with)), (both, 0));
-        assert_eq!(shared.bytes_beside(&without), both - layout);
+        assert_eq!((beside(&shared, &other), beside(&shared, &with)), (both, 0));
+        assert_eq!(beside(&shared, &without), both - layout);
+    }
+
+    #[test]
+    fn lists_of_the_mesh_count_once_if_the_device_reads_them_in_place() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let queue = Queue::open(&device).unwrap();
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/pyramid-lower.toml");
+        let scene = load_scene(&path).unwrap().scene;
+        let workload = Workload::of(&scene, [8, 8], [1, 1]);
+        let [rows, other] = ["tile", "deferred"].map(|name| preset(name).unwrap().strategy);
+        let indexed = |leaf_size| Strategy { layout: Layout::INDEXED_32, leaf_size, ..rows };
+        let [first, second, third] = [LeafSize::L4, LeafSize::L8, LeafSize::L16].map(indexed);
+        let mut shared = SharedScene::default();
+        for strategy in [&first, &second] {
+            shared.build_tree(&queue, &scene, strategy, &workload, None).unwrap();
+        }
+        let once = Requirements::mesh_list_bytes(&first, &workload);
+        let all = [&first, &second].map(|strategy| Requirements::tree_bytes(strategy, &workload));
+        let buffers = all[0] + all[1] - 2 * once;
+        assert!(once > 0 && buffers > 0);
+        let beside = |strategy: &Strategy, reads_in_place| {
+            let beside = shared.bytes_beside(strategy, reads_in_place);
+            (beside.buffers, beside.mesh_lists)
+        };
+        for strategy in [&rows, &other] {
+            assert_eq!(beside(strategy, true), (buffers, once));
+            assert_eq!(beside(strategy, false), (buffers, 2 * once));
+        }
+        assert_eq!([true, false].map(|at| beside(&third, at)), [(buffers, 0), (buffers, 2 * once)]);
+        let of_second = all[1] - once;
+        assert_eq!([true, false].map(|at| beside(&first, at)), [(of_second, 0), (of_second, once)]);
     }
 }

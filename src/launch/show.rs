@@ -146,8 +146,8 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// An image size whose number of pixels is not a multiple of the pixels per work-item, and whose height is not a
-    /// multiple of the rows that are transferred together.
+    /// The size of the images. The number of pixels is not a multiple of the pixels per work-item, and the height is
+    /// not a multiple of the rows that are transferred together.
     const SIZE: [u32; 2] = [37, 101];
 
     /// Returns a queue that treats a CPU as a device with separate memory, and transfers images in small pieces.

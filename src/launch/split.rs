@@ -8,7 +8,9 @@ use crate::image::Radiance;
 use crate::program::Sources;
 use crate::scene::{Sampling, Scene};
 use crate::strategy::{Strategy, Workload};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
+use std::thread::Builder;
 use std::time::Instant;
 
 /// Number of parts into which a trial frame is divided. The cost of each part is measured. A trial frame is cast only
@@ -215,8 +217,9 @@ impl Split<'_> {
         Ok(Ready { info: device.info.clone(), strategy: *strategy, prepared, build_ms })
     }
 
-    /// Returns the devices that cast. As long as the remaining devices together do not cast a trial frame faster than
-    /// the fastest device alone, the slowest device is removed.
+    /// Returns the devices that cast, and the devices that are left out. The slowest device is left out for as long as
+    /// the remaining devices together do not cast a trial frame faster than the fastest device alone. If `every_device`
+    /// is set, no device is left out here.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -242,8 +245,9 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame: the smallest frame that takes the fastest device at least [`TRIAL_MS`], or
-    /// else the full frame. Also measures each device's time for the trial frame, and removes devices that are much
-    /// slower than the fastest, since the difference would be even larger for a larger frame.
+    /// the full frame if it takes less time. Also measures each device's time for the trial frame. Moves devices that
+    /// are much slower than the fastest from `team` to `left_out`, unless `every_device` is set: for a larger frame,
+    /// the difference would be even larger.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -289,8 +293,8 @@ impl Split<'_> {
     }
 }
 
-/// Returns the size of a trial frame with at most `rows` rows of pixels, and the factor by which its width and height
-/// are smaller than those of the full frame.
+/// Returns the size of a trial frame that has at most `rows` rows of pixels. Also returns the factor by which the width
+/// and the height of the trial frame are smaller than those of the full frame.
 fn trial_size([width, height]: [u32; 2], rows: u32) -> ([u32; 2], u32) {
     let smaller = height.div_ceil(rows).max(1);
     ([width.div_ceil(smaller), height.div_ceil(smaller)], smaller)
@@ -356,13 +360,33 @@ fn cast_times(caster: &Caster) -> Result<Vec<f64>> {
 
 /// Calls `work` for each element, each in its own thread.
 fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -> Result<Vec<B>> {
+    in_threads(all, Builder::new, work)
+}
+
+/// Calls `work` for each element, each in a thread of its own that `builder` starts. The calls may wait for each other,
+/// so none of them begins before all threads have started.
+fn in_threads<A: Sync, B: Send>(
+    all: &[A],
+    mut builder: impl FnMut() -> Builder,
+    work: impl Fn(&A) -> Result<B> + Sync,
+) -> Result<Vec<B>> {
     let work = &work;
     std::thread::scope(|scope| {
-        let threads: Vec<_> = all.iter().map(|one| scope.spawn(move || work(one))).collect();
-        let ended = |thread: std::thread::ScopedJoinHandle<'_, Result<B>>| {
-            thread.join().unwrap_or_else(|_| Err(failed("its thread panicked")))
-        };
-        threads.into_iter().map(ended).collect()
+        let started = all.iter().map(|one| {
+            let (sender, begins) = channel::<()>();
+            let thread = builder().spawn_scoped(scope, move || begins.recv().ok().map(|()| work(one)));
+            thread.map(|thread| (sender, thread)).map_err(|error| Error::no_thread(&error))
+        });
+        // If a thread cannot be started, the senders are dropped, so the other threads end without calling `work`.
+        let started = started.collect::<Result<Vec<_>>>()?;
+        let begun = started.into_iter().map(|(sender, thread)| {
+            // The thread waits for this message, so sending it does not fail.
+            let _ = sender.send(());
+            thread
+        });
+        let threads: Vec<_> = begun.collect();
+        let panicked = || Err(failed("its thread panicked"));
+        threads.into_iter().map(|thread| thread.join().ok().flatten().unwrap_or_else(panicked)).collect()
     })
 }
 
@@ -373,13 +397,14 @@ mod tests {
     use crate::device::discover;
     use crate::reference::fixtures;
     use crate::strategy::preset;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     /// Number of pixels across and down. There are 31 rows of work-groups, one fewer than [`PARTS`].
     const SIZE: [u32; 2] = [24, 61];
     const LOCAL_SIZE: [u32; 2] = [4, 2];
 
-    /// Returns this machine's first device several times, each time under one of the names, with the strategy beside
-    /// this name.
+    /// Returns this machine's first device several times. Each element of `names` consists of the name that the device
+    /// gets and the name of its strategy.
     fn castings(names: &[(&str, &str)]) -> Vec<Casting> {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let casting = |&(name, strategy): &(&str, &str)| {
@@ -478,6 +503,22 @@ mod tests {
         let panicking =
             at_once(&[1, 2], |number| if *number == 2 { panic!("a test's panic") } else { Ok(()) });
         assert_eq!(panicking.unwrap_err().to_string(), "a device failed: its thread panicked");
+    }
+
+    #[test]
+    fn no_work_begins_if_the_system_refuses_a_thread() {
+        // No address space can hold such a stack.
+        let refused = Builder::new().stack_size(1 << (usize::BITS - 1));
+        let mut builders = [Builder::new(), refused].into_iter();
+        let has_begun = AtomicBool::new(false);
+        let work = |_: &i32| {
+            has_begun.store(true, Ordering::Relaxed);
+            Ok(())
+        };
+        let error = in_threads(&[1, 2], || builders.next().unwrap(), work).unwrap_err();
+        assert!(!has_begun.into_inner());
+        assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");
+        assert_eq!(error.exit_code(), 1);
     }
 
     #[test]

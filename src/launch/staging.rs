@@ -30,7 +30,7 @@ impl Staging {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
 
-    /// Returns whether a transfer of `bytes` bytes is so long that pinned memory saves time.
+    /// Returns whether a transfer of `bytes` bytes is so large that pinned memory saves time.
     pub fn pays(&self, bytes: usize) -> bool {
         bytes > 2 * self.piece_bytes
     }
@@ -81,7 +81,8 @@ impl Staging {
     }
 
     /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together` rows.
-    /// `enqueue` returns the buffer that contains the rows, and their offset; `take` receives the rows.
+    /// `enqueue` returns the buffer that contains the rows, and the index of their first value in this buffer; `take`
+    /// receives the rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,

@@ -51,8 +51,9 @@ impl Step {
                         run.global_work_size(extent.tiles.map_or(size, |tiles| rows_for(tiles, size, local)));
                     run = run.global_work_offset(finer(kernel.default_global_work_offset()));
                 }
-                // SAFETY: the kernel was built with every argument that its source declares, each buffer is as long as
-                // the sizes passed with it, and all of them outlive the command: every caller waits for the queue.
+                // SAFETY: the kernel was built with every argument that its source declares, and each buffer is as long
+                // as the sizes that are passed with it. Every caller waits for the queue, so all buffers outlive the
+                // command.
                 unsafe { run.enew(&mut event).enq()? };
             }
         }

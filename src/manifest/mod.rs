@@ -135,13 +135,14 @@ pub enum Values {
     Only(&'static [&'static str]),
     /// All values except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. If a fact is given, only the values for which it is false.
+    /// The values that have a file in this folder. If a condition is given, only the values for which it is
+    /// false.
     FilesIn(&'static str, Option<Fact>),
 }
 
 impl Values {
-    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder. `holds`
-    /// returns whether a fact is true of a strategy with the value.
+    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder.
+    /// `holds` returns whether a condition is true of a strategy with the value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),

@@ -74,20 +74,21 @@ pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in its round (the first
 /// samples of a pixel, or the later ones).
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// For each block of pixels, the number of samples per pixel that the block shall get. Also the number of samples per
-/// pixel that the image has from earlier frames.
+/// For each block of pixels, the number of samples per pixel that the block is to get. Also the number of
+/// samples per pixel that the image has from earlier frames.
 pub const SAMPLES: &[Parameter] = &[p(Sampled, WORDS, "wanted"), p(Sampled, "const uint", "earlier")];
-/// Into how many sub-pixels a frame divides each pixel, how many samples the frame casts per pixel, and where each
-/// lane's sample lies in its pixel.
+/// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, the number of samples that
+/// the frame casts per pixel, and the position of each lane's sample in its pixel.
 pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// Into how many sub-pixels a frame divides each pixel, and how many samples the frame casts per pixel, for tiles that
-/// are each shared by 32 work-items. `positions` has the position (x and y) of each sample in its pixel. The frame
-/// casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
+/// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, and the number of samples
+/// that the frame casts per pixel, for tiles that are each shared by 32 work-items. `positions` has the
+/// position (x and y) of each sample in its pixel. The frame casts only the rough blocks of pixels, which
+/// `rough` lists, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),

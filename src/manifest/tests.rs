@@ -168,8 +168,9 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // In this family, a vector of rays uses the watertight test of `cl/cast/` if there is no coordinate axis
-            // along which all its rays run in the same direction: this test chooses an axis for each ray.
+            // In this family, a vector of rays uses the watertight test of `cl/cast/` if there is no
+            // coordinate axis along which all its rays run in the same direction. That test chooses an axis
+            // for each ray.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };

@@ -1,8 +1,8 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
-/// The time that the shortest pass of a frame should take in all frames of a batch together, in steps of the timer. The
-/// timer rounds the start and the end of each pass to a step; if the pass takes this many steps in a batch, the error
-/// of its mean time is usually at most a few per cent.
+/// The time that the shortest pass of a frame should take in all frames of a batch together, in steps of the
+/// timer. The timer rounds the start and the end of each pass to a step. If the pass takes this many steps in
+/// a batch, the error of its mean time is usually at most a few per cent.
 const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;

@@ -1,6 +1,8 @@
 //! Detects times that cluster around two values, for example because a machine changes between two speeds.
 
+use super::MIN_SAMPLES;
 use super::summary::quantile;
+use std::collections::BTreeMap;
 
 /// A set of n times has two modes if its [`dip`], multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
 /// sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips (Hartigan and Hartigan,
@@ -28,20 +30,54 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Returns the two modes of some times; `None` if the times may have a single mode.
-    pub fn of(times_ms: &[f64]) -> Option<Self> {
+    /// Returns the two modes of some times; `None` if the times may have a single mode. `launches` has the number of
+    /// each time's launch, or is empty if these numbers are unknown.
+    pub fn of(times_ms: &[f64], launches: &[u32]) -> Option<Self> {
         let mut sorted = times_ms.to_vec();
         sorted.sort_by(f64::total_cmp);
         let n = sorted.len();
-        let root = (n as f64).sqrt();
-        if n < FEWEST || dip(&sorted) * root <= LARGEST - FEWER / root {
+        if n < FEWEST {
             return None;
         }
         let (fast, slow) = sorted.split_at(cut(&sorted));
         let ms = [fast, slow].map(|mode| quantile(mode, 0.5));
         let modes = Self { ms, samples: [fast.len(), slow.len()], parted_at_ms: *fast.last()? };
-        (ms[1] > ms[0] * (1.0 + LEAST_DISTANCE)).then_some(modes)
+        let are_apart = ms[1] > ms[0] * (1.0 + LEAST_DISTANCE);
+        let are_two =
+            modes.have_dip(&sorted) || is_gap_wide(fast, slow) && modes.are_launches(times_ms, launches);
+        (are_apart && are_two).then_some(modes)
     }
+
+    /// Returns whether the times' dip is too large for times with one mode, and could be the dip of two groups of these
+    /// sizes. The dip of n times with two values is k / 2n if the rarer value occurs k times. The dip of two groups of
+    /// different values is larger by at most about 1 / 2n. If the smaller group is too small, the dip has another
+    /// reason, such as the steps of a timer, and the group consists of a few samples that took long.
+    fn have_dip(&self, sorted: &[f64]) -> bool {
+        let n = sorted.len() as f64;
+        let root = n.sqrt();
+        let (least, fewer) = (LARGEST - FEWER / root, self.samples[0].min(self.samples[1]));
+        dip(sorted) * root > least && (fewer as f64 + 1.0) / (2.0 * n) * root > least
+    }
+
+    /// Returns whether all times of each launch belong to the same mode, and each launch has at least [`MIN_SAMPLES`]
+    /// times. The dip of few times cannot show that one launch of four was slow. By chance, however, all times of a
+    /// launch are hardly ever above all others: for five of twenty times, the probability is 1 in 15,504.
+    fn are_launches(&self, times_ms: &[f64], launches: &[u32]) -> bool {
+        let mut counts: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
+        for (launch, ms) in launches.iter().zip(times_ms) {
+            counts.entry(*launch).or_default()[usize::from(*ms > self.parted_at_ms)] += 1;
+        }
+        let is_whole = |[fast, slow]: &[usize; 2]| *fast.min(slow) == 0 && fast + slow >= MIN_SAMPLES;
+        counts.len() > 1 && counts.values().all(is_whole)
+    }
+}
+
+/// Returns whether the gap between two groups of sorted times is wider than each of the groups. Otherwise, launches that
+/// all differ a little from each other would be taken for launches of two speeds.
+fn is_gap_wide(fast: &[f64], slow: &[f64]) -> bool {
+    let width = |group: &[f64]| group.first().zip(group.last()).map_or(0.0, |(first, last)| last - first);
+    let gap = fast.last().zip(slow.first()).map_or(0.0, |(below, above)| above - below);
+    gap > width(fast).max(width(slow))
 }
 
 /// Splits sorted values into two groups such that the sum of the squared distances from the groups' means is least.
@@ -126,8 +162,9 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// Returns the greatest distance between the two hulls (the convex minorant `below` and the concave majorant `above`)
-/// at a point of one of them, and the first and last index of the modal interval that follows from this distance.
+/// Returns the greatest distance between the two hulls at a point of one of them. The hulls are the convex
+/// minorant `below` and the concave majorant `above`. Also returns the first and the last index of the modal
+/// interval that follows from this distance.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -208,7 +245,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let mut uniform = |n: usize| sorted((0..n).map(|_| 10.0 + 5.0 * random.random_range(0.0..1.0_f64)));
         for n in [10, 30, 100] {
-            let bimodal = (0..2000).filter(|_| Modes::of(&uniform(n)).is_some()).count();
+            let bimodal = (0..2000).filter(|_| Modes::of(&uniform(n), &[]).is_some()).count();
             assert!(bimodal <= 8, "{bimodal} of 2000 samples of {n}");
         }
     }
@@ -222,7 +259,7 @@ mod tests {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();
                 if index.is_multiple_of(3) { 174.0 + 3.0 * noise } else { 110.0 + 3.0 * noise }
             };
-            let modes = Modes::of(&(0..n).map(&mut time).collect::<Vec<_>>()).expect("two modes");
+            let modes = Modes::of(&(0..n).map(&mut time).collect::<Vec<_>>(), &[]).expect("two modes");
             assert_eq!(modes.samples, [n - n.div_ceil(3), n.div_ceil(3)]);
             assert!((modes.ms[0] - 110.0).abs() < 2.0 && (modes.ms[1] - 174.0).abs() < 3.0, "{modes:?}");
         }
@@ -230,10 +267,50 @@ mod tests {
 
     #[test]
     fn a_timers_steps_are_no_modes() {
-        assert_eq!(Modes::of(&[10.0, 10.1].repeat(20)), None);
-        assert_eq!(Modes::of(&[5.0; 40]), None);
+        assert_eq!(Modes::of(&[10.0, 10.1].repeat(20), &[]), None);
+        assert_eq!(Modes::of(&[5.0; 40], &[]), None);
         let expected = Modes { ms: [10.0, 12.0], samples: [20, 20], parted_at_ms: 10.0 };
-        assert_eq!(Modes::of(&[12.0, 10.0].repeat(20)), Some(expected));
-        assert_eq!(Modes::of(&[10.0, 12.0].repeat(4)), None, "too few");
+        assert_eq!(Modes::of(&[12.0, 10.0].repeat(20), &[]), Some(expected));
+        assert_eq!(Modes::of(&[10.0, 12.0].repeat(4), &[]), None, "too few");
+    }
+
+    /// A timer has steps of 1 us, frames take about 60.5 us, and some of them take 1.3 times as long.
+    #[test]
+    fn a_few_times_that_took_long_are_no_mode_although_a_timers_steps_make_a_dip() {
+        let with = |slow: usize| {
+            let time = |index: usize| if index < slow { 0.0785 } else { 0.060 + 0.001 * (index % 2) as f64 };
+            Modes::of(&(0..40).map(time).collect::<Vec<_>>(), &[])
+        };
+        assert_eq!([1, 2, 7].map(with), [None; 3]);
+        assert_eq!(with(8).map(|modes| modes.samples), Some([32, 8]));
+    }
+
+    /// Five times of each of four launches are too few for a dip if one launch is slow.
+    #[test]
+    fn a_launch_of_another_speed_is_a_mode_although_the_dip_is_small() {
+        let launches: Vec<u32> = (0..20).map(|index| index / 5).collect();
+        let times = |of_launch: [f64; 4]| -> Vec<f64> {
+            (0..20).map(|index| of_launch[index / 5] * (1.0 + 0.004 * (index * 3 % 5) as f64)).collect()
+        };
+        let one = times([1.0, 1.0, 1.0, 3.0]);
+        assert_eq!(Modes::of(&one, &[]), None);
+        assert_eq!(Modes::of(&one, &launches).map(|modes| modes.samples), Some([15, 5]));
+        assert_eq!(Modes::of(&times([1.0, 1.0, 1.0, 1.04]), &launches), None);
+        assert_eq!(Modes::of(&times([1.0, 1.06, 1.12, 1.18]), &launches), None, "each launch differs");
+        // A fast launch has a slow sample, and the slow launch has a fast one.
+        let mut mixed = one.clone();
+        mixed.swap(2, 17);
+        assert_eq!(Modes::of(&mixed, &launches), None);
+        // The samples of a launch that was interrupted show no mode.
+        let few: Vec<u32> = (0..20).map(|index| index / 5 + u32::from(index == 19)).collect();
+        assert_eq!(Modes::of(&one, &few), None);
+    }
+
+    #[test]
+    fn ten_times_are_enough_for_two_modes_and_nine_are_not() {
+        let times = [10.0, 12.0].repeat(5);
+        let expected = Modes { ms: [10.0, 12.0], samples: [5, 5], parted_at_ms: 10.0 };
+        assert_eq!(Modes::of(&times, &[]), Some(expected));
+        assert_eq!(Modes::of(&times[1..], &[]), None);
     }
 }

@@ -84,6 +84,13 @@ mod tests {
     }
 
     #[test]
+    fn the_usual_utilization_is_known_although_most_samples_are_preempted() {
+        let sample = |n: u32| if n < 14 { (0, 15.0, 5.0) } else { (0, 10.0, 0.0) };
+        let samples: Vec<Waited> = (0..20).map(sample).collect();
+        assert_eq!(remaining(&samples), [10.0; 6]);
+    }
+
+    #[test]
     fn without_utilizations_nothing_is_known() {
         let of = |samples: &[Option<f64>]| without_preempted(samples, |one| Some((0, (*one)?)));
         assert_eq!((of(&[Some(1.0), None, Some(1.0)]), of(&[])), (None, None));

@@ -3,6 +3,7 @@
 use super::mark::Maker;
 use super::replace::{Choice, permit, put};
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::record::journals::RECORDS;
 use crate::record::{cannot_make, ordinary, own_folder, refuse_closed, refuse_file, write_page};
 use std::collections::BTreeSet;
@@ -31,7 +32,7 @@ impl OutFolder {
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
-        let results = path.join(RECORDS).is_file();
+        let results = existing::is_file(&path.join(RECORDS))?;
         let list = path.join(LIST);
         let made = if results { Some(BTreeSet::new()) } else { read_list(&list) };
         match made {

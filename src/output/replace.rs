@@ -3,6 +3,7 @@
 use super::mark::Maker;
 use super::unfinished::Unfinished;
 use crate::error::{Error, Result, cause, limit_advice};
+use crate::existing;
 use crate::reader::{self, may_write, names_a_folder};
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind, Result as IoResult};
@@ -52,9 +53,9 @@ pub(super) enum Name {
     Replaceable,
 }
 
-/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for paths that no file
-/// can have, for folders and devices and, without `--force`, for links, files that raycl did not make, and files that
-/// somebody has changed.
+/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for paths that
+/// no file can have, and for folders and devices. Without `--force`, also returns an error for links, for
+/// files that raycl did not make, and for files that somebody has changed.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -81,7 +82,7 @@ pub(super) fn permit(
     }
     if there.is_symlink() {
         let help = choice.help("replaces the link and not its target");
-        return refuse(format!("'{name}' is a link that raycl did not make"), help);
+        return refuse(format!("'{name}' is a link, and is not replaced"), help);
     }
     // A file that cannot be read is treated as not made by raycl.
     match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
@@ -95,9 +96,10 @@ pub(super) fn permit(
     }
 }
 
-/// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the process ends
-/// before that, no incomplete file stays, except on file systems without unnamed files. Before the file is put into its
-/// place, the path is checked again, since another program may have created a file there meanwhile.
+/// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the
+/// process ends while it writes, no incomplete file stays, except on file systems without unnamed files.
+/// Before the file is put into its place, the path is checked again, since another program may have created a
+/// file there meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -119,9 +121,14 @@ pub(super) fn put(
     let mut unfinished = Unfinished::in_folder(folder).map_err(failed)?;
     write(unfinished.file()).map_err(failed)?;
     let name = permit(path, choice, &maker)?;
+    let must_be_new = name == Name::Free && !choice.force;
+    // Without a temporary name, a process that is killed now leaves nothing behind.
+    if must_be_new && unfinished.link_to(path).map_err(|_| appeared(path, choice))? {
+        return Ok(());
+    }
     let file = unfinished.named(folder).map_err(failed)?;
     match name {
-        Name::Free if !choice.force => persist_new(file, path).map_err(|error| match error.kind() {
+        Name::Free if must_be_new => persist_new(file, path).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => appeared(path, choice),
             _ => failed(error),
         }),
@@ -198,8 +205,13 @@ pub(super) fn folder_of(path: &Path) -> Result<&Path> {
         let message = format!("cannot write '{name}': the current folder no longer exists");
         return Err(Error::input(message).with_help("change to a folder that exists"));
     }
-    if folder.is_dir() {
-        return Ok(folder);
+    match existing::metadata(folder) {
+        Ok(Some(there)) if there.is_dir() => return Ok(folder),
+        Ok(_) => {}
+        Err(error) => {
+            let why = format!("cannot open the folder '{}': {error}", folder.display());
+            return Err(existing::failed(format!("cannot write '{name}': {why}"), &error));
+        }
     }
     if let Some(file) = folder.ancestors().find(|part| part.exists() && !part.is_dir()) {
         let message = format!("cannot write '{name}': '{}' is a file, not a folder", file.display());
@@ -260,6 +272,20 @@ mod tests {
             assert_eq!(error.to_string(), format!("cannot write '{}': {why}", path.display()));
             assert_eq!((error.exit_code(), error.remedy()), (2, "give a path whose folder exists"));
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_cannot_be_opened_is_not_said_to_be_missing() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("endless");
+        std::os::unix::fs::symlink(&folder, &folder).unwrap();
+        let path = folder.join("a.png");
+        let error = folder_of(&path).unwrap_err();
+        let (name, folder) = (path.display(), folder.display());
+        let expected = format!("cannot write '{name}': cannot open the folder '{folder}': ");
+        assert!(error.to_string().starts_with(&expected), "{error}");
+        assert!(!error.remedy().contains("mkdir"), "{}", error.remedy());
     }
 
     #[cfg(unix)]
@@ -334,7 +360,7 @@ mod tests {
             put(&link, choice, |_| Ok(Maker::Raycl), |file| std::io::Write::write_all(file, b"new"))
         };
         let error = put_with(false).unwrap_err();
-        assert_eq!(error.to_string(), format!("'{}' is a link that raycl did not make", link.display()));
+        assert_eq!(error.to_string(), format!("'{}' is a link, and is not replaced", link.display()));
         assert!(error.remedy().starts_with("`--force` replaces the link and not its target, "));
         put_with(true).unwrap();
         assert!(!link.is_symlink());

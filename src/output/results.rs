@@ -2,30 +2,34 @@
 
 use super::replace::Choice;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::record::TEMPORARY_PREFIX;
-use crate::record::journals::{ENVIRONMENT, IMAGES, RECORDS, SAMPLES};
+use crate::record::journals::{
+    ANCHORS, ENVIRONMENT, IMAGES, LAUNCHES, RECORDS, ROUNDS, SAMPLES, is_earlier_environment,
+};
 use std::path::Path;
 
-/// The files that a run may leave if it is interrupted before its first record.
-const BEGUN: [&str; 4] = [".lock", ENVIRONMENT, SAMPLES, IMAGES];
+/// The files that a run may leave if it ends before its first record: it is interrupted, or the disk is full. Such a
+/// run may also leave the files of earlier runs that [`is_earlier_environment`] recognises.
+const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
 /// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
 /// with the existing files, and could replace some of them. There is no error with `--force`, or if `known` is true
 /// (raycl has written into the folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // If records.jsonl exists but is not a file, the run fails later, when it opens records.jsonl.
-    if choice.force || known || folder.join(RECORDS).symlink_metadata().is_ok() {
+    if choice.force || known {
         return Ok(());
     }
-    // If the folder cannot be listed, either it does not exist, or the run fails later, when it opens files in the
-    // folder.
-    let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let other = entries.find(|entry| !is_begun(&entry.path()));
-    let Some(other) = other else { return Ok(()) };
+    let entries = existing::entries(folder)?;
+    // If records.jsonl exists but is not a file, the run fails later, when it opens records.jsonl.
+    if entries.iter().any(|entry| entry.ends_with(RECORDS)) {
+        return Ok(());
+    }
+    let Some(other) = entries.iter().find(|entry| !is_begun(entry)) else { return Ok(()) };
     let message = format!(
         "'{}' is not a folder of results: it contains '{}', which raycl did not make",
         folder.display(),
-        other.file_name().display()
+        other.file_name().unwrap_or_default().display()
     );
     let help = format!("`--force` writes into the folder anyway; `{}` writes elsewhere", choice.elsewhere);
     Err(Error::input(message).with_help(help))
@@ -37,6 +41,7 @@ fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
     name.starts_with(TEMPORARY_PREFIX)
+        || is_earlier_environment(&name)
         || (BEGUN.contains(&name.as_ref()) && (name != IMAGES || empty()))
         || (name == IMAGES && path.with_file_name(".lock").exists())
 }
@@ -60,6 +65,10 @@ mod tests {
         assert!(refused(false), "pictures of somebody's");
         std::fs::write(out.join(".lock"), "1").unwrap();
         assert!(!refused(false), "pictures of a run");
+        for name in ["environment.json", "environment-1.json", "environment-12.json", "anchors.jsonl"] {
+            std::fs::write(out.join(name), "").unwrap();
+            assert!(!refused(false), "{name} of runs that failed at their beginning");
+        }
         std::fs::write(out.join("thesis.tex"), "").unwrap();
         let error = refuse_other_folders(&out, KEEP, false).unwrap_err();
         assert_eq!(error.exit_code(), 2);
@@ -68,5 +77,27 @@ mod tests {
         assert!(refuse_other_folders(&out, Choice { force: true, ..KEEP }, false).is_ok());
         std::fs::write(out.join("records.jsonl"), "").unwrap();
         assert!(!refused(false), "results");
+    }
+
+    #[test]
+    fn files_with_other_names_than_those_of_earlier_sessions_are_somebodys() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["environment-.json", "environment-01.json", "environment-a.json", "environment-1.txt"] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "").unwrap();
+            let error = refuse_other_folders(folder.path(), KEEP, false).unwrap_err();
+            assert!(error.to_string().contains(name), "{error}");
+            std::fs::remove_file(&path).unwrap();
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_cannot_be_listed_is_not_an_empty_one() {
+        let parent = tempfile::tempdir().unwrap();
+        let out = parent.path().join("out");
+        std::os::unix::fs::symlink(&out, &out).unwrap();
+        let error = refuse_other_folders(&out, KEEP, false).unwrap_err();
+        assert!(error.to_string().starts_with("cannot read "), "the link leads to itself: {error}");
     }
 }

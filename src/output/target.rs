@@ -2,7 +2,7 @@
 
 use super::mark::{self, maker};
 use super::replace::{Choice, check_writable, folder_of, permit, put};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, cause, limit_advice};
 use crate::reader::in_canonical_folder;
 use serde::Serialize;
 use std::fs::File;
@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// The path that means standard output.
 const STANDARD_OUTPUT: &str = "-";
+
+/// The remedy if no temporary file can be written.
+const NO_TEMPORARY: &str = "free up space there, set the environment variable TMPDIR to another folder, or write to a file with `-o FILE`";
 
 /// The path of a file to be written.
 #[derive(Clone, Debug)]
@@ -116,18 +119,27 @@ impl Target {
 /// Writes to standard output. The output is written to a temporary file first, since the hash in the mark is only known
 /// at the end, and a pipe cannot seek back to the mark.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
-    let written = || -> IoResult<()> {
-        let mut file = tempfile::tempfile()?;
+    let mut file = temporary(&std::env::temp_dir(), write)?;
+    let mut out = std::io::stdout().lock();
+    std::io::copy(&mut file, &mut out).and_then(|_| out.flush()).map_err(|error| {
+        Error::run(format!("cannot write to standard output: {error}"))
+            .with_help("write to a file with `-o FILE`")
+    })
+}
+
+/// Writes a temporary file without a name in a folder, and returns it, to be read from its beginning.
+fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<File> {
+    let written = || -> IoResult<File> {
+        let mut file = tempfile::tempfile_in(folder)?;
         write(&mut file)?;
         mark::seal(&mut file)?;
         file.rewind()?;
-        let mut out = std::io::stdout().lock();
-        std::io::copy(&mut file, &mut out)?;
-        out.flush()
+        Ok(file)
     };
     written().map_err(|error| {
-        Error::run(format!("cannot write to standard output: {error}"))
-            .with_help("write to a file with `-o FILE`")
+        let folder = folder.display();
+        Error::run(format!("cannot write a temporary file in the folder '{folder}': {}", cause(&error)))
+            .with_help(limit_advice(&error).unwrap_or(NO_TEMPORARY))
     })
 }
 
@@ -178,6 +190,21 @@ mod tests {
     fn json_for_standard_output_makes_no_file() {
         Target::new("-", KEEP).write_json(&serde_json::json!([{"a": 1}])).unwrap();
         assert!(!Path::new("-").exists());
+    }
+
+    #[test]
+    fn a_temporary_file_that_cannot_be_written_is_not_blamed_on_standard_output() {
+        let parent = tempfile::tempdir().unwrap();
+        let missing = parent.path().join("missing");
+        let full = |_: &mut File| -> IoResult<()> { Err(std::io::ErrorKind::StorageFull.into()) };
+        for (folder, error) in [
+            (missing.as_path(), temporary(&missing, |_| Ok(())).unwrap_err()),
+            (parent.path(), temporary(parent.path(), full).unwrap_err()),
+        ] {
+            let expected = format!("cannot write a temporary file in the folder '{}': ", folder.display());
+            assert!(error.to_string().starts_with(&expected), "{error}");
+            assert!(error.exit_code() == 1 && error.remedy().contains("TMPDIR"), "{}", error.remedy());
+        }
     }
 
     /// If another program makes a file at the target's path during the write, that file is not replaced.

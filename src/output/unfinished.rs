@@ -2,7 +2,7 @@
 
 use crate::record::{TEMPORARY_PREFIX, temporary_in};
 use std::fs::File;
-use std::io::{Result as IoResult, Seek as _};
+use std::io::{ErrorKind, Result as IoResult, Seek as _};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
@@ -31,6 +31,21 @@ impl Unfinished {
         match self {
             Self::Unnamed(file) => file,
             Self::Named(file) => file.as_file_mut(),
+        }
+    }
+
+    /// Gives the complete file its final name, if it has no name yet, and if no other file has the final name. Returns
+    /// false if the file must have a temporary name first: it has one already, or it cannot get a name without a copy.
+    ///
+    /// # Errors
+    ///
+    /// Fails if another file has the name.
+    pub fn link_to(&self, path: &Path) -> IoResult<bool> {
+        let Self::Unnamed(file) = self else { return Ok(false) };
+        match link(file, path) {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(error),
+            Err(_) => Ok(false),
         }
     }
 
@@ -119,6 +134,26 @@ mod tests {
         assert_eq!(std::fs::read(file.path()).unwrap(), b"whole");
         drop(file);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_file_without_a_name_gets_its_final_name_at_once_if_it_is_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut file = Unfinished::in_folder(folder.path()).unwrap();
+        file.file().write_all(b"whole").unwrap();
+        let has_name = matches!(file, Unfinished::Named(_));
+        // Where /proc is not mounted, a file without a name must be copied.
+        if file.link_to(&path).unwrap() {
+            assert!(!has_name);
+            assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+            let other = Unfinished::in_folder(folder.path()).unwrap();
+            assert_eq!(other.link_to(&path).unwrap_err().kind(), ErrorKind::AlreadyExists);
+            assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        }
+        let named = Unfinished::Named(temporary_in(folder.path()).unwrap());
+        assert!(!named.link_to(&folder.path().join("b.png")).unwrap());
     }
 
     #[test]

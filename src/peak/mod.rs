@@ -12,6 +12,7 @@ pub use traffic::Traffic;
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result, shortened};
+use crate::existing;
 use crate::measure::Summary;
 use crate::reader::{self, Kind};
 use crate::record::{Record, write_whole};
@@ -142,10 +143,15 @@ impl Peak {
         })
     }
 
-    /// Reads the rates in a folder of results; empty if they were not measured.
+    /// Reads the peak rates that are stored in a folder of results. Returns an empty list if the folder has
+    /// no file of peak rates.
     pub fn stored_in(folder: &Path) -> Result<Vec<Self>> {
-        let path = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
-        path.map_or(Ok(Vec::new()), |path| Self::read(&path).map_err(|error| error.with_help(MEASURED_AGAIN)))
+        for path in [FILE, OLD_FILE].map(|name| folder.join(name)) {
+            if existing::exists(&path)? {
+                return Self::read(&path).map_err(|error| error.with_help(MEASURED_AGAIN));
+            }
+        }
+        Ok(Vec::new())
     }
 
     /// Writes a list for several devices.
@@ -160,8 +166,8 @@ impl Peak {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
 
-    /// Returns whether the rates are those of one of these devices with another driver or in another state. Rates
-    /// without a state are those of any state.
+    /// Returns whether the rates are those of one of these devices, but with another driver or in another
+    /// state. Rates without a state count as rates of every state.
     pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
         let fits = |device: &&DeviceInfo| {
             (&self.platform, &self.driver) == (&device.platform, &device.driver)
@@ -171,7 +177,14 @@ impl Peak {
         !own.is_empty() && !own.iter().any(fits)
     }
 
-    /// Adds the rates of devices that are not in the list yet.
+    /// Returns whether the rates are those of the same device with the same driver and in the same state as `earlier`.
+    /// Earlier rates without a state count as rates of every state.
+    pub fn is_of_state_of(&self, earlier: &Self) -> bool {
+        (&self.device, &self.platform, &self.driver) == (&earlier.device, &earlier.platform, &earlier.driver)
+            && (earlier.state.is_none() || earlier.state == self.state)
+    }
+
+    /// Adds to `all` those of the rates `more` whose devices have no rates in `all` yet.
     pub fn add_new(all: &mut Vec<Self>, more: Vec<Self>) {
         for peak in more {
             if all.iter().all(|known| known.device != peak.device) {
@@ -288,6 +301,16 @@ mod tests {
         assert_eq!(Traffic::of(&moved).map(|traffic| traffic.bytes()), Some(29.0));
         let bvh = described("bvh");
         assert!(bvh.operations_per_test.is_some() && bvh.triangle_bytes_per_test.is_none());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn rates_that_cannot_be_found_do_not_count_as_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Peak::stored_in(folder.path()).unwrap(), []);
+        let path = folder.path().join(FILE);
+        std::os::unix::fs::symlink(&path, &path).unwrap();
+        assert!(Peak::stored_in(folder.path()).is_err(), "the link leads to itself");
     }
 
     #[test]

@@ -6,8 +6,8 @@ use crate::strategy::{Axis, Intersector};
 /// operations up to the point at which most misses are found are counted. Additions, multiplications and fused
 /// multiply-adds count as one each. Comparisons, sign changes, minima and the tolerances of edges are not counted. If
 /// edges are tested one by one (on GPUs), some tests end after one or two edges, but the count includes all three. The
-/// count is `operations` in the header of the test's file; `None` if the strategy names no test, or if the test's file
-/// has no count.
+/// count is `operations` in the header of the test's file. The function returns `None` if the strategy names
+/// no test, or if the header has no `operations`.
 pub fn operations_per_test(strategy: &str) -> Option<u32> {
     let name = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;
     Intersector::parse(name).ok()?.operations()

@@ -50,8 +50,8 @@ impl<'a> Rig<'a> {
         Ok(Self { device, queue: Queue::open(device)?, sources })
     }
 
-    /// Returns the number of work-items per work-group: many if the device's lanes are work-items (on a GPU), one if
-    /// the lanes are elements of vectors (on a CPU).
+    /// Returns the number of work-items per work-group. On a CPU, whose lanes are elements of vectors, it is
+    /// 1. On other devices, whose lanes are work-items, it is large.
     pub fn group(&self) -> usize {
         if self.device.info.limits.is_cpu { 1 } else { self.large_group() }
     }

@@ -3,8 +3,9 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::stored::{ProgramCache, StoredProgram};
-use crate::device::{compile, compiler_log, may_pass, quieting};
+use crate::device::{CallError, build, compile, quieting};
 use crate::sources::Sources;
+use ocl::core::create_program_with_binary;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
 use std::ffi::CString;
@@ -181,15 +182,16 @@ fn options(device: Device, spec: &ProgramSpec) -> String {
     format!("{} {more}", spec.options).trim_end().to_owned()
 }
 
-fn refusal(error: ocl::Error) -> BuildError {
-    let may_pass = error.api_status().is_some_and(may_pass);
-    BuildError { log: compiler_log(&error.to_string()), has_own_file: false, may_pass }
+fn refusal(error: CallError) -> BuildError {
+    let may_pass = error.may_pass();
+    BuildError { log: error.message, has_own_file: false, may_pass }
 }
 
 /// Loads a program from a stored binary; `None` if the driver does not accept it.
 fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
-    Program::with_binary(context.as_core(), &[device], &[&stored.binary], &options).ok()
+    let program = create_program_with_binary(context.as_core(), &[device], &[&stored.binary]).ok()?;
+    build(program, device, &options).ok()
 }
 
 /// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function

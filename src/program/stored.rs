@@ -10,6 +10,10 @@ const KIND: &str = "program";
 /// built whether the program is stored.
 const NAME_KIND: &str = "name";
 
+/// The environment variable with which raycl starts a process again after a crash that a stored program may have caused.
+/// The process compiles its programs again, and replaces the stored ones.
+pub const AFRESH: &str = "RAYCL_COMPILE_AFRESH";
+
 /// The cache for a device's programs; by default nothing is stored.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramCache {
@@ -17,6 +21,8 @@ pub struct ProgramCache {
     /// Everything besides a program's source and options that affects the compiled code.
     compiler: String,
     at_hand: bool,
+    /// True if stored programs are not read, but replaced.
+    afresh: bool,
 }
 
 /// A compiled program from the cache.
@@ -30,7 +36,8 @@ pub struct StoredProgram {
 impl ProgramCache {
     /// Returns the cache for the programs of this device and its driver.
     pub fn of(cache: Cache, device: &DeviceInfo) -> Self {
-        Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand() }
+        let afresh = std::env::var_os(AFRESH).is_some();
+        Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand(), afresh }
     }
 
     /// Returns the key of a program.
@@ -50,6 +57,9 @@ impl ProgramCache {
 
     /// Returns the program stored under a key.
     pub fn find(&self, key: &str) -> Option<StoredProgram> {
+        if self.afresh {
+            return None;
+        }
         StoredProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
@@ -124,6 +134,19 @@ mod tests {
             change(&mut other);
             assert_eq!(stored(&other, "text", "-D A=1"), None, "{other:?}");
         }
+    }
+
+    #[test]
+    fn after_a_crash_a_stored_program_is_not_read_but_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path(), 1 << 20);
+        let programs = programs_of(&cache, &example("PoCL", "cpu", DeviceKind::Cpu, 2));
+        let program = |byte| StoredProgram { log: String::new(), binary: vec![byte] };
+        assert!(programs.store("key", &program(1)));
+        let afresh = ProgramCache { afresh: true, ..programs.clone() };
+        assert!(afresh.find("key").is_none());
+        assert!(afresh.store("key", &program(2)));
+        assert_eq!(programs.find("key").unwrap().binary, [2]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! `anchors.jsonl`: times of the anchor, a fixed kernel that each device runs once for every six samples of its points,
-//! or once in every round if a round has fewer samples on the device. These times make runs comparable even if the
-//! machine's speed changed between the runs.
+//! `anchors.jsonl`: times of the anchor, which is a kernel that never changes. Each device runs the anchor once for
+//! every six samples of its points, or once in every round if a round has fewer samples on the device. With these
+//! times, runs can be compared even if the machine's speed changed between the runs.
 
 use super::plan::CurrentPlan;
 use super::types::Record;
@@ -55,7 +55,7 @@ pub(super) struct AnchorTimes<'a> {
 /// The ratio of an anchor's processor time to its elapsed time. Other programs that delay the anchor make it smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AnchorUtilization {
-    /// The median over the samples that remain without the preempted ones.
+    /// The median of the ratios of the remaining samples ([`AnchorTimes::remaining`]).
     pub remaining: f64,
     /// The ratio for all samples together, including the preempted ones. Other programs delay a point with long frames
     /// about as much as all samples of the anchor together.
@@ -91,9 +91,9 @@ impl AnchorUtilization {
 
 /// In the samples of anchors, replaces the devices' names by the names that a plan (the list of a run's points) uses.
 /// `records` are records of the same folder, with the names under which they were stored. A device's name depends on
-/// the machine's other devices, so an earlier session may have used another name than the plan. If no record has an
-/// anchor's launch and device, as after a session that was interrupted, the anchor gets the device name of other
-/// anchors with the same anchor name.
+/// the machine's other devices, so an earlier session may have used another name than the plan. For each sample, the
+/// record with the same launch and device shows the new name. If there is no such record, for example after a session
+/// that was interrupted, the sample gets the device name of other samples with the same anchor name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,

@@ -41,14 +41,16 @@ impl RelativeTimes {
         self.standing.level() - of_control
     }
 
-    /// Returns the name of the record's family. Only the levels of records of one family can be compared: the blocks of
-    /// these records share a control point or, without a control point, the records were measured in the same rounds.
+    /// Returns the name of the record's family. Only levels of records of one family can be compared. The blocks of the
+    /// family's records share a control point. If the records have no control point, those of the same rounds are a
+    /// family.
     pub(super) fn family(&self) -> String {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
-    /// Returns the ratio of this record's time to that of `other`, computed from their ratios to the control
-    /// point that their blocks share.
+    /// Returns the ratio of this record's time to that of `other`, computed from the ratios of both times to the time
+    /// of the control point that their blocks share. Returns `None` if a block has no control point, or if the blocks
+    /// have different ones.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |times: &Self, control: &Control| match control.is_itself {
@@ -106,9 +108,9 @@ mod tests {
         assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
-    /// The control point's ratio to itself is exactly 1 and has no error. If a point is compared with the control point
-    /// in another block, the result therefore has only the error of the point's ratio to the control point in the
-    /// point's own block.
+    /// The control point's ratio to itself is exactly 1 and has no error. If a point of one block is compared with the
+    /// control point as measured in another block, the only error of the result is therefore that of the ratio within
+    /// the point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let records = of_two_machines();

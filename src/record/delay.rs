@@ -1,11 +1,11 @@
-//! Estimates by how much more other programs may have delayed a point than its anchor, or the anchor than the point.
+//! Estimates the difference between the delays that other programs may have caused for a point and for its anchor.
 //!
 //! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But other
-//! programs need not delay both by the same factor: a frame of half a millisecond often ends before it is preempted,
-//! whereas an anchor of five milliseconds may be preempted in all samples. Preempted samples are left out, but each
-//! launch keeps at least five samples, and a run whose samples are all preempted keeps them all. The utilization
-//! (processor time divided by elapsed time) of the samples that remain shows by how much other programs may have
-//! delayed them.
+//! programs need not delay the point and the anchor by the same factor. For example, a frame of half a millisecond
+//! often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in all samples. Preempted
+//! samples are left out, but each launch keeps at least five samples. If all samples of a run are preempted, none is
+//! left out. The utilization (processor time divided by elapsed time) of the remaining samples shows by how much other
+//! programs may have delayed these samples.
 
 use super::types::Record;
 
@@ -42,8 +42,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a record with this utilization. Its anchor has two utilizations: that of the samples that remain without
-    /// the preempted ones, and that of all samples.
+    /// Returns a record with this utilization. Its anchor has two utilizations: one of the samples without the
+    /// preempted ones (`remaining`), and one of all samples (`overall`).
     fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
         let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
         record.utilization = Some(utilization);

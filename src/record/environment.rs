@@ -1,5 +1,4 @@
-//! `environment.json`: on which machine, from which files and with which settings a run was
-//! measured.
+//! `environment.json`: describes the machine, the input files and the settings of a run.
 
 use std::path::Path;
 
@@ -8,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::clocks::Clocks;
 use super::git::git_state;
 use super::whole::write_whole;
-use crate::device::{DeviceInfo, common_name};
+use crate::device::{DeviceInfo, common_name, variables};
 use crate::error::{Error, Result};
 
 /// Everything that may affect a result and is not in a record.
@@ -60,7 +59,7 @@ pub struct Source {
     /// null if a file cannot be read.
     pub hash: Option<String>,
     /// The commit that is checked out in the file's repository, and whether the file has been changed since this
-    /// commit; null outside a git repository, and for the kernels of the binary.
+    /// commit. Null if the file is in no git repository, and for the kernels of the binary.
     pub git: Option<String>,
 }
 
@@ -135,6 +134,9 @@ pub struct DeviceEnvironment {
     /// The environment variables that affect the device's times, as `NAME=VALUE`.
     #[serde(default)]
     pub settings: Vec<String>,
+    /// Those of `settings` that raycl itself has set, because the user had not set them.
+    #[serde(default)]
+    pub set_by_raycl: Vec<String>,
 }
 
 impl DeviceEnvironment {
@@ -157,6 +159,7 @@ impl DeviceEnvironment {
             cores: info.cores,
             uuid: info.hardware.uuid,
             pci_bus: info.hardware.pci_bus,
+            set_by_raycl: variables::set_by_raycl(&info.settings),
             settings: info.settings,
         }
     }
@@ -213,7 +216,7 @@ fn os_name() -> String {
     os_in(&release).unwrap_or_else(|| std::env::consts::OS.into())
 }
 
-/// Returns the name of the operating system in the text of /etc/os-release.
+/// Returns the name of the operating system in the text of /etc/os-release; `None` if the text contains no name.
 fn os_in(release: &str) -> Option<String> {
     let name = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="))?;
     Some(name.trim_matches('"').to_string())
@@ -223,7 +226,7 @@ fn cpu_model() -> Option<String> {
     cpu_in(&std::fs::read_to_string("/proc/cpuinfo").ok()?)
 }
 
-/// Returns the model of the first processor in the text of /proc/cpuinfo.
+/// Returns the model of the first processor in the text of /proc/cpuinfo; `None` if the text contains no model.
 fn cpu_in(cpuinfo: &str) -> Option<String> {
     let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
     line.split_once(':').map(|(_, model)| model.trim().to_string())
@@ -302,7 +305,7 @@ mod tests {
             "device": "a label", "platform": "a platform", "platform_version": "its version", "version": "OpenCL 3.0",
             "vendor": "a vendor", "driver": "a driver", "kind": "accelerator", "compute_units": 7, "threads": 5,
             "compute_capability": "9.0", "max_clock_mhz": 1980, "timer_resolution_ns": 1000, "cores": 3,
-            "uuid": "0123", "pci_bus": "0000:1b:00.0", "settings": ["A=1"],
+            "uuid": "0123", "pci_bus": "0000:1b:00.0", "settings": ["A=1"], "set_by_raycl": [],
         });
         assert_eq!(serde_json::to_value(DeviceEnvironment::of(&info)).unwrap(), expected);
     }

@@ -14,6 +14,7 @@ use super::types::Record;
 use super::verification::hardly_verified_images;
 use super::{Lines, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::reader;
 use crate::words::{path_word, quote};
 use serde_json::Value;
@@ -37,7 +38,7 @@ pub struct Folder {
     /// divided into blocks. They are not in `records`.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
-    /// the file does not exist.
+    /// the file cannot be read.
     pub environment: Value,
     /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
@@ -50,17 +51,18 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder of results; `path` names the folder or its journal of records. A folder without records is an
-    /// input error (a mistake of the user).
+    /// Reads a folder of results; `path` names the folder or its journal of records. If there is no journal of records,
+    /// returns an input error (a mistake of the user).
     pub fn read(path: &Path) -> Result<Self> {
-        let (folder, journal) = match path.is_file() {
+        let is_journal = existing::is_file(path)?;
+        let (folder, journal) = match is_journal {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
             false => (path, path.join(RECORDS)),
         };
-        if !journal.is_file() {
+        if !existing::is_file(&journal)? {
             return Err(no_results(path));
         }
-        let lines = match path.is_file() {
+        let lines = match is_journal {
             true => read_lines::<Record>(&journal)?.refuse_if_all_damaged(&journal)?,
             false => read_records(folder)?,
         };
@@ -161,8 +163,8 @@ fn of_merge(folder: &Path) -> Vec<String> {
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
-/// Reads a folder's journal of records. If the folder has no plan (`plan.json`), and no line of the journal can be
-/// read, the file is probably not raycl's, and an input error (a mistake of the user) is returned.
+/// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no plan
+/// (`plan.json`) and no line of the journal can be read: the file is then probably not raycl's.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
@@ -220,7 +222,7 @@ impl Shown {
 
 /// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If there is no
 /// plan, returns the records of all control points. A control point has a record for each block, and the launches of
-/// blocks differ. Of several records of the same launches, the last one is used.
+/// blocks differ. If a control point has several records of the same launches, the last one is used.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -240,7 +242,7 @@ fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
 
-/// Reads `environment.json`; if that fails, the result is null, with a note.
+/// Returns the contents of `environment.json`. If the file cannot be read, returns null and a note that says so.
 fn environment(folder: &Path) -> (Value, Option<String>) {
     let path = folder.join(ENVIRONMENT);
     let text = reader::bytes(&path, reader::Kind::Results).ok();
@@ -269,8 +271,9 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Of all records for which `name` returns the same text, returns the last one. `name` returns a text that identifies a
-/// record, such as its key. The returned records are in the order in which their texts first occur.
+/// Returns the records without repetitions. `name` returns a text that identifies a record, such as its key. If several
+/// records have the same text, only the last of these records is returned. The returned records are in the order in
+/// which their texts first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut indices: HashMap<String, usize> = HashMap::new();
     let mut newest: Vec<Record> = Vec::new();
@@ -401,6 +404,16 @@ mod tests {
             Folder::read(path).unwrap().records.into_iter().map(|record| record.name).collect()
         };
         assert_eq!([names(folder.path()), names(&folder.path().join(RECORDS))], [["bvh"], ["bvh"]]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_cannot_be_opened_is_not_said_to_hold_no_results() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("results");
+        std::os::unix::fs::symlink(&folder, &folder).unwrap();
+        let error = Folder::read(&folder).expect_err("the link leads to itself").to_string();
+        assert!(error.starts_with(&format!("cannot read {}", folder.display())), "{error}");
     }
 
     #[test]
@@ -590,9 +603,9 @@ mod tests {
         }
         let read = Folder::read(folder.path()).unwrap();
         for start in [
-            "Differences below 2.1% between two points cannot be detected here.",
-            "Hosts differ: teapot, 800 x 500, gpu: naive at 8 x 8 took 10.00 ms on n1 and 15.00 ms on n2",
-            "Disturbed: in 1 of 1 launch whose load is known (of 2 in all), other programs",
+            "Differences below 2.1% between two points are mostly not detected here.",
+            "The hosts differ in speed: the point \"teapot, 800 x 500, gpu, naive at 8 x 8\" took 10.00 ms on n1 and 15.00 ms on n2",
+            "Disturbed: the load of 1 of 2 launches is known. In this launch, other programs",
             "2 samples are left out, because a thread that cast the frame had to wait for a processor.",
             "The core-to-core latency changed between 60 and 260 ns",
         ] {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// A control point, and its time on each machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Control {
-    /// A description such as "teapot, 800 x 500, NVIDIA H200: naive at 8 x 8".
+    /// A description such as "teapot, 800 x 500, NVIDIA H200, naive at 8 x 8".
     pub point: String,
     /// The machines, sorted by name.
     pub hosts: Vec<AtHost>,
@@ -92,7 +92,7 @@ fn control(records: &[&Record]) -> Control {
 
 fn name(record: &Record) -> String {
     let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
-    format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
+    format!("{}, {}, {}, {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
 /// Returns one note for each machine that differs from the fastest machine for the same point (see
@@ -107,7 +107,7 @@ pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<
             let Some([middle, low, high]) = host.slower else { continue };
             let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
             let text = format!(
-                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). raycl compares points of different blocks by the ratios of their times to the time of their group's control point, so a difference that is equal for all points cancels.",
+                "The hosts differ in speed: the point \"{}\" took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). raycl compares points of different blocks by the ratios of their times to the time of their group's control point, so a difference that is equal for all points cancels.",
                 control.point,
                 duration(fastest.median_ms),
                 fastest.host,
@@ -223,7 +223,7 @@ mod tests {
             hosts_that_differ(&judged(records), &[]).concat()
         };
         let [growing, falling] = [ratios(12.0, 15.0), ratios(15.0, 12.0)];
-        assert!(growing.contains("gpu: b "), "{growing}");
-        assert!(falling.contains("gpu: a "), "{falling}");
+        assert!(growing.contains("gpu, b "), "{growing}");
+        assert!(falling.contains("gpu, a "), "{falling}");
     }
 }

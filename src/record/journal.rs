@@ -1,8 +1,8 @@
-//! Journals: files with one JSON object per line. What is appended is on the disk before more is appended. If a crash
-//! interrupts a write, only lines of this write are lost.
+//! Journals: files with one JSON object per line. Appended lines are on the disk before further lines are appended. If
+//! a crash interrupts a write, only the lines of this write are lost.
 
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead as _, BufReader, Seek, SeekFrom, Write};
+use std::io::{BufRead as _, BufReader, ErrorKind, Result as IoResult, Write as _};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,8 @@ use serde::de::DeserializeOwned;
 
 use super::own_file;
 use crate::error::{Error, Result};
-use crate::reader;
+use crate::existing;
+use crate::reader::{self, folder_of};
 use crate::words::counted;
 
 /// A file to which values of type `T` are appended.
@@ -23,19 +24,16 @@ pub struct JsonLines<T> {
 }
 
 impl<T: Serialize> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed.
+    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed. The system
+    /// puts every write at the file's end, so that two runs that write to the file do not overwrite each other's lines.
+    /// (Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have no locks, and a
+    /// user may have removed the lock's file.)
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
-        let mut file = OpenOptions::new()
-            .create(true)
-            .read(true)
-            .write(true)
-            .truncate(false)
-            .open(path)
-            .map_err(fail)?;
+        let file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
         let end = whole_lines(&std::fs::read(path).map_err(fail)?) as u64;
-        file.set_len(end).and_then(|()| file.seek(SeekFrom::End(0))).map_err(fail)?;
+        file.set_len(end).map_err(fail)?;
         Ok(Self { path: path.to_path_buf(), file, line_type: PhantomData })
     }
 
@@ -45,7 +43,8 @@ impl<T: Serialize> JsonLines<T> {
     }
 
     /// Appends lines. When this function returns, all of them are on the disk. They are written together, since each
-    /// write waits for the disk.
+    /// write waits for the disk. After an error, none of the lines is in the file, not even the beginning of one, since
+    /// the results of another device may be appended next.
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -53,9 +52,32 @@ impl<T: Serialize> JsonLines<T> {
                 .map_err(|error| Error::fault(format!("cannot write {}: {error}", self.path.display())))?;
             bytes.push(b'\n');
         }
-        let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
-        written.map_err(|error| Error::unwritable(&self.path, &error))
+        let write = |file: &mut File| file.write_all(&bytes).and_then(|()| file.sync_data());
+        append_or_nothing(&mut self.file, write).map_err(|error| Error::unwritable(&self.path, &error))
     }
+
+    /// Returns an error if the file is no longer at its path: somebody has removed or replaced the file or its folder,
+    /// so nobody would find the lines that are appended now. If the system does not say where the file is, there is no
+    /// error, since lines can still be appended.
+    pub fn check_place(&self) -> Result<()> {
+        match existing::still_leads_to(&self.path, &self.file) {
+            Ok(true) | Err(_) => Ok(()),
+            Ok(false) => {
+                let folder = folder_of(&self.path).display();
+                let what = "was removed or replaced while this run wrote to it";
+                Err(Error::run(format!("the folder {folder} {what}")).with_help(MOVED))
+            }
+        }
+    }
+}
+
+/// Calls `write`, which appends to the file. If `write` fails, removes everything that it appended.
+fn append_or_nothing(file: &mut File, write: impl FnOnce(&mut File) -> IoResult<()>) -> IoResult<()> {
+    let before = file.metadata()?.len();
+    write(file).inspect_err(|_| {
+        // If this fails too, the beginning of a line stays, and makes the next line a damaged one.
+        let _ = file.set_len(before);
+    })
 }
 
 /// The contents of a file of JSON lines.
@@ -78,7 +100,7 @@ impl<T> Default for Lines<T> {
 }
 
 impl<T> Lines<T> {
-    /// Returns a note on the damaged lines of the file `name`.
+    /// Returns a note on the damaged lines of the file `name`; `None` if no line is damaged.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
         let lines = counted(self.damaged.len(), "damaged line");
@@ -87,8 +109,8 @@ impl<T> Lines<T> {
         ))
     }
 
-    /// Returns an input error (a mistake of the user) if no line of the file can be read, although the file has
-    /// complete lines: such a file is probably not a journal. `path` is the file's path.
+    /// Returns an input error (a mistake of the user) if the file has complete lines, but none of them can be read:
+    /// such a file is probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {
             ([], [.., last]) => {
@@ -104,19 +126,27 @@ impl<T> Lines<T> {
     }
 }
 
+/// The help in an error about a folder that was removed or replaced during a run.
+const MOVED: &str = "if the folder was moved, the results up to now are in its new place: name that place with --out to continue there; do not move or remove a folder while a run writes to it";
 /// The help in an error about a folder or a file that holds no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 
 /// Reads a journal. A missing journal counts as empty: folders of earlier versions lack some journals, and an attempt
-/// that was killed early has none.
+/// that was killed early has none. A journal that may exist, but cannot be read, is an error.
 pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
+    if existing::exists(path)? { read_lines(path) } else { Ok(Lines::default()) }
 }
 
 /// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    let unreadable =
-        |error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER);
+    use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
+    let unreadable = |error: std::io::Error| match error.kind() {
+        // The path is that of something else than a journal.
+        InvalidInput | IsADirectory | NotADirectory | NotFound => {
+            Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
+        }
+        _ => existing::unreadable(path, &error),
+    };
     let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);
     let mut read = Lines::default();
     let mut line = Vec::new();
@@ -242,6 +272,74 @@ mod tests {
         std::io::Read::read_to_string(&mut reader, &mut text).unwrap();
         assert!(text.ends_with('\n'), "it was written: {text}");
         assert_eq!(text.lines().count(), 4, "{text}");
+    }
+
+    #[test]
+    fn two_writers_of_a_file_do_not_overwrite_each_others_lines() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let [mut one, mut other] = [(); 2].map(|()| JsonLines::append_to(&path).unwrap());
+        for key in ["a", "b"] {
+            one.append(&record(key)).unwrap();
+            other.append(&record(key)).unwrap();
+        }
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.damaged), (["a", "a", "b", "b"].map(record).to_vec(), Vec::new()));
+    }
+
+    #[test]
+    fn after_a_failed_write_the_next_line_begins_on_a_line_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let mut journal = JsonLines::append_to(&path).unwrap();
+        journal.append(&record("a")).unwrap();
+        let disk_full = append_or_nothing(&mut journal.file, |file| {
+            file.write_all(b"{\"key\":\"b\",\"sce")?;
+            Err(ErrorKind::StorageFull.into())
+        });
+        assert_eq!(disk_full.unwrap_err().kind(), ErrorKind::StorageFull);
+        journal.append(&record("c")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.damaged), (["a", "c"].map(record).to_vec(), Vec::new()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_whose_folder_was_moved_is_noticed() {
+        let parent = tempfile::tempdir().unwrap();
+        let [folder, moved] = ["out", "old"].map(|name| parent.path().join(name));
+        std::fs::create_dir(&folder).unwrap();
+        let journal = JsonLines::<Record>::append_to(&folder.join("records.jsonl")).unwrap();
+        journal.check_place().unwrap();
+        std::fs::rename(&folder, &moved).unwrap();
+        let error = journal.check_place().unwrap_err();
+        let expected =
+            format!("the folder {} was removed or replaced while this run wrote to it", folder.display());
+        assert_eq!((error.to_string(), error.exit_code()), (expected, 1));
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join("records.jsonl"), "").unwrap();
+        assert!(journal.check_place().is_err(), "it is another file");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_that_cannot_be_read_does_not_count_as_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        assert!(read_lines_if_any::<Record>(&path).unwrap().lines.is_empty());
+        std::os::unix::fs::symlink(&path, &path).unwrap();
+        // The link leads to itself, so the system's error is not "not found". The same holds for a disk that fails.
+        for read in [read_lines_if_any::<Record>, read_lines::<Record>] {
+            let error = read(&path).unwrap_err();
+            let expected = format!("cannot read {}: ", path.display());
+            assert!(error.exit_code() == 1 && error.to_string().starts_with(&expected), "{error}");
+            assert_ne!(error.remedy(), FOLDER);
+        }
+        // A folder is there, so the journal is not missing.
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        let error = read_lines_if_any::<Record>(&path).unwrap_err();
+        assert_eq!((error.exit_code(), error.remedy()), (2, FOLDER));
     }
 
     #[test]

@@ -23,7 +23,16 @@ pub const SUMMARY: &str = "summary.md";
 /// The folder of the points' pictures.
 pub const IMAGES: &str = "images";
 
+/// The beginning of the name of a file that describes an earlier session.
+const EARLIER_ENVIRONMENT: &str = "environment-";
+
 /// Returns the name of the file that describes an earlier session of the run; the first session has the number 1.
 pub fn earlier_environment(number: usize) -> String {
-    format!("environment-{number}.json")
+    format!("{EARLIER_ENVIRONMENT}{number}.json")
+}
+
+/// Returns whether a file's name is one that [`earlier_environment`] returns.
+pub fn is_earlier_environment(name: &str) -> bool {
+    let number = name.strip_prefix(EARLIER_ENVIRONMENT).and_then(|rest| rest.strip_suffix(".json"));
+    number.and_then(|number| number.parse().ok()).is_some_and(|number| name == earlier_environment(number))
 }

@@ -39,8 +39,8 @@ fn cache(group: &Group<'_>) -> String {
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
-/// Returns the names of all parameters of the records: those of the local size, then the others in
-/// the order in which they first occur.
+/// Returns the names of all parameters of the records. The parameters of the local size come first; the others follow
+/// in the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {

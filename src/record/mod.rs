@@ -77,6 +77,6 @@ pub(crate) use together::{
 pub use together::{judge, judge_with_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
-    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, refuse_closed, refuse_file,
+    TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, read_inside, refuse_closed, refuse_file,
     remove_leftovers, sync_folder, temporary_in, write_new, write_page, write_whole, write_whole_by,
 };

@@ -4,9 +4,10 @@ use super::numbers::ms;
 use super::together::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
+use crate::words::counted;
 
-/// If a record's samples have two modes, a launch still counts as having a single mode if at most this fraction of the
-/// launch's samples belongs to the other mode.
+/// A launch counts as having a single mode if at most this fraction of its samples belongs to the other of the record's
+/// two modes.
 const STRAYS: f64 = 0.1;
 
 /// Returns the record's warning and, if the record's samples lie around two values, a note on these values; `None` if
@@ -21,10 +22,10 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
 /// modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
-    let modes = Modes::of(&record.samples_ms)?;
-    let ([fast, slow], [many, few]) = (modes.ms, modes.samples);
+    let modes = Modes::of(&record.samples_ms, &record.sample_launches)?;
+    let ([fast, slow], [many, few]) = (modes.ms, modes.samples.map(|count| counted(count, "sample")));
     let whose = if is_by_launch(record, &modes) { ", one mode per launch" } else { "" };
-    Some(format!("two modes: {} ms ({many} samples) and {} ms ({few} samples){whose}", ms(fast), ms(slow)))
+    Some(format!("two modes: {} ms ({many}) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
 /// Returns whether there are several launches and each of them has a single mode.
@@ -73,6 +74,17 @@ mod tests {
         };
         let said = two_modes(&sampled("naive", (0..28).map(sample))).expect("two modes");
         assert!(said.ends_with(", one mode per launch"), "{said}");
+    }
+
+    /// A slow point has few samples, so that the dip does not show that one of four launches is slow.
+    #[test]
+    fn one_slow_launch_of_four_is_said_also_of_twenty_samples() {
+        let sample = |index: u32| {
+            let ms = if index < 15 { 1.0 } else { 3.0 };
+            (index / 5, ms * (1.0 + 0.001 * f64::from(index % 5)))
+        };
+        let said = two_modes(&sampled("naive", (0..20).map(sample))).expect("two modes");
+        assert_eq!(said, "two modes: 1.002 ms (15 samples) and 3.006 ms (5 samples), one mode per launch");
     }
 
     #[test]

@@ -30,7 +30,8 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
     /// of the median time. The value is the median over all points.
     pub own_time: Option<f64>,
-    /// The number of points that were not compared, with the reason for the first of them; `None` if all were compared.
+    /// A text with the number of points that were not compared, and with the reason for the first of them; `None` if
+    /// all points were compared.
     pub not_compared: Option<String>,
     /// The causes of noise.
     pub causes: Causes,
@@ -89,7 +90,8 @@ impl Noise {
     }
 }
 
-/// Returns how many points were not compared with others, and why the first of them was not.
+/// Returns a text that says how many points were not compared with others, and why the first of them was not. The text
+/// also says so if there is only one point. Returns `None` if all points were compared.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),
@@ -102,7 +104,8 @@ fn not_compared(records: &[Record]) -> Option<String> {
     };
     let were = counted_of_were(lacking.len(), records.len(), "point");
     let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
-    Some(format!("{were} not compared; the first: {}{size}: {why}", record.name))
+    let first = if lacking.len() == 1 { ": " } else { ". The first is " };
+    Some(format!("{were} not compared{first}{}{size} ({why})", record.name))
 }
 
 impl Causes {
@@ -174,10 +177,10 @@ mod tests {
         assert!(one.is_some_and(|why| why.starts_with("only one point was measured")));
         let all = not_compared(&[zero, refused.clone()]);
         let first =
-            "2 of 2 points were not compared; the first: bvh at 8 x 8: times below the timer's resolution";
+            "2 of 2 points were not compared. The first is bvh at 8 x 8 (times below the timer's resolution)";
         assert_eq!(all.as_deref(), Some(first));
         let some = not_compared(&[naive, wide, refused]);
-        let first = "1 of 3 points was not compared; the first: tile at 8 x 8: infeasible: too large";
+        let first = "1 of 3 points was not compared: tile at 8 x 8 (infeasible: too large)";
         assert_eq!(some.as_deref(), Some(first));
     }
 

@@ -3,6 +3,7 @@
 use super::types::Record;
 use super::write_whole;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::reader;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -96,7 +97,7 @@ impl CurrentPlan {
     /// put together from single files.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
-        if !path.exists() {
+        if !existing::exists(&path)? {
             return Ok(None);
         }
         let unreadable = |error: &dyn std::fmt::Display| {
@@ -163,6 +164,16 @@ mod tests {
         for command in ["raycl run --resume", "raycl reproduce --resume", "raycl merge"] {
             assert!(error.remedy().contains(&format!("`{command}`")), "{}", error.remedy());
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_plan_that_cannot_be_found_does_not_count_as_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(CurrentPlan::read(folder.path()).unwrap(), None);
+        let path = folder.path().join(FILE);
+        std::os::unix::fs::symlink(&path, &path).unwrap();
+        assert!(CurrentPlan::read(folder.path()).is_err(), "the link leads to itself");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
 use super::{AnchorSample, LaunchEnd, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
 use crate::error::{Error, Result};
+use crate::existing;
 use serde::de::DeserializeOwned;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ fn is_a<T: DeserializeOwned>(line: &[u8]) -> bool {
 }
 
 fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repaired>> {
-    if !path.exists() {
+    if !existing::exists(path)? {
         return Ok(None);
     }
     let failed = |error| {

@@ -85,8 +85,8 @@ fn launches_of(records: &[Record]) -> HashSet<u32> {
     records.iter().flat_map(|record| &record.sample_launches).copied().collect()
 }
 
-/// Returns a note if other processes or virtual machines disturbed the launches in which these
-/// records were measured. The load of a launch is unknown if no rounds of this launch took long enough to measure it.
+/// Returns a note if other processes or virtual machines disturbed launches in which these records were measured;
+/// otherwise `None`. The load of a launch is unknown if no rounds of this launch took long enough to measure it.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown = launches_of(records);
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
@@ -99,16 +99,18 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         }
         false => String::new(),
     };
-    let launches = counted(means.len(), "launch");
-    let known = match shown.len() {
-        all if all == means.len() => String::new(),
-        all => format!(" whose load is known (of {all} in all)"),
+    let bad = bad.count();
+    let launches = match (shown.len(), means.len()) {
+        (all, known) if all == known => format!("in {bad} of {}", counted(all, "launch")),
+        (all, 1) => format!("the load of 1 of {all} launches is known. In this launch"),
+        (all, known) => {
+            format!("the load of {known} of {all} launches is known. In {bad} of these {known} launches")
+        }
     };
     Some(format!(
-        "Disturbed: in {} of {launches}{known}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
+        "Disturbed: {launches}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
          {} of {} processors busy{stolen}. This may have made times longer: if \
          possible, stop these programs and run the experiment again.",
-        bad.count(),
         significant(worst.others, 2),
         worst.processors
     ))
@@ -259,7 +261,8 @@ mod tests {
     fn launches_of_unknown_load_are_not_among_those_of_known_load() {
         let records = [Record { sample_launches: vec![0, 1, 2], ..Record::default() }];
         let said = disturbance(&[line(0, 0.9), line(1, 0.9)], &records).unwrap();
-        let expected = "Disturbed: in 2 of 2 launches whose load is known (of 3 in all), other programs";
+        let expected =
+            "Disturbed: the load of 2 of 3 launches is known. In 2 of these 2 launches, other programs";
         assert!(said.starts_with(expected), "{said}");
     }
 

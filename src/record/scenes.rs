@@ -10,8 +10,8 @@ struct Names {
     /// Names from the scene's path: the file's name alone, then with one folder before it, with two
     /// folders, and so on.
     paths: Vec<String>,
-    /// Names for scenes whose paths are equal without the file's extension: a name with the
-    /// extension, one with the values changed in the scene, and one with the scene's hash.
+    /// Names for scenes whose paths differ in the file's extension at most. The first name contains the extension, the
+    /// second the values changed in the scene, and the third the scene's hash.
     others: [String; 3],
 }
 
@@ -59,9 +59,9 @@ struct Content<'r> {
 }
 
 impl Content<'_> {
-    /// Returns whether both are contents of one scene, whose camera raycl placed anew for images of another shape: they
-    /// have the same file with the same changed values, but no image size in common. Records of earlier versions, in
-    /// which the camera did not depend on the shape, may lack the file.
+    /// Returns whether `self` and `other` are contents of one scene whose camera raycl placed anew for images of
+    /// another shape. This is so if both have the same file with the same changed values, but no image size in common.
+    /// Records of earlier versions, in which the camera did not depend on the shape, may lack the file.
     fn is_other_shape_of(&self, other: &Self) -> bool {
         let is_known = self.record.scene_file.is_some();
         is_known && self.made_of() == other.made_of() && self.image_sizes.is_disjoint(&other.image_sizes)

@@ -101,7 +101,7 @@ pub(crate) fn not_enough(record: &Record) -> Option<String> {
     })
 }
 
-/// Returns the reason for a missing time, in one line.
+/// Returns the first line of the reason for a missing time.
 pub(crate) fn first_line(record: &Record) -> &str {
     let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
     reason.lines().next().unwrap_or_default()

@@ -141,8 +141,8 @@ fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Returns a short text that says why a record has no time: the outcome or, for an infeasible point, the short
-/// beginning of its reason ("local" for "__local memory: ...").
+/// Returns a short text that says why a record has no time. The text is the record's outcome. If the outcome is
+/// "infeasible", the text is the beginning of the reason, such as "local" for "__local memory: ...".
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();

@@ -44,10 +44,10 @@ pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     }
 }
 
-/// Computes each record's relative times, and those of the anchors. A record whose median is 0 has no relative times.
+/// Computes each record's relative times, and those of the anchors. A record with times of 0 among its samples has no
+/// relative times: these times are below the resolution of the timer, and how far below is unknown.
 fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-    let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
     for (index, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
         groups.entry(measured_with(record)).or_default().push(index);
     }
@@ -64,6 +64,11 @@ fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
         }
     }
     find_controls(records);
+}
+
+/// Returns whether a record was measured, and none of its times is 0.
+fn has_time(record: &Record) -> bool {
+    median(record).is_some() && record.samples_ms.iter().all(|ms| *ms > 0.0)
 }
 
 /// Records that were measured together, and the anchors that were measured with them.
@@ -90,11 +95,15 @@ impl Table {
         let samples = in_order(own(), &[]);
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
-        let anchor_times = AnchorTimes::of_launches(&launches, anchors);
+        let mut anchor_times = AnchorTimes::of_launches(&launches, anchors);
+        // An anchor with times of 0 cannot be compared, like a point with such times.
+        anchor_times.retain(|anchor| anchor.remaining.iter().all(|sample| sample.ms > 0.0));
         let record_of = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
         let on_processors: Vec<bool> =
             anchor_times.iter().map(|anchor| record_of(anchor).is_some_and(is_on_processors)).collect();
-        let paired = Paired::with_anchors(&in_order(own(), &anchor_times), indices.len(), &on_processors);
+        // Baselines do not show how much the times of kernels vary.
+        let are_kernels: Vec<bool> = own().map(|record| !record.is_baseline()).collect();
+        let paired = Paired::with_anchors(&in_order(own(), &anchor_times), &are_kernels, &on_processors);
         let of_anchors =
             anchor_times.iter().map(|anchor| record_of(anchor).map(between_runs).unwrap_or_default());
         let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
@@ -193,7 +202,7 @@ fn name(samples: &[PairedSample]) -> blake3::Hash {
     hasher.finalize()
 }
 
-/// Returns the median of a measured record.
+/// Returns the median of a record's samples in milliseconds; `None` if the record's outcome is not "measured".
 pub fn median(record: &Record) -> Option<f64> {
     record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
@@ -210,7 +219,7 @@ pub(crate) fn fewest(record: &Record) -> usize {
     fewest_where(record, |ms| ms > 0.0)
 }
 
-/// Returns the number of those samples for which `counts` is true, in the launch that has the fewest of them.
+/// Counts, in each launch, the samples for which `counts` returns true. Returns the smallest of these counts.
 fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     // A launch in which no sample counts must have the number 0 in the map, so the map first gets an entry for every
     // launch.
@@ -223,8 +232,8 @@ fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     of_launches.into_values().min().unwrap_or_else(all)
 }
 
-/// Returns whether a measured record has enough samples, but no rank, because times of 0 are among them: its frames
-/// are shorter than a step of the device's timer.
+/// Returns whether a measured record has enough samples, but no rank, because some of its times are 0. This happens if
+/// a frame takes less than a step of the device's timer.
 pub(crate) fn is_below_resolution(record: &Record) -> bool {
     let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
     median(record).is_some()
@@ -244,8 +253,8 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the ratio of two records' times as if they were measured at different times: without pairs of samples that
-/// are close in time, and without control points.
+/// Returns the ratio of two records' times. Treats the records as measured apart, even if they were measured
+/// together: uses neither pairs of samples that are close in time nor control points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.relative_times.as_ref()?.standing.ratio_apart(&fast.relative_times.as_ref()?.standing))
 }
@@ -269,39 +278,41 @@ pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     Some((&anchor.name, times.standing.ratio(&anchor.standing)))
 }
 
-/// Returns the ratio of the mean time of some records to the anchor's time. The records must have
-/// been measured together.
+/// Returns the ratio of the mean time of some records to the anchor's time; `None` if there is no anchor, or if a
+/// record has no relative times. The records must have been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
     let anchor = records.first()?.relative_times.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.relative_to(&anchor.standing))
 }
 
-/// Returns the ratio of the mean time of some records to the mean time of other records (`reference`). All records must
-/// have been measured together.
+/// Returns the ratio of the mean time of some records to the mean time of other records (`reference`); `None` if a
+/// record has no relative times. All records must have been measured together.
 pub(crate) fn mean_relative_to(records: &[&Record], reference: &[&Record]) -> Option<Relative> {
     Some(mean(records)?.relative_to(&mean(reference)?))
 }
 
-/// Returns the ratio of the mean times of two sets of records as if they were measured at different times, like
-/// [`ratio_apart`]. The records of a set must have been measured together.
+/// Returns the ratio of the mean time of `records` to that of `earlier`. Like [`ratio_apart`], treats the two sets of
+/// records as measured apart. The records of each set must have been measured together. Returns `None` if a record has
+/// no relative times.
 pub(crate) fn mean_relative_to_earlier(records: &[&Record], earlier: &[&Record]) -> Option<Relative> {
     Some(mean(records)?.relative_to_earlier(&mean(earlier)?))
 }
 
-/// Returns the ratio of a record's time to the mean time of records that were measured with it.
+/// Returns the ratio of a record's time to the mean time of records that were measured with it, like
+/// [`ratio_of_means`].
 pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
     ratio_of_means(&[record], others)
 }
 
-/// Returns the ratio of the mean times of two sets of records. All records must have been measured
-/// together.
+/// Returns the ratio of the mean time of `records` to that of `others`; `None` if a record has no relative times. All
+/// records must have been measured together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(&mean(others)?))
 }
 
 /// Returns the ratio of the times of two passes of the same frames of a record. `ratios` has each sample's launch and
-/// ratio. A pass is treated like a point: from run to run, its time changes by a factor of its own, and by a factor
-/// that all points share and that cancels in the ratio. Returns `None` if there are too few samples.
+/// ratio. A pass is treated like a point. From run to run, its time changes by two factors: one of its own, and one
+/// that all points share. The second factor cancels in the ratio. Returns `None` if there are too few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -360,19 +371,20 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns the smallest difference, as a fraction, that two points need so that the samples can show that they do not
-/// tie. Two points tie unless the samples show that one takes more than 1% longer. `part` is the smallest difference,
-/// as a fraction, that the samples can show at all.
+/// Returns the smallest difference between two points, as a fraction, at which the samples can show that the points do
+/// not tie. Two points tie unless the samples show that one takes more than 1% longer. `part` is the smallest
+/// difference, as a fraction, that the samples can show at all.
 fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
 
 /// Returns the smallest difference between two of these records that a single launch can show, as a fraction, by the
 /// rule of [`resolution`]. The result is the median over launches. Records with equal launch numbers must have been
-/// measured together, on one device.
+/// measured together, on one device. Records with times of 0 are left out.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
-    let samples = in_order(records.iter(), &[]);
-    let between: Vec<BetweenRuns> = records.iter().map(between_runs).collect();
+    let records: Vec<&Record> = records.iter().filter(|record| has_time(record)).collect();
+    let samples = in_order(records.iter().copied(), &[]);
+    let between: Vec<BetweenRuns> = records.iter().map(|record| between_runs(record)).collect();
     let launches = samples.chunk_by(|one, other| one.launch == other.launch);
     let of = |launch: &[PairedSample]| {
         Paired::of(launch, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
@@ -409,15 +421,15 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
     let known = points.into_iter().filter(|point| resolution([*point]).is_some());
     let (noisy, fine): (Vec<&Record>, Vec<&Record>) = known.partition(is_noisy);
     let below =
-        |amount: &str| format!("Differences below {amount} between two points cannot be detected here.");
+        |amount: &str| format!("Differences below {amount} between two points are mostly not detected here.");
     let count =
         |points: &[&Record]| points.iter().filter_map(|point| rounds_of(point)).collect::<HashSet<_>>().len();
     match (smallest_difference(&fine), smallest_difference(&noisy)) {
         (None, None) => None,
         (Some(amount), None) | (None, Some(amount)) => Some(below(&amount)),
         (Some(percents), Some(factors)) => Some(format!(
-            "{} In {} of {} groups of points, the times are noisier: differences below {factors} cannot be detected \
-             there.",
+            "{} In {} of {} groups of points, the times are noisier: differences below {factors} are mostly not \
+             detected there.",
             below(&percents),
             count(&noisy),
             count(&[&noisy[..], &fine].concat())
@@ -443,7 +455,8 @@ fn smallest_difference(points: &[&Record]) -> Option<String> {
     })
 }
 
-/// Returns the least and the greatest value of [`resolution`] as shown: percentages or, for noisy points, factors.
+/// Returns the two values of [`resolution`] as texts: percentages or, for noisy points, factors. Returns `None` if the
+/// values are unknown.
 fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
     let shown = |part: f64| match part > NOISY {
         true => significant((1.0 + part).min(LARGEST_FACTOR), 2),
@@ -453,7 +466,7 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
 }
 
 /// Names what the smallest difference between points depends on: "scene", "scene and device", "when the points were
-/// measured". The smallest difference depends on a property if it is not the same for all points that are equal in the
+/// measured". The smallest difference depends on a property if the difference varies among points that are equal in all
 /// other properties. This test finds nothing if, for example, points of different scenes also have different devices.
 /// If the properties that it finds do not explain why the smallest difference varies, all properties in which the
 /// points differ are named.

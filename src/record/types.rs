@@ -330,17 +330,22 @@ impl Record {
         self.outcome.is_fine() && !is_of_the_moment
     }
 
+    /// Returns whether the point exceeded a limit of the device that may differ in each session.
+    pub fn is_of_the_session(&self) -> bool {
+        let reason = self.reason.as_deref();
+        self.outcome == Outcome::Infeasible && reason.is_some_and(Infeasible::is_of_the_session)
+    }
+
     /// Returns the record's rank among the records of a point that several attempts have. The record with the lowest
     /// rank is the point's result.
     pub fn rank(&self) -> u8 {
-        let is_of_the_session = self.reason.as_deref().is_some_and(Infeasible::is_of_the_session);
         match self.outcome {
             // An error must not be hidden by another attempt.
             Outcome::WrongImage => 0,
             Outcome::Measured => 1,
             // A lack of memory at one moment or in one session must not hide that another attempt had enough memory and
             // failed.
-            Outcome::Infeasible if is_of_the_session || !self.is_final() => 4,
+            Outcome::Infeasible if self.is_of_the_session() || !self.is_final() => 4,
             // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
             Outcome::Infeasible | Outcome::BuildFailed => 2,
             Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
@@ -371,14 +376,16 @@ impl Record {
         self.axis("traversal") == Some("raster")
     }
 
-    /// Returns the kernel that casts primary rays, alone or with the rest of the frame.
+    /// Returns the main kernel, which casts primary rays, alone or with the rest of the frame. Returns `None` if the
+    /// record describes no such kernel.
     pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
-    /// Returns the main kernel if its work-groups have the point's local size. The occupancy of a rasteriser's main
-    /// kernel does not depend on this size, since its work-groups have a fixed size. In records of earlier versions,
-    /// this occupancy is wrong: it was predicted for the point's local size, although the driver chose another size.
+    /// Returns the main kernel if its work-groups have the point's local size; `None` for rasterisers. The work-groups
+    /// of a rasteriser's main kernel have a fixed size, so its occupancy does not depend on the point's local size. In
+    /// records of earlier versions, this occupancy is wrong: it was predicted for the point's local size, although the
+    /// driver chose another size.
     pub fn main_kernel_of_local_size(&self) -> Option<&CompiledKernel> {
         self.main_kernel().filter(|_| !self.rasterises())
     }

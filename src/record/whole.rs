@@ -1,9 +1,9 @@
-//! Writes files completely or not at all. Also has checks for the paths in a folder of results: the folder may come
-//! from a stranger, and its paths must not lead out of the folder or to a device file.
+//! Writes files completely or not at all. Also checks the paths in a folder of results. The folder may come from a
+//! stranger, so its paths must not lead out of the folder or to a device file.
 
 use super::journals::IMAGES;
 use crate::error::{Error, Result, is_forbidden};
-use crate::reader::{folder_of, may_write};
+use crate::reader::{self, folder_of, may_write};
 use std::fs::DirEntry;
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
@@ -74,8 +74,8 @@ fn replace(
     write().map_err(|error| Error::unwritable(path, &error))
 }
 
-/// Fails if a file, or a link without a target, is in the place of a folder that raycl should write to, or in the place
-/// of a folder above it.
+/// Fails if the path of a folder to which raycl should write, or of a folder above it, belongs to a file or to a link
+/// without a target.
 pub fn refuse_file(folder: &Path) -> Result<()> {
     let leads_nowhere = |path: &Path| path.is_symlink() && matches!(path.try_exists(), Ok(false));
     let is_obstacle = |path: &&Path| path.is_file() || leads_nowhere(path);
@@ -100,7 +100,7 @@ pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
     })
 }
 
-/// Returns `.` if a path is empty, else the path.
+/// Returns the path, or `.` if the path is empty.
 fn or_current(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
@@ -141,8 +141,8 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Removes the temporary files in a folder of results that nobody has changed for `age`. A process that was killed left
-/// them behind. Files that cannot be removed do no harm.
+/// Removes those temporary files in a folder of results that nobody has changed for `age`. They were left behind by
+/// processes that were killed. If a file cannot be removed, it stays, which does no harm.
 pub fn remove_leftovers(folder: &Path, age: Duration) {
     let is_old = |entry: &DirEntry| {
         let changed = entry.metadata().and_then(|file| file.modified());
@@ -151,7 +151,7 @@ pub fn remove_leftovers(folder: &Path, age: Duration) {
         changed.is_ok_and(|changed| changed.elapsed().unwrap_or_default() >= age)
     };
     // A folder that is a link is left out, since the link may lead out of the folder of results.
-    let inner = [IMAGES, "plots", "exports"].map(|name| folder.join(name)).into_iter();
+    let inner = [IMAGES, "plots", "exports", "kinds"].map(|name| folder.join(name)).into_iter();
     for folder in inner.filter(|folder| !folder.is_symlink()).chain([folder.to_owned()]) {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().starts_with(TEMPORARY_PREFIX) && is_old(&entry) {
@@ -172,10 +172,32 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Writes a folder's list of files to the disk.
+/// Returns the bytes of a picture's file in a folder of results. Returns `None` if the path, after links are followed,
+/// leads out of the folder or to something other than an ordinary file. Also returns `None` if the file cannot be read,
+/// or is larger than the pictures that reports show.
+pub fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
+    let resolved = folder.join(path).canonicalize().ok()?;
+    let inside = resolved.starts_with(folder.canonicalize().ok()?);
+    inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
+}
+
+/// Writes a folder's list of files to the disk. Does nothing on a file system that cannot do so for folders, such as
+/// the shared folders of VirtualBox.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
-    std::fs::File::open(folder)?.sync_all()
+    match std::fs::File::open(folder)?.sync_all() {
+        Err(error) if is_unsupported(&error) => Ok(()),
+        synced => synced,
+    }
+}
+
+/// Returns whether an operation failed because the file system does not have it. If a file system has no `fsync` for
+/// folders, Linux returns `EINVAL`.
+#[cfg(unix)]
+fn is_unsupported(error: &IoError) -> bool {
+    use rustix::io::Errno;
+    let errors = [Errno::INVAL, Errno::NOSYS, Errno::OPNOTSUPP];
+    errors.iter().any(|errno| error.raw_os_error() == Some(errno.raw_os_error()))
 }
 
 /// Does nothing, since folders cannot be opened on this system.
@@ -211,17 +233,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let now = std::time::SystemTime::now();
         let hour = Duration::from_secs(3600);
-        std::fs::create_dir(folder.path().join(IMAGES)).unwrap();
-        let files = [".raycl-old", "images/.raycl-old", ".raycl-new", "records.jsonl"];
-        for (name, changed) in files.into_iter().zip([now - 2 * hour, now - 2 * hour, now, now - 2 * hour]) {
+        for inner in [IMAGES, "kinds"] {
+            std::fs::create_dir(folder.path().join(inner)).unwrap();
+        }
+        let files = [".raycl-old", "images/.raycl-old", "kinds/.raycl-old", ".raycl-new", "records.jsonl"];
+        let old = now - 2 * hour;
+        for (name, changed) in files.into_iter().zip([old, old, old, now, old]) {
             let file = std::fs::File::create(folder.path().join(name)).unwrap();
             file.set_modified(changed).unwrap();
         }
         let left = || files.map(|name| folder.path().join(name).exists());
         remove_leftovers(folder.path(), hour);
-        assert_eq!(left(), [false, false, true, true]);
+        assert_eq!(left(), [false, false, false, true, true]);
         remove_leftovers(folder.path(), Duration::ZERO);
-        assert_eq!(left(), [false, false, false, true]);
+        assert_eq!(left(), [false, false, false, false, true]);
     }
 
     #[test]
@@ -257,6 +282,17 @@ mod tests {
         std::fs::create_dir(&taken).unwrap();
         assert_eq!(write_whole(&taken, b"new").unwrap_err().exit_code(), 1);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_of_a_file_system_that_cannot_sync_folders_is_no_failure() {
+        // The file system of /proc has no `fsync` for folders.
+        sync_folder(Path::new("/proc")).unwrap();
+        let [invalid, failed_disk] = [rustix::io::Errno::INVAL, rustix::io::Errno::IO]
+            .map(|errno| is_unsupported(&IoError::from_raw_os_error(errno.raw_os_error())));
+        assert!(invalid && !failed_disk);
+        assert!(sync_folder(Path::new("/nonexistent/x")).is_err());
     }
 
     #[test]

@@ -40,9 +40,10 @@ const SKY_NUDGE: f64 = 1e-6;
 /// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 /// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture coordinate (at
-/// least 1): almost seven rounding errors of single precision. The errors on a device add up to at most six: one of the
-/// first weight (1 minus the other two weights), one of the products of weights and coordinates, two of their sum, and
-/// two of the texel's position, which is the sum times the texture's size, minus a half.
+/// least 1): almost seven rounding errors of single precision. The errors on a device add up to at most six.
+/// The first weight (1 minus the other two weights) has one, the products of weights and coordinates have
+/// one, and the sum of these products has two. The texel's position has two more: it is the sum times the
+/// texture's size, minus a half.
 const TEXTURE_SHIFT: f32 = 4e-7;
 
 /// A surface that is this close to a light may or may not occlude the light. This value is relative to the light's
@@ -121,9 +122,9 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values of a hit's radiance if shadow rays end farther from the hit than usual: as far
-    /// from it as a device ends the shadow rays that it casts from a distant light. `radiance` returns the value for
-    /// shadow rays that end at a given distance from the hit.
+    /// Includes in `sample` the values of a hit's radiance if shadow rays end farther from the hit than
+    /// usual. The distances are those at which a device ends the shadow rays that it casts from a distant
+    /// light. `radiance` returns the hit's radiance if shadow rays end at a given distance from the hit.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -312,6 +313,7 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
 #[cfg(test)]
 mod tests {
     use super::super::fixtures;
+    use super::super::pixel_sample::is_certain;
     use super::super::traverse::Exhaustive;
     use super::super::tree::Tree;
     use super::*;
@@ -396,6 +398,52 @@ mod tests {
         });
         assert!(shifted.change > 0.0);
         assert_eq!(*cast.borrow(), [0, 1]);
+    }
+
+    /// Returns whether the single pixel of a scene's picture is certain, without and with the quick search.
+    fn certain(scene: &Scene) -> [bool; 2] {
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let caster = Caster::new(scene, [1, 1], Exhaustive::new(&scene.mesh, Culling::None));
+        let frame = scene.camera.pixel_frame(1, 1);
+        let seen = Seen::of(scene, Sample::CENTRE, [0, 0]);
+        let bias = f64::from(scene.shadow_bias);
+        let asked = Asked { caster: &caster, frame: &frame, bias, seen, centre: [0.5, 0.5] };
+        let quick = quick_sample(&asked, &tree).expect("the ray hits one triangle first");
+        [sample(&asked), quick].map(|sample| is_certain(&sample, 1e-9))
+    }
+
+    /// Between half the shadow bias and twice the bias, rounding may decide whether a surface casts a shadow.
+    #[test]
+    fn a_shadow_of_what_is_about_as_near_as_the_bias_is_uncertain() {
+        let of = |gap: f32| certain(&fixtures::lit_from_behind(gap));
+        assert_eq!([4e-3, 7e-3, 1.4e-2, 2.5e-2].map(of), [[true; 2], [false; 2], [false; 2], [true; 2]]);
+    }
+
+    /// At a light that is 100 units away, rounding may move the light or an occluder by 1e-4 units.
+    #[test]
+    fn a_shadow_of_what_is_about_as_far_as_the_light_is_uncertain() {
+        let of = |beyond: f32| {
+            let mut scene = fixtures::lit_from_behind(98.0 + beyond);
+            scene.lights[0].position = vec3(0.0, 0.0, -100.0);
+            certain(&scene)
+        };
+        assert_eq!([-1e-2, -5e-5, 5e-5, 1e-2].map(of), [[true; 2], [false; 2], [false; 2], [true; 2]]);
+    }
+
+    /// A device rounds a light's position relative to the position's distance from the origin.
+    #[test]
+    fn an_error_at_a_light_is_relative_to_the_larger_of_its_distances_from_the_hit_and_the_origin() {
+        let mut scene = fixtures::single_triangle();
+        scene.lights[0].position = vec3(0.0, 300.0, 400.0);
+        let caster = Caster::new(&scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None));
+        let frame = scene.camera.pixel_frame(80, 50);
+        let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+        let asked = Asked { caster: &caster, frame: &frame, bias: 1e-4, seen, centre: [40.5, 25.5] };
+        let scale =
+            |light, distance| asked.scale(&Sight { light, point: DVec3::ZERO, w_i: DVec3::Y, distance });
+        assert_eq!([scale(0, 2.0), scale(0, 600.0)], [500.0, 600.0]);
+        // The sky's number follows that of the last light. The sky has no position.
+        assert_eq!(scale(1, 2.0), 2.0);
     }
 
     /// Returns the camera of a very wide picture.

@@ -13,6 +13,19 @@ pub(crate) fn single_triangle() -> Scene {
     scene("single triangle", upright(glossy(vec3(2.5, 2.0, 0.0))), vec3(1.0, 3.0, 1.0))
 }
 
+/// The triangle of the first scene, with normals that point to a light behind it. A copy of the triangle lies between
+/// the triangle and the light, `gap` behind the triangle. The shadow bias is 0.01.
+pub(crate) fn lit_from_behind(gap: f32) -> Scene {
+    let mut scene = single_triangle();
+    scene.mesh_mut().normals.fill(Vec3::NEG_Z);
+    scene.lights[0].position = vec3(0.0, 0.0, -4.0);
+    scene.shadow_bias = 1e-2;
+    let mut behind = (*scene.mesh).clone();
+    behind.positions.iter_mut().for_each(|corner| corner.z -= gap);
+    scene.mesh_mut().append(behind);
+    scene
+}
+
 /// The scene of the paper's Figure 4: the triangle of the first scene in green, its reversed twin,
 /// and the ground.
 pub(crate) fn figure_4() -> Scene {

@@ -87,8 +87,8 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the weight of one pixel in the filter for another pixel, from the unoccluded light of both: largest if it is
-/// equal.
+/// Returns the weight that one pixel has in the filter for another pixel. The arguments are the unoccluded
+/// light of both pixels. The weight is largest if the two are equal, and 0 if they differ much.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)

@@ -28,7 +28,8 @@ pub struct Layers {
     pub triangle: Vec<u32>,
     /// The number of the object in the scene, from 0; [`NOTHING`] without a hit.
     pub object: Vec<u32>,
-    /// Number of triangles against which the pixel's rays, including shadow rays, are tested in a tree.
+    /// Number of triangles against which the pixel's rays, including shadow rays, are tested if they traverse
+    /// a tree.
     pub tests: Vec<u32>,
     /// Number of nodes of the tree that the pixel's rays, including shadow rays, visit.
     pub nodes: Vec<u32>,

@@ -108,9 +108,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts only some pixels. The value of a pixel is the mean of its samples, which are the first `count(pixel)` elements
-/// of `of_pixel`. A pixel is certain if the mean of its samples' changes is small. Pixels that are not cast are black
-/// and uncertain, and are not used in verification.
+/// Casts only the pixels with the indices `pixels`. The value of a pixel is the mean of its samples, which
+/// are the first `count(pixel)` elements of `of_pixel`. A pixel is certain if the mean of its samples'
+/// changes is small. Pixels that are not cast are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
@@ -138,8 +138,8 @@ pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
     (0..count(size)).collect()
 }
 
-/// Returns the indices of `some` pixels, or of all pixels if the image has fewer. The pixels are chosen at random, but
-/// every call chooses the same pixels.
+/// Returns the indices of `some` pixels, or of all pixels if the image has fewer pixels. The pixels are
+/// chosen at random, but every call chooses the same ones.
 pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();

@@ -54,7 +54,7 @@ impl PixelSample {
         }
     }
 
-    /// Adds another sample of the same pixel. The pixel hits something if any of its samples does.
+    /// Adds another sample of the same pixel. The pixel counts as a hit if any of its samples hits something.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
         // If one sample certainly hits something, the pixel certainly hits something.
@@ -86,12 +86,13 @@ pub(super) enum Reach {
     Near,
 }
 
-/// Returns whether no nudge changes a pixel noticeably, relative to the greater of its brightness and `floor`.
+/// Returns whether a pixel is certain: no nudge changes it by [`RELATIVE_LIMIT`] or more, relative to the
+/// greater of its brightness and `floor`.
 pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Returns whether no nudge, except possibly a wide one, changes a pixel noticeably.
+/// Returns whether a pixel is certain or nearly certain: like [`is_certain`], but wide nudges are ignored.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }

@@ -94,10 +94,10 @@ impl Tree {
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles of all leaves
-    /// whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first, `far` is `ray.far`. The
-    /// visitor also gets `far`, and returns the new `far`: the distance up to which further triangles matter. A value
-    /// not above `ray.near` ends the traversal.
+    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles of all
+    /// leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first, `far` is
+    /// `ray.far`. The visitor gets a triangle and `far`. It returns the new value of `far`: the distance up
+    /// to which further triangles matter. The traversal ends if this value is not above `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });

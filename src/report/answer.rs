@@ -28,8 +28,8 @@ pub struct Answer {
     pub interval: String,
     /// The speed-ups of the best point over the serial baselines and over the best point of the preset `naive`.
     pub speedups: Vec<Speedup>,
-    /// If the best point of the preset `naive` is itself the fastest: its name, as it is written in speed-ups of other
-    /// groups. Otherwise `None`.
+    /// The name of the best point of the preset `naive`, as speed-ups of other groups show it, if this point is itself
+    /// the fastest. `None` if it is not.
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure".
     pub sureness: &'static str,
@@ -123,13 +123,13 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
     over.filter_map(|other| speedup(best, other)).collect()
 }
 
-/// Returns the fastest point of the preset `naive` in a group.
+/// Returns the record of a group's fastest point with the preset `naive`; `None` if no such point has a time.
 fn naive<'a>(group: &Group<'a>) -> Option<&'a Record> {
     group.best_where(|record| record.preset.as_deref() == Some("naive"))
 }
 
-/// Returns the name of a record's point, as a speed-up of another point over this point shows it: a baseline's name, or
-/// a text such as "the best naive point".
+/// Returns the name by which a speed-up refers to the slower point, whose record is given: a baseline's name, or a text
+/// such as "the best naive point".
 fn over(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),
@@ -225,8 +225,8 @@ pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
-/// Returns the second part of the summary, such as "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to
-/// 78 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner, the
+/// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as serial-f32, 1.04 to
+/// 7.82 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner, the
 /// number of these groups follows. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
@@ -239,8 +239,8 @@ fn gains(answers: &[Answer]) -> String {
     }
     let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
     let text = |(name, ratios): &(&str, Vec<f64>)| {
-        let low = significant(ratios.iter().copied().fold(f64::INFINITY, f64::min), 2);
-        let high = significant(ratios.iter().copied().fold(0.0, f64::max), 2);
+        let low = significant(ratios.iter().copied().fold(f64::INFINITY, f64::min), 3);
+        let high = significant(ratios.iter().copied().fold(0.0, f64::max), 3);
         let range = if low == high { low } else { format!("{low} to {high}") };
         let itself = answers.iter().filter(|answer| answer.naive_wins.as_deref() == Some(*name)).count();
         let known = match (ratios.len(), itself) {
@@ -415,8 +415,18 @@ mod tests {
             };
             let records: Vec<_> = ["room", "table"].into_iter().zip(serial_ms).flat_map(of).collect();
             let text = headline(&answers(&groups(&judged(records))));
-            assert!(text.ends_with("; it is 12 to 40 times as fast as serial-f32"), "{text}");
+            assert!(text.ends_with("; it is 12.0 to 40.0 times as fast as serial-f32"), "{text}");
         }
+    }
+
+    /// With two digits, the headline would say "1.0 times as fast", and the line below it "1.04x, 1.02 to 1.05".
+    #[test]
+    fn the_headline_does_not_round_a_small_speed_up_away() {
+        let records = judged([measured("gpu", "naive", 8, 10.35), measured("gpu", "wide", 4, 10.0)]);
+        let answers = answers(&groups(&records));
+        let text = headline(&answers);
+        assert!(text.ends_with("; it is 1.03 times as fast as the best naive point"), "{text}");
+        assert!(answers[0].speedups[0].factor.starts_with("1.03"), "{:?}", answers[0].speedups);
     }
 
     #[test]
@@ -432,12 +442,15 @@ mod tests {
         let headline_of = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
         let [slow, fast, bare] = [of("room", 15.0, true), of("table", 5.0, true), of("chair", 15.0, false)];
         let both = headline_of(&[slow.clone(), fast.clone()]);
-        let itself = "1.5 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself \
+        let itself = "1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself \
                       the fastest)";
-        assert!(both.contains("; the winners are 40 to 80 times as fast as serial-f32, "), "{both}");
+        assert!(both.contains("; the winners are 40.0 to 80.0 times as fast as serial-f32, "), "{both}");
         assert!(both.ends_with(itself), "{both}");
         let two = headline_of(&[slow, bare]);
-        assert!(two.contains("40 times as fast as serial-f32 (in 1 of 2 comparisons), 1.5 times"), "{two}");
+        assert!(
+            two.contains("40.0 times as fast as serial-f32 (in 1 of 2 comparisons), 1.50 times"),
+            "{two}"
+        );
         assert!(two.ends_with("as the best naive point"), "{two}");
     }
 

@@ -26,7 +26,8 @@ pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<Str
     (renamed, names.into_iter().map(|(name, common)| (common, name)).collect())
 }
 
-/// Returns the driver's name of a device that a page's environment describes.
+/// Returns the driver's name of a device, from the device's entry in a page's environment; `None` if the entry contains
+/// no name.
 pub(super) fn name_of_driver(entry: &Value) -> Option<&str> {
     entry[DRIVER].as_str().or(entry["device"].as_str())
 }

@@ -2,8 +2,7 @@
 
 use super::merged::Origins;
 use crate::image::picture_reader;
-use crate::reader;
-use crate::record::{Record, by};
+use crate::record::{Record, by, read_inside};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::collections::HashMap;
@@ -59,16 +58,8 @@ struct File {
     hash: blake3::Hash,
 }
 
-/// Reads a file of a folder; `None` if the path, after links are followed, leads out of the folder or is not an
-/// ordinary file.
-fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
-    let resolved = folder.join(path).canonicalize().ok()?;
-    let inside = resolved.starts_with(folder.canonicalize().ok()?);
-    inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
-}
-
 impl Pictures {
-    /// Returns the file of a picture in a folder.
+    /// Returns the file of a picture in a folder; `None` if it cannot be read.
     fn file(&mut self, folder: &Path, path: &str) -> Option<&File> {
         let read = || {
             let bytes = read_inside(folder, path)?;
@@ -88,7 +79,7 @@ impl Pictures {
         Picture { kind, caption, data: self.whole(folder, path), path: path.to_owned() }
     }
 
-    /// Returns a small version of a picture as a `data:` URL.
+    /// Returns a small version of a picture as a `data:` URL; `None` if the picture cannot be read.
     pub fn thumbnail(&mut self, folder: &Path, path: &str) -> Option<String> {
         let picture = picture_reader(&self.file(folder, path)?.bytes, None).ok()?.decode().ok()?;
         let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
@@ -110,10 +101,10 @@ impl Pictures {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, the uncertain pixels, the cost of rays (triangle tests and tree
-    /// nodes), every strategy's picture, and the differences of each strategy's picture from the reference. Each
-    /// record's pictures come from the record's own folder. If several folders have the same picture under the same
-    /// name, the picture is shown only once.
+    /// Returns every scene's pictures: the reference, the uncertain pixels, and the cost of rays (triangle tests and
+    /// tree nodes). For each strategy, there are also the strategy's picture and the picture of its differences from
+    /// the reference. Each record's pictures come from the record's own folder. If several folders have the same
+    /// picture under the same name, the picture is shown only once.
     pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
@@ -302,6 +293,33 @@ mod tests {
         assert_eq!((one.len(), captions), (1, expected.to_vec()));
         let [before, after] = &data(&one[0], "naive.png")[..] else { panic!("two pictures") };
         assert_ne!(before, after);
+    }
+
+    #[test]
+    fn pictures_of_all_records_together_are_sorted_by_their_kind() {
+        let folder = folder(&["naive.png", "nodes.png"]);
+        let records = [
+            Record { image: Some("naive.png".into()), ..measured("gpu", "naive", 8, 1.0) },
+            Record { nodes_image: Some("nodes.png".into()), ..measured("gpu", "bvh", 8, 1.0) },
+        ];
+        let path = folder.path().to_owned();
+        let folders = [Folder { path, records: records.to_vec(), ..Folder::default() }];
+        let scenes = Pictures::default().gallery(&records, &Origins::of(&folders));
+        let paths: Vec<&str> = scenes[0].pictures.iter().map(|picture| picture.path.as_str()).collect();
+        assert_eq!(paths, ["nodes.png", "naive.png"]);
+    }
+
+    #[test]
+    fn a_picture_that_would_make_the_page_too_large_has_no_data() {
+        let folder = folder(&["a.png"]);
+        let cost = std::fs::read(folder.path().join("a.png")).unwrap().len() * 4 / 3;
+        let have_data = |room: usize| {
+            let mut pictures = Pictures { spent: PICTURE_BYTES - room, ..Pictures::default() };
+            let mut has_data =
+                || pictures.picture(folder.path(), "a.png", String::new(), String::new()).data.is_some();
+            [has_data(), has_data()]
+        };
+        assert_eq!([cost - 1, cost, 2 * cost].map(have_data), [[false, false], [true, false], [true, true]]);
     }
 
     #[test]

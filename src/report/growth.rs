@@ -9,8 +9,9 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// Returns up to two plots of times for every device. One is over the number of triangles, if the device's records have
-/// several such numbers. The other is over the number of pixels, if the records have several image sizes.
+/// Returns up to two plots of times for every device. The first shows times over the number of triangles, if the
+/// device's records have several such numbers. The second shows times over the number of pixels, if the records have
+/// several image sizes.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
@@ -20,7 +21,8 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// Plots times over the number of triangles, at the image size with the most scenes.
+/// Plots times over the number of triangles, at the image size with the most scenes. Returns `None` if these scenes do
+/// not have several numbers of triangles.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
@@ -35,7 +37,8 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize)
     })
 }
 
-/// Plots times over the number of pixels, for the scene with the most image sizes.
+/// Plots times over the number of pixels, for the scene with the most image sizes. Returns `None` if there is only one
+/// size.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();

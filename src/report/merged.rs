@@ -44,7 +44,8 @@ impl<'a> Origins<'a> {
         Some(self.folders[index].path.as_path())
     }
 
-    /// Returns the label of a merged record's folder if there are several folders.
+    /// Returns the label of a merged record's folder; `None` if there is only one folder, or if the record is not one
+    /// of the merged ones.
     pub fn label(&self, record: &Record) -> Option<&str> {
         let index = self.folder_indices.get(&point(record)).filter(|_| self.folders.len() > 1)?;
         Some(self.labels[*index].as_str())
@@ -112,27 +113,48 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
 }
 
 /// Renames devices and strategies of a folder's records as a later folder names them. Records with equal keys show
-/// which names belong together. A record keeps its names if another record of its folder has the new names.
+/// which names belong together. A record keeps its names if another record of its folder has the new names. If no two
+/// devices get the same name, all devices are renamed before the strategies. A record then gets the new name of its
+/// device even if it keeps the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
     let devices = device_names(records, later);
+    let stay_apart = stay_apart(records, &devices);
+    if stay_apart {
+        records.iter_mut().for_each(|record| rename_device(record, &devices));
+    }
     let named: HashMap<&str, &Record> = later.iter().map(|record| (record.key.as_str(), record)).collect();
     let mut taken: HashSet<String> = records.iter().map(point).collect();
     for record in records {
         let mut renamed = record.clone();
-        if let Some(device) = devices.get(&record.device) {
-            renamed.device.clone_from(device);
+        if !stay_apart {
+            rename_device(&mut renamed, &devices);
         }
         if let Some(later) = named.get(record.key.as_str()) {
             renamed.name.clone_from(&later.name);
             renamed.kernels_of.clone_from(&later.kernels_of);
         }
-        if taken.insert(point(&renamed)) {
+        if point(&renamed) == point(record) || taken.insert(point(&renamed)) {
             *record = renamed;
         }
     }
 }
 
-/// Returns the names that the records `other` have for devices of the records `own`, by these devices' names in `own`.
+/// Renames a record's device if `names` has a new name for it.
+fn rename_device(record: &mut Record, names: &HashMap<String, String>) {
+    if let Some(name) = names.get(&record.device) {
+        record.device.clone_from(name);
+    }
+}
+
+/// Returns whether the devices of these records still have different names if they get the new names in `names`.
+fn stay_apart(records: &[Record], names: &HashMap<String, String>) -> bool {
+    let devices: HashSet<&String> = records.iter().map(|record| &record.device).collect();
+    let renamed: HashSet<&String> =
+        devices.iter().map(|device| names.get(*device).unwrap_or(device)).collect();
+    renamed.len() == devices.len()
+}
+
+/// Returns a map from the devices' names in the records `own` to the names of the same devices in the records `other`.
 /// A device's name depends on the machine's other devices. Records with equal keys were measured on the same device, so
 /// they show which names belong together.
 pub fn device_names(own: &[Record], other: &[Record]) -> HashMap<String, String> {
@@ -248,6 +270,25 @@ mod tests {
                 .map(|(label, records)| Folder { label: label.into(), records, ..Folder::default() });
         let keys: Vec<String> = names(&[one, other]).into_iter().map(|(key, ..)| key).collect();
         assert_eq!(keys, ["1", "2", "1"]);
+    }
+
+    /// The second folder has another name for the device too. The strategy `b` of the first folder, which the second
+    /// folder lacks, was also measured on this device.
+    #[test]
+    fn every_record_gets_the_new_name_of_its_device_even_if_a_strategys_name_is_taken() {
+        let mut one = vec![on("gpu", "a", "1"), on("gpu", "b", "2")];
+        rename(&mut one, &[on("cuda-gpu", "b", "1")]);
+        let names = one.iter().map(|record| (record.device.as_str(), record.name.as_str()));
+        assert_eq!(names.collect::<Vec<_>>(), [("cuda-gpu", "a"), ("cuda-gpu", "b")]);
+        // The two folders number two devices of the same name in opposite orders.
+        let mut two = vec![on("gpu", "a", "1"), on("gpu-2", "a", "2")];
+        rename(&mut two, &[on("gpu", "a", "2"), on("gpu-2", "a", "1")]);
+        assert_eq!(two.iter().map(|record| record.device.as_str()).collect::<Vec<_>>(), ["gpu-2", "gpu"]);
+        // According to the second folder, the two names are those of one device.
+        let mut both = vec![on("gpu", "a", "1"), on("old", "a", "2")];
+        rename(&mut both, &[on("gpu", "b", "1"), on("gpu", "c", "2")]);
+        let names = both.iter().map(|record| (record.device.as_str(), record.name.as_str()));
+        assert_eq!(names.collect::<Vec<_>>(), [("gpu", "b"), ("gpu", "c")]);
     }
 
     #[test]

@@ -17,10 +17,11 @@ const REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, except points without a
-/// local size (casters on the host) and points of rasterisers, whose main kernel does not have work-groups of the
-/// point's local size. If `compute_capability` is `None`, the prediction is for the paper's device. Returns `None` if
-/// all strategies have fewer than three marks, or if raycl has no data on the compute capability.
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, with two exceptions:
+/// points without a local size (casters on the host), and points of rasterisers. The main kernel of a rasteriser does
+/// not have work-groups of the point's local size. If `compute_capability` is `None`, the prediction is for the paper's
+/// device. Returns `None` if all strategies have fewer than three marks, or if raycl has no data on the compute
+/// capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -71,8 +72,9 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
 const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
     work-groups are resident. The prediction is compared with the measured speed instead.";
 
-/// Describes the multiprocessor for which the occupancy is predicted, and the source of the numbers of registers from
-/// which it is predicted. Of `all` points, `assumed` have a kernel whose number of registers is unknown.
+/// Describes the multiprocessor for which the occupancy is predicted, and where the numbers of registers for this
+/// prediction come from. `all` is the number of points, and `assumed` is the number of those points whose kernel has an
+/// unknown number of registers.
 fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String {
     match compute_capability {
         Some(cc) if assumed == 0 => format!(
@@ -129,7 +131,9 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// Returns the number of registers that the compiler reported, and the bytes of `__local` memory of a work-group.
+/// Returns the number of registers of the main kernel, if the compiler reported it. Also returns the bytes of `__local`
+/// memory of a work-group: those of the compiled kernel or, if its registers are unknown, those that raycl predicted (0
+/// if there is no prediction).
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);

@@ -8,8 +8,8 @@ use crate::record::{Group, HOST, Record, by, interval, median};
 use std::collections::HashMap;
 
 /// Up to this number of devices, each pair of devices has its own plot. The number of pairs grows with the square of
-/// the number of devices, so if there are more devices, each one is compared only with the device that has the most
-/// times.
+/// the number of devices. If there are more devices, each device is therefore compared only with the device that has
+/// the most times.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
 /// A device, and its records, sorted by rank within each group.

@@ -310,7 +310,7 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
     notes
 }
 
-/// Returns a device's compute capability, if the environment contains it.
+/// Returns a device's compute capability; `None` if the environment does not contain it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
 }

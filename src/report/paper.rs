@@ -65,7 +65,8 @@ pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (8, "Opt2", "still-life", "local-triangles"),
 ];
 
-/// Returns the curve for a scene and a preset: its figure, and its points as (side of the block, ms).
+/// Returns the paper's curve for a scene and a preset: the number of its figure, and its points as (side of the block,
+/// milliseconds). `None` if the paper has no such curve.
 pub fn curve(scene: &str, preset: &str) -> Option<(u32, Vec<(u32, f64)>)> {
     let (figure, series, ..) =
         CURVES.iter().find(|(_, _, of_scene, of_preset)| *of_scene == scene && *of_preset == preset)?;

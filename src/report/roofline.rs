@@ -18,8 +18,9 @@ use std::collections::HashMap;
 /// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
-/// Returns a plot for every device that has points with a known number of ray-triangle tests. `drivers` contains, for
-/// each common name of a device (the name that people know), the name that the driver reports.
+/// Returns a plot for every device that has points with a known number of ray-triangle tests. If the number of
+/// operations of none of these tests is known, the device has a plot only if its peak rates are known. `drivers`
+/// contains, for each common name of a device (the name that people know), the name that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -93,8 +94,8 @@ fn roofline(
     let ends = ends(&series, peak);
     let roofs: Vec<Series> = peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)).collect();
     let has_roofs = !roofs.is_empty();
-    // If the tests are counted, but the operations of none of them are known, the plot has the measured roofs, and its
-    // caption says why it has no marks.
+    // If tests are counted, but the number of operations is not known for any of them, the plot has the measured roofs.
+    // Its caption then says why the plot has no marks.
     let are_counted = left_out.iter().any(|record| record.tests_per_s.is_some());
     if series.is_empty() && !(has_roofs && are_counted) {
         return None;
@@ -138,9 +139,9 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 }
 
 /// Returns the operations of a record's ray-triangle test, as the record states them. Records of earlier versions state
-/// the operations only if the device's peak rate was known; for these records, which state no bytes either, the
-/// operations follow from the headers of the kernel files that this process has read. A later record without operations
-/// belongs to a ray-triangle test whose file has a header without `operations`.
+/// the operations only if the device's peak rate was known, and they state no bytes. For these records, the operations
+/// follow from the headers of the kernel files that this process has read. If a later record has no operations, the
+/// file of its ray-triangle test has a header without `operations`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
@@ -301,6 +302,23 @@ mod tests {
             assert!(with.svg.contains(part), "{part}: {}", with.svg);
         }
         assert!(!with.caption.contains("no roofs"), "{}", with.caption);
+    }
+
+    #[test]
+    fn of_several_folders_with_rates_of_a_device_the_last_one_has_the_roofs() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = |name: &str, rate: f64| {
+            let path = temporary.path().join(name);
+            std::fs::create_dir(&path).unwrap();
+            let rates = Peak { fma_per_s: Figure::of(&[rate]), ..peak() };
+            Peak::write(&[rates], &path.join(crate::peak::FILE)).unwrap();
+            Folder { path, ..Folder::default() }
+        };
+        let folders = [folder("first", 3e12), folder("last", 9e12)];
+        let plot = &plots(vec![record("naive", Some(1e9))], &folders)[0];
+        for (roof, is_there) in [("up to 9000 Gfma/s", true), ("up to 3000 Gfma/s", false)] {
+            assert_eq!(plot.svg.contains(roof), is_there, "{roof}: {}", plot.svg);
+        }
     }
 
     #[test]

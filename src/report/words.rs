@@ -67,8 +67,9 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// Returns the tooltip of a record: strategy, local size, median, interval and n (or the reason for a missing time),
-/// the host, the properties of the compiled kernel, the fraction of the peak rate, and warnings.
+/// Returns the tooltip of a record. It consists of the strategy, the local size, the median with its interval and n (or
+/// the reason for a missing time), the machine, the properties of the compiled kernel, the fraction of the peak rate,
+/// and warnings.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {

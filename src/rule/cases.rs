@@ -2,9 +2,10 @@
 //! is compared with measurements. A case states a scene, an image size, and whether rays may slip
 //! between triangles.
 
+use crate::config::have_one_shape;
 use crate::error::{Error, Result};
 use crate::reader;
-use crate::scene::{Scene, load_scene_with};
+use crate::scene::{Loaded, Scene, Setting, Shot, load_scene_for};
 use crate::strategy::Task;
 use crate::toml_read::from_text;
 use serde::Deserialize;
@@ -42,7 +43,7 @@ pub enum Kind {
 pub struct Case {
     /// The case's name.
     pub name: String,
-    /// The scene's file, relative to the file of cases.
+    /// The scene's file, relative to the folder of the file that lists the cases.
     pub scene: String,
     /// Dotted keys in the scene file, and their new values.
     pub set: BTreeMap<String, toml::Value>,
@@ -131,12 +132,21 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
 }
 
 impl Case {
-    /// Loads the case's scene. `cases` is the path of the file of cases, to which the path of the scene is relative.
-    pub fn scene(&self, cases: &Path) -> Result<Scene> {
+    /// Loads the case's scene for images of the case's size. `cases` is the path of the file that lists the cases. The
+    /// path of the scene is relative to the folder of this file.
+    pub fn load(&self, cases: &Path) -> Result<Loaded> {
         let path = cases.parent().unwrap_or(Path::new("")).join(&self.scene);
-        let set: Vec<(String, toml::Value)> =
-            self.set.iter().map(|(key, value)| (key.clone(), value.clone())).collect();
-        Ok(load_scene_with(&path, &set)?.scene)
+        let setting = |(key, value): (&String, &toml::Value)| Setting::new(key, value.clone());
+        let set: Vec<Setting> = self.set.iter().map(setting).collect();
+        let [width, height] = self.size.map(f64::from);
+        load_scene_for(&path, &set, Shot { aspect: width / height, ..Shot::SQUARE })
+    }
+
+    /// Returns whether the scene that was loaded for `other` is also this case's scene. If `is_framed` is true, raycl
+    /// placed the scene's camera for the shape of the images of `other`.
+    fn has_scene_of(&self, other: &Self, is_framed: bool) -> bool {
+        let is_same = (&self.scene, &self.set) == (&other.scene, &other.set);
+        is_same && (!is_framed || have_one_shape(self.size, other.size))
     }
 
     /// Returns the properties of the case that affect which strategy is fastest.
@@ -157,23 +167,34 @@ impl Case {
 }
 
 /// The scene that was loaded last. The cases of a scene in several sizes follow each other in the file, so that their
-/// scene is loaded only once.
+/// scene is loaded only once, unless raycl places its camera for the shape of the images and their shapes differ.
 #[derive(Debug, Default)]
-pub struct LastScene(Option<(Case, Arc<Scene>)>);
+pub struct LastScene(Option<Held>);
+
+/// A scene in memory.
+#[derive(Debug)]
+struct Held {
+    /// The case for which the scene was loaded.
+    case: Case,
+    scene: Arc<Scene>,
+    /// True if raycl may have placed the camera for the shape of the case's images.
+    is_framed: bool,
+}
 
 impl LastScene {
     /// Returns the case's scene. Loads the scene only if it is not the one of the previous call. All cases are from the
     /// same file, `cases`.
     pub fn of(&mut self, case: &Case, cases: &Path) -> Result<Arc<Scene>> {
-        if let Some((last, scene)) = &self.0
-            && (&last.scene, &last.set) == (&case.scene, &case.set)
+        if let Some(last) = &self.0
+            && case.has_scene_of(&last.case, last.is_framed)
         {
-            return Ok(Arc::clone(scene));
+            return Ok(Arc::clone(&last.scene));
         }
         // The last scene may be large, so its memory is freed first.
         self.0 = None;
-        let scene = Arc::new(case.scene(cases)?);
-        self.0 = Some((case.clone(), Arc::clone(&scene)));
+        let Loaded { scene, is_framed, .. } = case.load(cases)?;
+        let scene = Arc::new(scene);
+        self.0 = Some(Held { case: case.clone(), scene: Arc::clone(&scene), is_framed });
         Ok(scene)
     }
 }
@@ -201,6 +222,21 @@ mod tests {
         let more = load(case("sphere", 80, [16, 9]));
         assert!(more.mesh.triangles.len() > one.mesh.triangles.len());
         assert!(!Arc::ptr_eq(&more, &load(case("gourd", 80, [16, 9]))));
+    }
+
+    #[test]
+    fn the_camera_of_a_mesh_without_a_scene_file_is_placed_for_the_images_shape() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 4 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let mut last = LastScene::default();
+        let load = |size| {
+            let (set, kinds, devices) = (BTreeMap::new(), Vec::new(), Vec::new());
+            let case = Case { name: "a".into(), scene: "a.obj".into(), set, size, kinds, devices };
+            last.of(&case, &folder.path().join("cases.toml")).unwrap()
+        };
+        let [square, larger, wide] = [[8, 8], [16, 16], [16, 8]].map(load);
+        assert!(Arc::ptr_eq(&square, &larger), "images of one shape have one camera");
+        assert_ne!(square.camera, wide.camera);
     }
 
     #[test]
@@ -252,14 +288,14 @@ mod tests {
         // Generating millions of triangles takes seconds. So this test leaves out large scenes; `raycl rule` checks
         // their kinds when it measures them.
         let is_small = |case: &&Case| !case.set.values().any(|value| value.as_integer() > Some(300_000));
-        let mut scenes: Vec<(&Case, Scene)> = Vec::new();
+        let mut scenes: Vec<(&Case, Loaded)> = Vec::new();
         for case in cases.iter().filter(is_small) {
-            let is_own = |(other, _): &(&Case, Scene)| (&other.scene, &other.set) == (&case.scene, &case.set);
+            let is_own = |(other, loaded): &(&Case, Loaded)| case.has_scene_of(other, loaded.is_framed);
             let index = scenes.iter().position(is_own).unwrap_or_else(|| {
-                scenes.push((case, case.scene(&path).unwrap()));
+                scenes.push((case, case.load(&path).unwrap()));
                 scenes.len() - 1
             });
-            let task = case.task(&scenes[index].1);
+            let task = case.task(&scenes[index].1.scene);
             assert!(case.is_of_its_kinds(&task), "{}: {task:?}", case.name);
         }
     }

@@ -74,8 +74,8 @@ impl Verdict {
 }
 
 impl Measured {
-    /// Returns the rule's choice with these constants on a device with this many compute units; `None` if
-    /// nothing was measured.
+    /// Compares the rule's choice with the fastest candidate. The rule has these constants, and the device
+    /// has this many compute units. Returns `None` if no candidate has a time.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.choice(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -83,7 +83,8 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures every candidate on a case in each round; every second round has the reverse order.
+    /// Measures every candidate on a case once in each round; every second round has the reverse order of
+    /// candidates.
     pub fn of(case: &Case, scene: Arc<Scene>, device: &Device, rounds: u32) -> Result<Self> {
         let task = case.task(&scene);
         let limits = &device.info.limits;

@@ -181,7 +181,7 @@ impl Animation {
         let name = format!("{} at frame {frame}", document.name);
         let shown = toml_error(&name, &document.text, &error, KEYS);
         let starts = |with: &[&str]| with.iter().any(|start| error.message().starts_with(start));
-        let of_path = starts(&["unknown field", "missing field"]);
+        let of_path = starts(&["unknown field", "missing field", "duplicate field"]);
         let span = if of_path { track.path.span() } else { track.value_span(frame) };
         let message = format!("`{}` at frame {frame}: {shown}", track.path.get_ref());
         let label = if of_path { "this path" } else { "the invalid value is computed from this value" };
@@ -204,7 +204,7 @@ fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result
         return Ok(());
     }
     let message = format!("a track of `{}` beside `camera.position`", angle.path.get_ref());
-    let error = document.error(angle.path.span(), message, "does nothing here");
+    let error = document.error(angle.path.span(), message, "this track would have no effect");
     Err(error.with_help("leave out this track, or the camera's position and its tracks"))
 }
 
@@ -260,6 +260,35 @@ mod tests {
         assert_eq!((animation.frames, animation.frames_per_second), (3, None));
     }
 
+    /// The triangle has the same size in the pictures of all frames.
+    #[test]
+    fn a_track_of_the_field_of_view_changes_the_distance_of_a_camera_that_shows_the_whole_scene() {
+        let track = "[[animation.track]]\npath = \"camera.fov_y_degrees\"\nvalues = [35, 20, 10]\n\
+            [camera]\nazimuth_degrees = 0\nelevation_degrees = 0\n";
+        let (_folder, first, mut animation) = animated(track);
+        let distance = |scene: &Scene| scene.camera.position.z + 2.0;
+        let height = |scene: &Scene| distance(scene) * scene.camera.tan_half_fov;
+        for frame in [2, 3] {
+            let scene = animation.scene(frame, &first).unwrap();
+            assert!(distance(&scene) > 1.5 * distance(&first), "frame {frame}");
+            assert!((height(&scene) / height(&first) - 1.0).abs() < 1e-4, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn a_track_that_sets_a_mesh_by_its_other_name_is_reported_with_its_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let object = "[[object]]\nobj = \"a.obj\"\n";
+        let track = "[[animation.track]]\npath = \"object.0.mesh\"\nvalues = [\"a.obj\", \"b.obj\"]\n";
+        std::fs::write(&path, format!("{object}[animation]\nframes = 3\n{track}")).unwrap();
+        let Error::Input(error) = load_scene(&path).unwrap_err() else { panic!("no input error") };
+        assert!(error.message.contains("both `mesh` and `obj` are set"), "{}", error.message);
+        assert_eq!(error.label, "this path");
+        assert_eq!(error.help, "set only one of them: `obj` is another name of `mesh`");
+    }
+
     #[test]
     fn an_animation_of_one_frame_shows_the_first_of_several_values() {
         let tracks = "[[animation.track]]\npath = \"light.0.power\"\nvalues = [6, 8, 9]\n";
@@ -311,7 +340,7 @@ mod tests {
         for text in [file(position, ""), file("", moved), file("", replaced)] {
             let Error::Input(error) = load(&text, &[]).unwrap_err() else { panic!("no input error") };
             assert_eq!(error.message, "a track of `camera.azimuth_degrees` beside `camera.position`");
-            assert_eq!(error.label, "does nothing here");
+            assert_eq!(error.label, "this track would have no effect");
             assert_eq!(crate::error::line_of(&text, error.span.unwrap().offset()), 9);
         }
         assert!(load(&file("look_at = [0, 0, 0]", ""), &[]).is_ok());
@@ -355,7 +384,7 @@ mod tests {
         let write = |text: &str| std::fs::write(&path, format!("{object}{text}")).unwrap();
         write(&format!("{track}{turning}"));
         let notes = load_scene(&path).unwrap().notes;
-        let dark = format!("{}:8: no light: ", path.display());
+        let dark = format!("{}:8: no light, ", path.display());
         assert!(notes.iter().any(|note| note.starts_with(&dark)), "{notes:?}");
 
         write(&format!("[sky]\nhorizon = 1\n{track}{turning}"));

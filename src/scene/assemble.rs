@@ -19,7 +19,7 @@ use super::{
 };
 use crate::error::Result;
 use crate::image::transform;
-use camera::{base_camera, camera};
+use camera::{base_camera, camera, field_of_view};
 use framing::Ball;
 use glam::{DVec3, Vec3};
 use std::collections::HashSet;
@@ -27,10 +27,10 @@ use std::sync::Arc;
 
 /// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
-/// The least default shadow bias, as a fraction of the largest coordinate of the surfaces and of the eye. Rounding
-/// moves a hit off its surface by less than `EPSILON` times this coordinate: along each axis, by up to half of
-/// `EPSILON` times the coordinate. With a bias of eight times `EPSILON`, only shadow rays that nearly graze the surface
-/// start below the surface.
+/// The least default shadow bias, as a fraction of the largest coordinate of the surfaces and of the eye.
+/// Along each axis, rounding moves a hit by up to half of `EPSILON` times this coordinate. In all, it moves
+/// the hit off its surface by less than `EPSILON` times the coordinate. With a bias of eight times `EPSILON`,
+/// only shadow rays that nearly graze the surface start below the surface.
 const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
 /// A scene counts as far from the origin if its largest coordinate is more than this many times its diagonal. At this
 /// distance, ten of the 24 significant bits of a coordinate only state the distance from the origin; the other bits
@@ -72,8 +72,9 @@ pub(super) fn assemble(
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
     let ball = around.filter(|_| framed);
-    let base = base_camera(&wire.camera, &mesh, ball, &seen, shot, notes);
-    let camera = camera(document, &wire.camera, base, ball)?;
+    let lens = field_of_view(document, &wire.camera)?;
+    let base = base_camera(&wire.camera, lens, &mesh, ball, &seen, shot, notes);
+    let camera = camera(document, &wire.camera, base, lens, ball)?;
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.located(eye, error, "this camera"))?;
     if wire.two_sided.unwrap_or(document.bare) {
@@ -186,7 +187,7 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
         let [wanted, shown] = [colour, shown].map(name);
         let Display { exposure, gamma } = display;
         format!(
-            "{}: the background {wanted} is displayed as {shown}: with display.exposure = {exposure:?} and \
+            "{}: the background {wanted} is displayed as {shown}, since with display.exposure = {exposure:?} and \
              display.gamma = {gamma:?}, no radiance that a background may have is displayed as {wanted}",
             document.name
         )
@@ -271,7 +272,7 @@ fn lights(
     };
     if lights.is_empty() && wire.sky.is_none() {
         notes.push(format!(
-            "{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
+            "{}: no light, so every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
             document.last_line()
         ));
     }

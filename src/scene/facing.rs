@@ -9,9 +9,10 @@ use rayon::prelude::*;
 /// Number of samples (rays that are tested) across a picture: enough to tell whether most of a surface faces away, or
 /// only little of it.
 const ACROSS: usize = 48;
-/// Most of the visible surface faces away if more than this fraction of it does. A note then says so, unless each
-/// normal was turned to the viewer by itself. On a turntable with `two_sided`, `turn_normals` (in `assemble.rs`) then
-/// reverses all normals of a scene that has no outside, such as a room.
+/// Most of the visible surface faces away if more than this fraction of it does. A note then says so, unless
+/// raycl has turned each triangle's normals to the viewer separately. On a turntable with `two_sided`,
+/// `turn_normals` (in `assemble.rs`) then reverses all normals of a scene that has no outside, such as a
+/// room.
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's forward axis,

@@ -5,7 +5,7 @@ use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Field of view across the height, like the view of a portrait lens, which has little distortion.
+/// Default field of view across the height, like the view of a portrait lens, which has little distortion.
 const FOV_Y_DEGREES: f32 = 35.0;
 /// The mesh fills this fraction of the picture in one direction, across or down, and at most this
 /// fraction in the other direction.
@@ -86,7 +86,24 @@ impl Ball {
     }
 }
 
-/// The direction from which a mesh is seen.
+/// A field of view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lens {
+    /// Tangent of half the field of view.
+    pub tan_half_fov: f32,
+    /// True if the field of view is measured across the height; otherwise across the width.
+    pub fov_is_vertical: bool,
+}
+
+impl Lens {
+    /// Returns the camera with this field of view.
+    pub fn on(self, camera: Camera) -> Camera {
+        let Self { tan_half_fov, fov_is_vertical } = self;
+        Camera { tan_half_fov, fov_is_vertical, ..camera }
+    }
+}
+
+/// The direction from which a mesh is seen, and the field of view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     /// The upward direction, of length 1.
@@ -95,6 +112,8 @@ pub(super) struct View {
     pub azimuth_degrees: Option<f64>,
     /// Angle above the horizon; `None` if the user does not set it.
     pub elevation_degrees: Option<f64>,
+    /// The field of view; `None` if the user does not set it. It is then `FOV_Y_DEGREES` across the height.
+    pub lens: Option<Lens>,
     /// The pictures for which the mesh is framed.
     pub shot: Shot,
 }
@@ -135,14 +154,16 @@ impl View {
 }
 
 /// Returns a camera that shows the whole mesh. The mesh usually fills the fraction `FILL` of the picture's width or
-/// height.
+/// height, whatever the field of view is: the eye is farther away if the field of view is smaller.
 pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [towards_eye, upright] = view.towards_eye(ball.opening);
     let look = Camera::looking_at(Vec3::ZERO, -towards_eye.as_vec3(), upright.as_vec3(), FOV_Y_DEGREES, true);
     // `upright` is never parallel to the viewing direction, so the camera always exists.
     let look = look.unwrap_or(Camera::PAPER);
-    let tan_y = f64::from(look.tan_half_fov) * FILL;
-    let tan_x = tan_y * view.shot.aspect;
+    let look = view.lens.map_or(look, |lens| lens.on(look));
+    let tan = f64::from(look.tan_half_fov) * FILL;
+    let aspect = view.shot.aspect;
+    let (tan_x, tan_y) = if look.fov_is_vertical { (tan * aspect, tan) } else { (tan, tan / aspect) };
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
     // Four planes through the centre of the mesh's ball are parallel to the sides of the view pyramid. `reach_after`
     // returns five numbers. The first four say how far a corner is beyond the right, left, upper and lower plane. The
@@ -253,11 +274,11 @@ impl Areas {
         is_room.then(|| away.reject_from_normalized(up))
     }
 
-    /// Returns the horizontal direction from which an open mesh is seen; `None` for a closed mesh. A room is seen
-    /// through the side that has no wall. If its walls face outwards, a mesh is a room only if there are bodies between
-    /// the walls; otherwise it is a shell, such as the housing of a device without its back. A shell, and any other
-    /// mesh, such as the scan of a face, is seen from the direction that its front sides face on average, since its
-    /// shape does not tell which side is to be seen.
+    /// Returns the horizontal direction from which an open mesh is seen; `None` for a closed mesh. A room is
+    /// seen through the side that has no wall. If its walls face outwards, a mesh is a room only if there are
+    /// bodies between the walls; otherwise it is a shell, such as the housing of a device without its back.
+    /// The shape of a shell does not tell which side is to be seen. A shell, and any other mesh, such as the
+    /// scan of a face, is therefore seen from the direction that its front sides face on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;

@@ -27,6 +27,8 @@ pub struct Loaded {
     /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
     /// scene file.
     pub dressed: bool,
+    /// True if a mesh was given without a scene file.
+    pub is_bare: bool,
     /// True if raycl may have placed the camera for the shape of the pictures, so that pictures of another shape need
     /// another camera.
     pub is_framed: bool,
@@ -53,16 +55,17 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// The description of square pictures, which also suits all pictures that are wider than high.
+    /// The description of square pictures. It also suits all pictures that are wider than high, unless the scene sets
+    /// its field of view across the width.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
-/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show which of
-/// the two it is; if the contents are unclear, the file's extension decides. A mesh without a scene file is seen with
-/// the camera and the lights of its own file. If that file has no camera, the mesh is seen from the right, above and in
-/// front (a room is seen through its open side), and is visible as a whole in images that are at least as wide as high.
-/// If the file has no lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the
-/// viewer.
+/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show
+/// which of the two it is; if the contents are unclear, the file's extension decides. A mesh without a scene
+/// file is seen with the camera and the lights of its own file. If that file has no camera, the mesh is seen
+/// from the right, above and in front; a room is seen through its open side. The whole mesh is then visible
+/// in images that are at least as wide as high. If the file has no lights, the mesh gets a key light and a
+/// fill light. The normals of the mesh are turned to the viewer.
 ///
 /// # Errors
 ///
@@ -112,7 +115,8 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
             .unwrap_or_else(|| document.misread(&error))
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
-    let turned = wire.two_sided.unwrap_or(document.bare);
+    let is_bare = document.bare;
+    let turned = wire.two_sided.unwrap_or(is_bare);
     let (assembled, animation) = match wire.animation.take() {
         None => (assemble(&document, wire, shot, &mut FrameCache::default(), &mut notes)?, None),
         Some(of_file) => {
@@ -130,6 +134,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
         orbit,
         object_starts: starts,
         dressed,
+        is_bare,
         is_framed,
         animation,
         notes: notes.into_iter().map(shortened).collect(),

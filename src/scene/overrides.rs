@@ -116,12 +116,14 @@ fn set_in_array(
     let [key, rest @ ..] = keys else { return Ok(()) };
     let count = array.len();
     // An index with a sign or with leading zeros is refused, so that no element has two paths.
-    let is_plain = |index: &usize| *index <= count && index.to_string() == *key;
-    let index = key.parse::<usize>().ok().filter(is_plain).ok_or_else(|| {
-        format!(
-            "`{name}` has {}; expected an index from 0 to {count} ({count} adds an element), not `{key}`",
-            counted(count, "element")
-        )
+    let parsed = key.parse::<usize>().ok().filter(|index| *index <= count);
+    let index = parsed.filter(|index| index.to_string() == *key).ok_or_else(|| {
+        let range = match count {
+            0 => "the index 0, which adds an element".to_owned(),
+            _ => format!("an index from 0 to {count} ({count} adds an element)"),
+        };
+        let plain = parsed.map_or(String::new(), |index| format!("; write `{index}` instead"));
+        format!("`{name}` has {}; expected {range}, not `{key}`{plain}", counted(count, "element"))
     })?;
     if rest.is_empty() {
         match array.get_mut(index) {

@@ -47,9 +47,9 @@ pub(super) fn error_in(origin: &str, message: impl std::fmt::Display) -> Error {
 pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
-    /// The dotted path of the keyframe's value from which this value is computed: `animation.track.0.values.2`. The
-    /// line of the keyframe's value is searched only for a message, because this search parses the file, and few frames
-    /// have a message.
+    /// The dotted path of the keyframe's value from which this value is computed:
+    /// `animation.track.0.values.2`. The line of the keyframe's value is looked up only if a message needs
+    /// it, because this parses the file, and few frames have a message.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -160,9 +160,9 @@ impl Changed {
     }
 }
 
-/// Returns the keys that lead to the part of the scene in which the range `span` of a document's text lies: an element
-/// of a list, such as an object (`object`, `0`), or a value of the whole scene, such as the camera (`camera`). No keys
-/// are returned if the range lies in no value.
+/// Returns the keys that lead to the part of the scene in which the range `span` of a document's text lies. A
+/// part is an element of a list, such as an object (`object`, `0`), or a value of the whole scene, such as
+/// the camera (`camera`). No keys are returned if the range lies in no value.
 fn part_of(text: &str, span: &Range<usize>) -> Vec<String> {
     let table = DeTable::parse(text).ok();
     let location = table.and_then(|table| Location::find(table.get_ref(), span));

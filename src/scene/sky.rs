@@ -71,7 +71,7 @@ pub(super) struct FileTexels {
     /// The number of texels that had a value that was clearly negative or not a number.
     pub invalid: usize,
     /// Remarks on properties that a sky's picture should have but this picture lacks, such as being twice as wide as
-    /// high. They are meant to follow the file's name in a message.
+    /// high. Each remark is meant to follow the file's name in a message.
     pub remarks: Vec<String>,
 }
 

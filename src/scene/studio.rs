@@ -26,10 +26,10 @@ const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square that is surrounded by square frames. The constant has the distances of the squares' edges
-/// from the middle, in radii of the mesh's ball; the last distance is beyond the end of a usual view. The ground is
-/// divided into frames, because rounding errors of a ray-triangle test grow with the triangle's size: on a single large
-/// triangle, shadow rays at a low angle would hit the ground from which they start.
+/// The ground is a square that is surrounded by square frames. The constant has the distances of the squares'
+/// edges from the middle, in radii of the mesh's ball; the last distance is beyond the end of a usual view.
+/// The ground is divided into frames, because rounding errors of a ray-triangle test grow with the triangle's
+/// size. On a single large triangle, shadow rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide with a
 /// mesh's flat bottom.
@@ -40,8 +40,9 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground; `None` if the mesh is open on one side (as a room without its front wall is), if the eye is below
-    /// the ground, or if the ground would exceed the limit of coordinates.
+    /// The ground. It is `None` if the mesh is open on one side, as a room without its front wall is. It is
+    /// also `None` if the eye is lower than the mesh's lowest point, or if the ground would exceed the limit
+    /// of coordinates.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,
@@ -71,8 +72,8 @@ impl Studio {
     }
 }
 
-/// Returns the ground, a square below a mesh; `None` if the eye is not above the ground, or if the ground would exceed
-/// the limit of coordinates.
+/// Returns the ground, a square below a mesh. Returns `None` if the eye is lower than the mesh's lowest
+/// point, or if the ground would exceed the limit of coordinates.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     let (centre, radius) = ball.centre_and_radius();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
@@ -138,7 +139,8 @@ mod tests {
         let mesh = generate(&Shape::Gourd { triangles: 648 });
         let ball = Ball::around(&mesh, up);
         let shot = Shot::SQUARE;
-        let view = View { up, azimuth_degrees: Some(20.0), elevation_degrees: Some(elevation), shot };
+        let (azimuth_degrees, elevation_degrees) = (Some(20.0), Some(elevation));
+        let view = View { up, azimuth_degrees, elevation_degrees, lens: None, shot };
         let camera = camera(&mesh, ball, &view);
         let studio = Studio::around(&mesh, ball, &camera, up);
         (mesh, studio)
@@ -210,6 +212,7 @@ mod tests {
                 up: DVec3::Y,
                 azimuth_degrees: Some(20.0),
                 elevation_degrees: Some(25.0),
+                lens: None,
                 shot: Shot::SQUARE,
             };
             ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)

@@ -153,8 +153,9 @@ impl Textures {
         linear_values().len() + TEXTURE_HEAD_WORDS * self.list.len()
     }
 
-    /// Returns the first texture before the texture `number` that has the same texels, if there is one: textures of one
-    /// picture may differ in their wrap mode, or one may be a colour and the other a mask.
+    /// Returns the number of the first texture before the texture `number` that has the same texels; `None`
+    /// if there is none. Two textures of one picture may differ in their wrap mode, or one may be a colour
+    /// and the other a mask.
     pub(crate) fn same_as(&self, number: usize) -> Option<usize> {
         let texels = &self.list[number].texels;
         self.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, texels))

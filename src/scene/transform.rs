@@ -66,7 +66,7 @@ fn weight(normal: Vec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Shape, generate};
+    use crate::scene::{Mapped, Shape, Textures, generate};
 
     #[test]
     fn normals_keep_their_lengths_and_unit_normals_their_exact_direction() {
@@ -103,6 +103,30 @@ mod tests {
         // The rotation about x turns y to z, and z to -y.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
+    }
+
+    /// Mirroring swaps two corners of each triangle, with their normals and texture coordinates.
+    #[test]
+    fn the_corners_of_a_mirrored_mesh_keep_their_normals_and_texture_coordinates() {
+        let mut mesh = generate(&Shape::Sphere { triangles: 8 });
+        let mapped = [Mapped { corners: [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], ..Mapped::NONE }];
+        mesh.textures = Textures { list: Vec::new(), mapped: mapped.repeat(mesh.triangles.len()) };
+        let corners = |mesh: &Mesh| {
+            let triangles = mesh.triangles.iter().zip(&mesh.textures.mapped);
+            let all = triangles.map(|(triangle, row)| (triangle.positions, triangle.normals, row.corners));
+            all.collect::<Vec<_>>()
+        };
+        let before = corners(&mesh);
+        // Mirroring along two axes is a rotation.
+        let scale = Vec3::new(-1.0, -2.0, 3.0);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        assert_eq!(corners(&mesh), before);
+        let scale = Vec3::new(-1.0, 2.0, 3.0);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        for (before, after) in before.into_iter().zip(corners(&mesh)) {
+            let ([a, b, c], [d, e, f], [g, h, i]) = before;
+            assert_eq!(after, ([a, c, b], [d, f, e], [g, i, h]));
+        }
     }
 
     #[test]

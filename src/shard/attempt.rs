@@ -4,6 +4,7 @@
 use super::Shard;
 use crate::device::variables;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::record::{Host, cannot_make, write_whole};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
@@ -41,8 +42,9 @@ pub struct About {
     /// The folder in which the command was started; null if its path is not known or not UTF-8, and in files of earlier
     /// versions.
     pub folder: Option<String>,
-    /// The word of the variable `RAYCL_DEVICE` or of the user's settings that selected the devices; null if the command
-    /// or the config names the devices, if all devices are used, and in files of earlier versions.
+    /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if this word
+    /// was not used, because the command or the config names the devices or because there is no such word; also null in
+    /// files of earlier versions.
     pub device: Option<String>,
     /// The environment variables that the user had set and that a repetition of the command needs, each as
     /// `NAME=VALUE`; missing in files of earlier versions.
@@ -140,34 +142,36 @@ impl Attempt {
         }
     }
 
-    /// Returns all attempts in a folder, sorted by name.
-    pub fn all(out: &Path) -> Vec<Self> {
-        let entries = std::fs::read_dir(out.join(PARTS)).into_iter().flatten().flatten();
-        let folders = entries.map(|entry| entry.path()).filter(|path| path.is_dir());
-        let mut all: Vec<Self> = folders
-            .map(|folder| {
+    /// Returns all attempts in a folder, sorted by name. Fails if an attempt may exist, but cannot be found: a merge
+    /// without this attempt would lose its results.
+    pub fn all(out: &Path) -> Result<Vec<Self>> {
+        let mut all = Vec::new();
+        for folder in existing::entries(&out.join(PARTS))? {
+            if existing::is_folder(&folder)? {
                 let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                Self { folder, name }
-            })
-            .collect();
+                all.push(Self { folder, name });
+            }
+        }
         all.sort_by(|one, other| one.name.cmp(&other.name));
-        all
+        Ok(all)
     }
 
-    /// Returns the folders of other attempts at the same shard.
-    pub fn earlier(&self, out: &Path) -> Vec<PathBuf> {
+    /// Returns the folders of other attempts at the same shard. Fails like [`all`](Self::all).
+    pub fn earlier(&self, out: &Path) -> Result<Vec<PathBuf>> {
         let shard = |name: &str| name.split('.').next().map(str::to_owned);
         let same = |other: &Self| other.name != self.name && shard(&other.name) == shard(&self.name);
-        Self::all(out).into_iter().filter(same).map(|other| other.folder).collect()
+        Ok(Self::all(out)?.into_iter().filter(same).map(|other| other.folder).collect())
     }
 
-    /// Returns the attempt's description; `None` if the attempt was killed before it wrote one.
-    pub fn about(&self) -> Option<About> {
+    /// Returns the attempt's description; `None` if the attempt was killed before it wrote one. Fails if there may be a
+    /// description that cannot be read.
+    pub fn about(&self) -> Result<Option<About>> {
         self.read(ABOUT)
     }
 
-    /// Returns how the attempt ended; `None` if it is still running or was killed.
-    pub fn end(&self) -> Option<End> {
+    /// Returns how the attempt ended; `None` if it is still running or was killed. Fails if the attempt may have ended,
+    /// but its file about its end cannot be read.
+    pub fn end(&self) -> Result<Option<End>> {
         self.read(END)
     }
 
@@ -176,8 +180,9 @@ impl Attempt {
         self.write(END, end)
     }
 
-    fn read<T: serde::de::DeserializeOwned>(&self, file: &str) -> Option<T> {
-        serde_json::from_slice(&std::fs::read(self.folder.join(file)).ok()?).ok()
+    fn read<T: serde::de::DeserializeOwned>(&self, file: &str) -> Result<Option<T>> {
+        let text = existing::bytes(&self.folder.join(file))?;
+        Ok(text.and_then(|text| serde_json::from_slice(&text).ok()))
     }
 
     fn write(&self, file: &str, what: &impl Serialize) -> Result<()> {
@@ -210,12 +215,36 @@ mod tests {
         let again = Attempt::begin(out, &about(3, "n.1")).unwrap();
         let other = Attempt::begin(out, &about(12, "n2")).unwrap();
         assert_eq!([&one.name, &again.name], ["shard-00003.n-1.47-1.r00", "shard-00003.n-1.47-1.r01"]);
-        assert_eq!(Attempt::all(out), [one.clone(), again.clone(), other.clone()]);
-        assert_eq!((again.earlier(out), other.earlier(out)), (vec![one.folder.clone()], vec![]));
-        assert_eq!(again.about().map(|about| (about.shard, about.restart)), Some((3, 1)));
-        assert_eq!(one.end(), None);
+        assert_eq!(Attempt::all(out).unwrap(), [one.clone(), again.clone(), other.clone()]);
+        let [of_again, of_other] = [&again, &other].map(|attempt| attempt.earlier(out).unwrap());
+        assert_eq!((of_again, of_other), (vec![one.folder.clone()], vec![]));
+        assert_eq!(again.about().unwrap().map(|about| (about.shard, about.restart)), Some((3, 1)));
+        assert_eq!(one.end().unwrap(), None);
         one.ended(&End::LauncherLost("slurmstepd".into())).unwrap();
-        assert_eq!(one.end(), Some(End::LauncherLost("slurmstepd".into())));
+        assert_eq!(one.end().unwrap(), Some(End::LauncherLost("slurmstepd".into())));
+    }
+
+    /// A link that leads to itself stands for everything that a user or a failed disk keeps from being read.
+    #[cfg(unix)]
+    #[test]
+    fn what_cannot_be_read_does_not_count_as_missing() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        assert!(Attempt::all(out).unwrap().is_empty(), "no attempt has begun");
+        let attempt = Attempt::begin(out, &about(3, "n1")).unwrap();
+        let [end, other] = [attempt.folder.join(END), out.join(PARTS).join("shard-00003.n2.0.r00")];
+        symlink(&end, &end).unwrap();
+        assert!(attempt.end().unwrap_err().to_string().contains(&end.display().to_string()));
+        assert!(attempt.about().is_ok());
+        symlink(&other, &other).unwrap();
+        for error in [Attempt::all(out).unwrap_err(), attempt.earlier(out).unwrap_err()] {
+            assert!(error.to_string().contains(&other.display().to_string()), "{error}");
+        }
+        let unlisted = out.join("unlisted");
+        std::fs::create_dir(&unlisted).unwrap();
+        symlink(unlisted.join(PARTS), unlisted.join(PARTS)).unwrap();
+        assert!(Attempt::all(&unlisted).is_err());
     }
 
     #[test]
@@ -266,7 +295,7 @@ mod tests {
         let earlier = text.replace("\"variables\":[],", "");
         assert_ne!(earlier, text);
         std::fs::write(&file, earlier).unwrap();
-        assert_eq!(attempt.about(), Some(about(3, "n1")));
+        assert_eq!(attempt.about().unwrap(), Some(about(3, "n1")));
     }
 
     #[test]

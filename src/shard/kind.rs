@@ -2,6 +2,7 @@
 //! has a file, written by the first shard that measures on this kind.
 
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::record::{PlannedPoint, read_lines, write_new};
 use crate::words::in_singular;
 use serde::{Deserialize, Serialize};
@@ -54,16 +55,11 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder, the host first, the others sorted by file name. Of several kinds whose points
-    /// have equal keys, only the first is returned.
+    /// Returns all kinds in a folder, the host first, the others sorted by file name. If the points of several kinds
+    /// have equal keys, only the first of these kinds is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
-        let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
-            .into_iter()
-            .flatten()
-            .flatten()
-            .map(|entry| entry.path())
-            .filter(|path| path.extension().is_some_and(|ending| ending == "jsonl"))
-            .collect();
+        let mut files = existing::entries(&out.join(FOLDER))?;
+        files.retain(|path| path.extension().is_some_and(|ending| ending == "jsonl"));
         files.sort();
         // The file of a kind has one line with all points of the kind. A file whose line is damaged or missing is an
         // error, since all these points would otherwise be left out.
@@ -85,9 +81,9 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns the differences of each kind from other kinds of the same name; `None` if no other kind has the name.
-    /// The text lists the parts of the kind's identity that not all kinds of that name have. If there are no such
-    /// parts, the text is "another program".
+    /// Returns, for each kind, a text with its differences from other kinds of the same name, or `None` if no other
+    /// kind has this name. The text lists the parts of the kind's identity that not all kinds of this name have. If
+    /// there are no such parts, the text is "another program".
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {
@@ -110,7 +106,7 @@ fn no_points(path: &Path) -> Error {
     let message =
         format!("{} has no complete line, but must list the points of a kind of device", path.display());
     Error::input(message).with_help(
-        "copy the file again from the machine that wrote it; if it is lost, delete it, and the next shard on a device of this kind writes it again",
+        "copy the file again from the machine that wrote it. If that machine no longer has it, delete the file here: the next shard on a device of this kind then writes it again",
     )
 }
 
@@ -145,6 +141,16 @@ mod tests {
         let actual: Vec<_> = kinds.iter().map(|kind| (kind.device.as_str(), kind.points[0].point)).collect();
         assert_eq!(actual, [("host", 2), ("asleep (1)", 1)]);
         assert!(Kind::all(&out.join("nothing")).unwrap().is_empty());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_of_kinds_that_cannot_be_listed_is_not_an_empty_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let kinds = folder.path().join(FOLDER);
+        std::os::unix::fs::symlink(&kinds, &kinds).unwrap();
+        let error = Kind::all(folder.path()).unwrap_err();
+        assert!(error.to_string().starts_with(&format!("cannot read {}", kinds.display())), "{error}");
     }
 
     #[test]

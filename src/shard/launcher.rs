@@ -17,8 +17,8 @@ struct Assignment {
     rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set it.
     count: Option<u32>,
-    /// If the process belongs to an element of a Slurm array, and the user gives the number of shards: the element's
-    /// number, which is also the shard's number. Otherwise `None`.
+    /// The shard's number, if the process belongs to an element of a Slurm array and the user gives the number of
+    /// shards: it is the element's number. `None` in all other cases.
     number: Option<u32>,
 }
 
@@ -87,16 +87,18 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that the innermost launcher assigned to this process. The number of shards is `of` if
-/// given, else the launcher's count.
+/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, these rules decide, in
+/// this order: the innermost launcher that started several processes, a Slurm array, a launcher of whole jobs
+/// (`OUTER`), a launcher that started a single process. The number of shards is `of` or, if `of` is `None`, the
+/// launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()
         .filter_map(|ranks| ranks.assignment(variable).transpose())
         .collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process does not decide the process's shard: the process may be the only task of
-    // a step, and the step may be an element of an array.
+    // A launcher that started a single process does not decide the process's shard. For example, the process may be the
+    // only task of a step, and the step may be an element of an array, whose number decides.
     let numbered = inner.into_iter().find(|assignment| assignment.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -213,8 +215,8 @@ fn twice(array: &Assignment, inner: &Assignment) -> Error {
         )
 }
 
-/// Returns an error for a batch script of several tasks that starts raycl without `srun`: raycl would run only
-/// once, and `SLURM_PROCID` would not be the number of a task.
+/// Returns an error if a batch script of several tasks started raycl without `srun`: raycl then runs only once, and
+/// `SLURM_PROCID` is not the number of a task.
 fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let rank = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;

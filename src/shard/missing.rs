@@ -1,6 +1,7 @@
-//! Compares records with the plan to find what still has to be measured or failed, and the command that measures it.
+//! Compares records with the plan, to find the points that still have to be measured, the points that failed, and the
+//! commands that measure these points.
 
-use super::{Attempt, Kind, ShardPlan};
+use super::{About, Kind, ShardPlan};
 use crate::device::variables::is_to_be_repeated;
 use crate::record::{HOST, Outcome};
 use crate::words::{option, path_word, quote};
@@ -19,8 +20,8 @@ pub struct Missing {
     pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The names of the kinds that took part. They are listed only if a selected kind did not take part, since that
-    /// kind's name may be misspelt.
+    /// The names of the kinds that took part; `None` unless a selected kind did not take part. That kind's name may be
+    /// misspelt, and the user can compare it with these names.
     pub took_part: Option<String>,
 }
 
@@ -66,13 +67,14 @@ pub struct Wanted<'a> {
 /// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no shard has
 /// begun on a selected kind, these are all points except casters on the host. A caster on the host is missing only if
 /// it has no record on any kind of host. If no shard with casters on the host has begun, all of these casters are
-/// missing. Also returns the points that failed. The commands that measure the points write to the folder `out`.
-/// `outcome` returns the outcome of the record with a key; `None` if there is no such record.
+/// missing. Also returns the points that failed. The commands that measure the points write to the folder `out`, and
+/// are made from those of the attempts that `abouts` describe. `outcome` returns the outcome of the record with a key;
+/// `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
     wanted: Wanted<'_>,
-    attempts: &[Attempt],
+    abouts: &[About],
     outcome: &dyn Fn(&str) -> Option<Outcome>,
 ) -> Missing {
     let Wanted { all, kinds, not_begun } = wanted;
@@ -100,19 +102,19 @@ pub fn missing(
             continue;
         }
         let name = named(kind, distinction.filter(|_| !is_host));
-        let start = Start::of(out, Some(kind), attempts);
+        let start = Start::of(out, Some(kind), abouts);
         missing_kinds.push(lacking(plan, name, (&lacks, kind.points.len()), &start));
     }
     let (of_host, of_device) = divided(plan, all);
     if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
-        let start = Start::of(out, None, attempts);
+        let start = Start::of(out, None, abouts);
         missing_kinds.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &start));
     }
     missing_kinds.extend(not_begun.iter().map(|device| {
-        let start = Start::of(out, None, attempts).on(device);
+        let start = Start::of(out, None, abouts).on(device);
         lacking(plan, device.clone(), (&of_device, of_device.len()), &start)
     }));
-    let failed = failed(plan, kinds, outcome, &|kind| Start::of(out, Some(kind), attempts).again());
+    let failed = failed(plan, kinds, outcome, &|kind| Start::of(out, Some(kind), abouts).again());
     let took_part = not_begun.first().map(|_| names(all));
     Missing { kinds: missing_kinds, failed, nothing_began: all.is_empty(), took_part }
 }
@@ -143,8 +145,9 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the plan's casters on the host and the plan's other points, as indices. Every kind of device except the host
-/// measures all points that are not casters on the host, so the points of one such kind are enough to divide the plan.
+/// Returns the plan's casters on the host and the plan's other points, as indices. The points of one kind of device
+/// that is not the host are enough to divide the plan: such a kind measures all points that are not casters on the
+/// host.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -186,16 +189,16 @@ struct Start {
 
 impl Start {
     /// Returns the command of an attempt on this kind of device or, if there is none, that of the first attempt. The
-    /// option `--shard` is removed. The option `--out` names the folder by its present path: the attempt's folder may
-    /// have been moved or copied. The command contains the default device that the attempt used, since the variable or
-    /// the settings that named it may be different now.
-    fn of(out: &Path, kind: Option<&Kind>, attempts: &[Attempt]) -> Self {
-        let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
+    /// option `--shard` is removed. The option `--out` names the folder of results by its present path, since this
+    /// folder may have been moved or copied. The command contains the default device that the attempt used, since the
+    /// variable or the settings that named it may be different now.
+    fn of(out: &Path, kind: Option<&Kind>, abouts: &[About]) -> Self {
         let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
         let current = std::env::current_dir().ok();
         let folder = about.folder.map(PathBuf::from);
-        // If the attempt's folder does not exist here, the command names no folder, and the user has to choose one.
+        // If the folder in which the attempt was started does not exist here, the command does not change to a folder,
+        // and the user has to choose one.
         let folder = folder.filter(|folder| folder.is_dir() && current.as_ref() != Some(folder));
         // If the command changes to another folder, `--out` needs an absolute path, since a relative path would lead to
         // another folder.
@@ -241,8 +244,8 @@ impl Start {
     }
 }
 
-/// Returns the words with which a shell sets a variable for one command; `None` if the variable is none that a repeated
-/// command needs, since the file that names it may come from a stranger.
+/// Returns the words with which a shell sets a variable for one command; `None` if a repeated command does not need the
+/// variable. The file that contains the setting may come from a stranger, so no other variables may be set.
 fn assignment(setting: &str) -> Option<String> {
     let (name, value) = setting.split_once('=')?;
     is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))
@@ -391,16 +394,13 @@ mod tests {
     /// Returns the command that measures shard 3 of 4 after an attempt that was started with the command line `words`
     /// in `folder`. The results are in the folder `results` of the current folder.
     fn repeated(folder: Option<&Path>, device: Option<&str>, words: &[&str], again: bool) -> String {
-        use crate::shard::About;
-        let out = tempfile::tempdir().unwrap();
         let about = About {
             folder: folder.map(|folder| folder.display().to_string()),
             device: device.map(str::to_owned),
             command: words.iter().map(|word| (*word).to_owned()).collect(),
             ..About::default()
         };
-        let attempts = [Attempt::begin(out.path(), &about).unwrap()];
-        let start = Start::of(Path::new("results"), None, &attempts);
+        let start = Start::of(Path::new("results"), None, &[about]);
         let start = if again { start.again() } else { start };
         start.of_shards(&BTreeSet::from([3]), 4)
     }
@@ -433,8 +433,6 @@ mod tests {
 
     #[test]
     fn the_command_sets_the_variables_that_the_user_had_set() {
-        use crate::shard::About;
-        let out = tempfile::tempdir().unwrap();
         let variables = [
             "POCL_DEVICES=pthread basic",
             "POCL_MAX_PTHREAD_COUNT=1",
@@ -446,8 +444,8 @@ mod tests {
             command: ["/x/raycl", "run", "a.toml"].map(str::to_owned).to_vec(),
             ..About::default()
         };
-        let attempts = [Attempt::begin(out.path(), &about).unwrap()];
-        let start = || Start::of(Path::new("o"), None, &attempts);
+        let abouts = [about];
+        let start = || Start::of(Path::new("o"), None, &abouts);
         let command = "POCL_DEVICES='pthread basic' POCL_MAX_PTHREAD_COUNT=1 raycl run a.toml --out o";
         assert_eq!(start().of_shards(&BTreeSet::from([3]), 4), format!("{command} --shard 3/4"));
         let several = start().again().of_shards(&BTreeSet::from([2, 3]), 4);
@@ -476,6 +474,21 @@ mod tests {
         let words = ["raycl", "run", "a.toml", "--resume", "--out", "o", "--retry-failed", "--shard=1/4"];
         let expected = "raycl run a.toml --out results --resume --retry-failed --shard 3/4";
         assert_eq!(repeated(None, None, &words, true), expected);
+    }
+
+    #[test]
+    fn points_with_a_wrong_image_are_not_measured_again() {
+        let kinds = [kind("gpu", "1", &[0, 1, 2])];
+        let outcome = |key: &str| match key {
+            "1 0" => Some(Outcome::WrongImage),
+            "1 1" => Some(Outcome::Crashed),
+            _ => Some(Outcome::Measured),
+        };
+        let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
+        let result = missing(Path::new("o"), &plan(), wanted, &[], &outcome);
+        let [failed] = &result.failed[..] else { panic!("{result:?}") };
+        assert_eq!((&failed.points[..], failed.of), (&["b".to_owned()][..], 3));
+        assert!(result.is_empty(), "{result:?}");
     }
 
     #[test]
@@ -515,17 +528,14 @@ mod tests {
 
     #[test]
     fn a_kinds_command_is_that_of_an_attempt_on_it_and_a_host_is_named_once() {
-        use crate::shard::About;
-        let out = tempfile::tempdir().unwrap();
-        let attempts = [("1", "one"), ("2", "other")].map(|(identity, device)| {
+        let abouts = [("1", "one"), ("2", "other")].map(|(identity, device)| {
             let words = ["raycl", "run", "-o", "its old path", "--device", device, "--shard", "1/16"];
-            let about = About {
+            About {
                 host: device.into(),
                 devices: vec![identity.into()],
                 command: words.map(str::to_owned).to_vec(),
                 ..About::default()
-            };
-            Attempt::begin(out.path(), &about).unwrap()
+            }
         });
         let kinds = [
             kind(HOST, "amd", &[0]),
@@ -535,7 +545,7 @@ mod tests {
         ];
         let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
         let now = Path::new("my results");
-        let result = missing(now, &plan(), wanted, &attempts, &|_| None);
+        let result = missing(now, &plan(), wanted, &abouts, &|_| None);
         let commands: Vec<_> =
             result.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
         let expected = [
@@ -546,7 +556,7 @@ mod tests {
         assert_eq!((commands, result.count()), (expected.to_vec(), 3));
         let not_begun = ["tpu".to_owned()];
         let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
-        let result = missing(now, &plan(), wanted, &attempts, &|_| Some(Outcome::Measured));
+        let result = missing(now, &plan(), wanted, &abouts, &|_| Some(Outcome::Measured));
         assert_eq!(result.took_part.as_deref(), Some("host, gpu"));
     }
 }

@@ -15,7 +15,8 @@ pub struct Shard {
     pub of: u32,
 }
 
-/// The largest number of shards. No scheduler starts so many shards; a larger number is probably a typing mistake.
+/// The largest number of shards. Users hardly need so many shards, so a larger number is probably a typing
+/// mistake.
 const MOST: u32 = 100_000;
 
 impl Shard {
@@ -23,11 +24,7 @@ impl Shard {
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
-            false => Err(Error::input(format!(
-                "there is no shard {number} of {of}; the number of shards may be 1 to {MOST}, and a shard's number 1 \
-                 to the number of shards"
-            ))
-            .with_help(format!(
+            false => Err(Error::input(format!("there is no shard {number} of {of}")).with_help(format!(
                 "the number of shards may be 1 to {MOST}; a shard's number may be 1 to the number of shards"
             ))),
         }

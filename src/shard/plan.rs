@@ -2,6 +2,7 @@
 //! number, writes the file, and the others read it.
 
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::experiment::Block;
 use crate::record::journals::SHARDS;
 use crate::record::{cannot_make, ordinary, write_new};
@@ -74,7 +75,7 @@ impl ShardPlan {
     /// Reads the plan of a folder; `None` if it has none.
     pub fn read(out: &Path) -> Result<Option<Self>> {
         let path = path(out);
-        if !path.is_file() {
+        if !existing::is_file(&path)? {
             return Ok(None);
         }
         let unreadable = |error: &dyn std::fmt::Display| {
@@ -97,7 +98,7 @@ impl ShardPlan {
         self.blocks.iter().filter(|block| block.shard == number).cloned().collect()
     }
 
-    /// Returns the block to which a point belongs.
+    /// Returns the block to which a point belongs; `None` if no block contains the point.
     pub fn block_of(&self, point: usize) -> Option<&Block> {
         self.blocks.iter().find(|block| block.points.contains(&point))
     }
@@ -120,7 +121,7 @@ impl ShardPlan {
             return Ok(self);
         };
         let message = format!(
-            "{} has a different plan: {what} differs: {there} in the folder, {here} in this command",
+            "{} has a different plan, because {what} differs: {there} in the folder, {here} in this command",
             out.display()
         );
         Err(Error::input(message).with_help(format!(
@@ -146,9 +147,10 @@ pub fn path(out: &Path) -> PathBuf {
     out.join(SHARDS)
 }
 
-/// Returns the beginning of the hash of the kernels' source.
+/// Returns a text with the beginning of the hash of the kernels' source.
 fn source(header: &Header) -> String {
-    header.kernels.as_ref().map_or("unreadable".to_owned(), |hash| hash.chars().take(8).collect())
+    let begin = |hash: &String| format!("hash {}", hash.get(..8).unwrap_or(hash));
+    header.kernels.as_ref().map_or("no hash (a kernel file could not be read)".to_owned(), begin)
 }
 
 fn config_text(header: &Header) -> String {
@@ -204,7 +206,7 @@ mod tests {
             (Header { scenes: vec!["b".into()], ..header() }, "a scene differs"),
             (
                 Header { kernels: Some("c".repeat(64)), ..header() },
-                "the source of the kernels differs: unreadable in the folder, cccccccc in this command",
+                "the source of the kernels differs: no hash (a kernel file could not be read) in the folder, hash cccccccc in this command",
             ),
         ] {
             let error = open(&other, 1.0).unwrap_err();
@@ -213,6 +215,18 @@ mod tests {
         let by = Some("0.9.0 (abcdef)".to_owned());
         let elsewhere = Header { config: "y.toml".into(), raycl: by, ..header() };
         assert!(open(&elsewhere, 1.0).is_ok(), "a path or a version decides nothing");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_plan_that_cannot_be_found_does_not_count_as_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(ShardPlan::read(folder.path()).unwrap(), None);
+        let file = path(folder.path());
+        std::os::unix::fs::symlink(&file, &file).unwrap();
+        assert!(ShardPlan::read(folder.path()).is_err(), "the link leads to itself");
+        let opened = ShardPlan::open(folder.path(), &header(), || panic!("no other plan may be made"));
+        assert!(opened.is_err());
     }
 
     #[test]

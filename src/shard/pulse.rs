@@ -24,8 +24,8 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 pub struct Beat {
     /// The number of counts so far; the process counts once per second.
     pub beats: u64,
-    /// The number of counts since the last step, or since the attempt last waited for another process: one that uses a
-    /// device, or one that measures the device's peak rates for the attempt.
+    /// The number of counts since the last step, or since the attempt last waited for another process. This can be a
+    /// process that uses a device, or one that measures the device's peak rates for the attempt.
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.

@@ -2,6 +2,7 @@
 //! own folder while it runs. This module reads all counters twice, and so finds out which of them increase.
 
 use super::{Attempt, Beat, End};
+use crate::error::Result;
 use std::fmt;
 use std::path::Path;
 use std::time::Duration;
@@ -11,8 +12,9 @@ use std::time::Duration;
 pub enum State {
     /// The attempt has made its folder, but its counter has not started yet.
     Begun,
-    /// The attempt's counter increases, and the attempt has made progress within the time limit of a step, or waits for
-    /// another process: one that uses a device, or one that measures the device's peak rates for the attempt.
+    /// The attempt's counter increases, and the attempt is not hung: within the time limit of a step, it has made
+    /// progress or has waited for another process. This can be a process that uses a device, or one that measures the
+    /// device's peak rates for the attempt.
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.
@@ -37,26 +39,27 @@ pub struct Status {
 
 /// Returns the state of all attempts in a folder, from two readings. The time `between` should be several
 /// seconds, since a network file system may show old data.
-pub fn status(out: &Path, between: Duration) -> Vec<Status> {
+pub fn status(out: &Path, between: Duration) -> Result<Vec<Status>> {
     read_twice(out, || std::thread::sleep(between))
 }
 
 /// Reads all attempts twice. Calls `wait` between the two readings, unless all attempts have ended.
-fn read_twice(out: &Path, wait: impl FnOnce()) -> Vec<Status> {
-    let attempts = Attempt::all(out);
+fn read_twice(out: &Path, wait: impl FnOnce()) -> Result<Vec<Status>> {
+    let attempts = Attempt::all(out)?;
     let read = |attempt: &Attempt| Beat::read(&attempt.folder);
     let first: Vec<Option<Beat>> = attempts.iter().map(read).collect();
-    if attempts.iter().any(|attempt| attempt.end().is_none()) {
+    let ends = attempts.iter().map(Attempt::end).collect::<Result<Vec<_>>>()?;
+    if ends.iter().any(Option::is_none) {
         wait();
     }
-    let of = |(attempt, first): (&Attempt, Option<Beat>)| {
+    let of = |(attempt, first): (&Attempt, Option<Beat>)| -> Result<Status> {
         let second = read(attempt).or(first);
-        let limit = attempt.about().map_or(f64::MAX, |about| about.hang_limit_s);
-        Status {
+        let limit = attempt.about()?.map_or(f64::MAX, |about| about.hang_limit_s);
+        Ok(Status {
             name: attempt.name.clone(),
-            state: state(attempt.end(), [first, second], limit),
+            state: state(attempt.end()?, [first, second], limit),
             beat: second.unwrap_or_default(),
-        }
+        })
     };
     attempts.iter().zip(first).map(of).collect()
 }
@@ -112,7 +115,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let about = About { shard: 1, of: 2, hang_limit_s: 600.0, ..About::default() };
         let attempt = Attempt::begin(folder.path(), &about).unwrap();
-        let state = |wait: &dyn Fn()| read_twice(folder.path(), wait).remove(0).state;
+        let state = |wait: &dyn Fn()| read_twice(folder.path(), wait).unwrap().remove(0).state;
         assert_eq!(state(&|| ()), State::Begun);
         let count = || std::fs::write(attempt.folder.join("pulse"), "0 0 0\n").unwrap();
         assert_eq!(state(&count), State::Going, "it began to count between the readings");
@@ -128,7 +131,7 @@ mod tests {
         let count =
             |beats: u64| std::fs::write(going.folder.join("pulse"), format!("{beats} 0 1\n")).unwrap();
         count(7);
-        let statuses = read_twice(folder.path(), || count(9));
+        let statuses = read_twice(folder.path(), || count(9)).unwrap();
         let states: Vec<_> = statuses.into_iter().map(|status| status.state).collect();
         assert_eq!(states, [State::Ended(End::Done), State::Going]);
     }
@@ -140,7 +143,7 @@ mod tests {
         let attempt = Attempt::begin(folder.path(), &about).unwrap();
         let pulse = attempt.folder.join("pulse");
         std::fs::write(&pulse, "7 0 1\n").unwrap();
-        let statuses = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap());
+        let statuses = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap()).unwrap();
         assert_eq!(statuses[0].state, State::Lost);
     }
 
@@ -159,7 +162,7 @@ mod tests {
         let attempt = Attempt::begin(folder.path(), &about).unwrap();
         let count = |line: &str| std::fs::write(attempt.folder.join("pulse"), line).unwrap();
         count("7 0 4\n");
-        let statuses = read_twice(folder.path(), || count("10 3 5\n"));
+        let statuses = read_twice(folder.path(), || count("10 3 5\n")).unwrap();
         let beat = Beat { beats: 10, quiet: 3, steps: 5 };
         assert_eq!(statuses, [Status { name: "shard-00001.n1..r00".into(), state: State::Hung(3), beat }]);
     }

@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
-//! the step's processes again. Without this check, a process of a lost step would go on and measure the same points as
-//! the process that replaces it, although a merge uses only one record of each point.
+//! the step's processes again. Without this check, a process of a lost step would go on. It would measure the same
+//! points as the process that replaces it, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -26,16 +26,16 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// Shells. The end of a shell need not mean that the launcher was lost: a user may have closed an interactive shell,
-/// and a script may end before the processes that it started.
+/// Shells. If a shell ends, the launcher need not be lost: a user may have closed an interactive shell, and a script
+/// may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
 /// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
-/// process, and the points that are being measured get no record. Nothing is checked if three conditions hold together:
+/// process, and the points that are being measured get no record. Nothing is checked in three cases. In the first case,
 /// no process in the chain of parents is a known launcher, the parent is a shell, and the user gave the shard's number.
-/// Nothing is checked either if the parent is process 1, the first process of a container or of the system: all other
-/// processes end with it. Nothing is checked on systems other than Linux.
+/// In the second case, the parent is process 1, the first process of a container or of the system: all other processes
+/// end with this process. The third case is a system other than Linux.
 ///
 /// # Errors
 ///
@@ -102,7 +102,7 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Describes the first process of the chain that has ended, if any has.
+    /// Returns a text about the first process of the chain that has ended; `None` if all of them are alive.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }
@@ -130,8 +130,9 @@ fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }
 
-/// Parses `/proc/ID/stat`, described in `proc(5)`: ID, name in brackets, state, parent, ..., and in field 22 the start
-/// time.
+/// Parses the text of `/proc/ID/stat`, which `proc(5)` describes: ID, name in brackets, state, parent, ..., and in
+/// field 22 the start time. Returns `None` if the process has ended (state `Z` or `X`), or if the text has another
+/// form.
 fn parse(id: u32, stat: &str) -> Option<Process> {
     let (before, after) = stat.rsplit_once(')')?;
     let name = before.split_once('(')?.1.to_owned();

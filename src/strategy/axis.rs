@@ -183,7 +183,7 @@ axis! {
     /// The time at which a triangle's data for the ray-triangle test is computed.
     Records "records" "when a triangle's data for the tests is computed" {
         EachTest "each-test" "at each test, from the triangle's corners; with triangles = tiled, when a work-group copies the triangle to __local memory (tests with planes, and tiles of rays, prepare triangles at other times)",
-        Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
+        Once "once" "once per scene, by a kernel of its own, which writes a record per triangle to global memory",
     }
 }
 axis! {

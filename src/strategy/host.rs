@@ -10,7 +10,8 @@ use crate::scene::{Mapped, Material, Mesh};
 
 /// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1, 258 to 305 MB
 /// were measured on 2026-11-27 for a scene of one triangle, in runs in which LLVM 15 compiled the kernels; the preset
-/// `tile-group` needed most.
+/// `tile-group` needed most. The drivers of other devices do not count, although a process that lists all devices
+/// starts them too: on a machine with an NVIDIA GPU, pictures that the CPU cast took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
@@ -67,9 +68,9 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = base.clone();
-            // The sum assumes small leaves. With fewer than 32 children per node, `WideBvh::of_mesh` builds the tree
-            // with such leaves and then combines some of them. With 32 children, leaves may be larger, and the tree
-            // then needs less memory than this sum.
+            // The sum assumes that the binary tree has small leaves. With fewer than 32 children per node,
+            // `WideBvh::of_mesh` builds such a binary tree. With 32 children, the binary tree may have larger leaves,
+            // and then needs less memory than the sum assumes.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);

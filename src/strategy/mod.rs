@@ -132,6 +132,13 @@ impl Strategy {
         self.traversal != Traversal::Tile
     }
 
+    /// Returns whether the strategy's kernels read lists of the mesh: its normals, and its triangles, which contain the
+    /// normals' indices. Only kernels that cast tiles and read indexed normals do so. A device that shares the host's
+    /// memory reads these lists in place.
+    pub fn reads_lists_of_mesh(&self) -> bool {
+        self.traversal == Traversal::Tile && self.layout.index_bits().is_some()
+    }
+
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
     /// square, so that its rays hit the same triangles. Blocks of 16 rays are wider and lower if the test uses planes
     /// that are linear in the pixel's coordinates, since the rays of a row share terms of these planes.
@@ -158,10 +165,10 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights in a round. Work-items that share a tile cast the shadow rays to all lights of a
-    /// round at the same time. The number is limited because each work-item stores its results in a word of 32 bits:
-    /// each pair of a light and a ray of the work-item has one bit, and bit 31 is reserved to mark leftover shadow
-    /// rays.
+    /// Returns the number of lights in a round. Work-items that share a tile cast the shadow rays to all
+    /// lights of a round at the same time. The number is limited because each work-item stores its results in
+    /// a word of 32 bits. Each pair of a light and a ray of the work-item has one bit. Bit 31 is reserved to
+    /// mark leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;

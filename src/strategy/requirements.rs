@@ -101,11 +101,19 @@ impl Requirements {
         scene(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of global memory for the strategy's tree alone; 0 if the strategy uses no tree. Several points
-    /// of an experiment can share this memory.
+    /// Returns the bytes of global memory for the strategy's tree alone, including the lists of the mesh that the
+    /// kernels read; 0 if the strategy uses no tree. Several points of an experiment can share this memory.
     pub fn tree_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         let mut sum = Sum::default();
         add_tree(&mut sum, strategy, workload);
+        add_lists_of_mesh(&mut sum, strategy, workload);
+        sum.recorded()
+    }
+
+    /// Returns the bytes of the lists of the mesh that the strategy's kernels read; 0 if they read none. A device that
+    /// shares the host's memory reads these lists in place.
+    pub fn mesh_list_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+        let mut sum = Sum::default();
         add_lists_of_mesh(&mut sum, strategy, workload);
         sum.recorded()
     }
@@ -297,10 +305,9 @@ pub(super) fn scene_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Adds the lists of the mesh that kernels read. Only kernels that cast tiles and read indexed normals read such lists:
-/// the normals, and the triangles, which contain the normals' indices.
+/// Adds the lists of the mesh that kernels read ([`Strategy::reads_lists_of_mesh`]).
 fn add_lists_of_mesh(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    if strategy.traversal == Traversal::Tile && strategy.layout.index_bits().is_some() {
+    if strategy.reads_lists_of_mesh() {
         sum.add("normals", &[(POINT_BYTES, " B"), (w.normals as u64, "")]);
         sum.add("their indices", &[(size_of::<Triangle>() as u64, " B"), (w.triangles as u64, " triangles")]);
     }

@@ -25,9 +25,10 @@ pub const FOLDERS: [(&str, &str); 8] = [
 
 type Headers = &'static [Header];
 
-/// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it parses any
-/// name of a value. (If a run compares two folders, these are the headers of the second one; see [`Values`].) The
-/// headers live as long as the process, so that a strategy can hold their names and be copied.
+/// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it
+/// parses any name of a value. If a run compares two folders of kernels, these are the headers of the second
+/// folder (see [`Values`]). The headers live as long as the process, so that a strategy can hold their names
+/// and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
     // A test checks that the built-in headers can be read.
     RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
@@ -272,7 +273,7 @@ struct Include {
     file: String,
     /// The file that has this line, and the number of the line, as messages show them.
     location: String,
-    /// False if the path is that of no file, and has no axis in braces.
+    /// False if no file has this path, and the path has no axis in braces.
     is_there: bool,
 }
 
@@ -360,8 +361,9 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
     })
 }
 
-/// Returns the folder that the user should have named with `--cl-dir` instead of `folder`: `folder` lies in it, and the
-/// file's path from there is that of a value or of a built-in file. Returns `None` if there is no such folder.
+/// Returns the folder that the user should have named with `--cl-dir` instead of `folder`. The returned
+/// folder contains `folder`, and the file's path from the returned folder is that of a value or of a built-in
+/// file. Returns `None` if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {

@@ -80,9 +80,9 @@ impl Pose {
     }
 }
 
-/// Returns the point to which the eye zooms, and whose distance determines how far the eye pans. Usually, this point is
-/// the centre of the eye's orbit. If the eye itself is in this centre, as in a panorama, orbiting only turns the eye.
-/// In this case the point lies one radius of the scene ahead of the eye.
+/// Returns the pivot: the eye zooms towards this point, and pans by fractions of its distance from this point. Usually,
+/// this point is the centre of the eye's orbit. If the eye itself is in this centre, as in a panorama, orbiting only
+/// turns the eye. In this case the point lies one radius of the scene ahead of the eye.
 fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
     let position = camera.position.as_dvec3();
     if position.distance(orbit.centre) < CENTRAL * orbit.radius {

@@ -28,8 +28,8 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns copies of this list in which another value is chosen. They come in the order in which repeated steps of
-    /// `step` (1 or -1) reach the values.
+    /// Returns copies of this list, one for each value that is not chosen here; in the copy, this value is chosen. The
+    /// order of the copies is the order in which repeated steps of `step` (1 or -1) reach the values.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {

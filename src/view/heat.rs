@@ -6,7 +6,6 @@ use crate::error::Result;
 use crate::image::viridis;
 use crate::reference::cost::{self, Cost};
 use crate::scene::{Camera, Light, Scene};
-use crate::strategy::Culling;
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
@@ -50,19 +49,20 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next finer map, with this camera and these lights; `None` if the finest map was returned before. If
-    /// the strategy casts exhaustively, the map counts the tests of an exhaustive search; otherwise it counts the tests
-    /// in a tree.
+    /// Returns the next map, which is finer than the last one, with this camera and these lights. Returns `None` if the
+    /// last map was the finest. If the strategy casts exhaustively, the map counts the tests of an exhaustive search;
+    /// otherwise it counts the tests in a tree. Rays miss the faces that the strategy culls.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
         (self.scene.camera, self.scene.lights) = (camera, lights);
         let size = live.size();
         let coarse = blocks(size, block);
-        let costs = if live.strategy().tests_every_triangle() {
-            cost::exhaustive(&self.scene, coarse, Culling::None)
+        let strategy = live.strategy();
+        let costs = if strategy.tests_every_triangle() {
+            cost::exhaustive(&self.scene, coarse, strategy.culling)
         } else {
-            cost::in_built(&self.scene, &self.tree, coarse, Culling::None)
+            cost::in_built(&self.scene, &self.tree, coarse, strategy.culling)
         };
         Some(map(&costs, coarse[0], size, block))
     }
@@ -73,7 +73,8 @@ fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
     size.map(|side| side.div_ceil(block))
 }
 
-/// Returns a picture in which a block of pixels shows each count of tests as a colour.
+/// Returns a picture with one block of pixels for each element of `costs`. The block's colour shows the number of
+/// tests.
 fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =
@@ -99,6 +100,25 @@ mod tests {
         assert_ne!(view.1, live.scene().lights);
         heat.next(&live, view.clone()).expect("a map");
         assert_eq!((heat.scene.camera, heat.scene.lights), view);
+    }
+
+    #[test]
+    fn rays_miss_the_faces_that_the_strategy_culls() {
+        let own = include_str!("../../scenes/triangle.toml");
+        let turned = own.replace("faces = [[0, 1, 2]]", "faces = [[0, 2, 1]]");
+        assert_ne!(turned, own);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, turned).expect("a file");
+        let most = |strategy: &str, culling: &str| {
+            let options = ["--strategy", strategy, "--set", culling];
+            let live = live_of(&path, ["40", "20"], &options, 1);
+            let mut heat = Heat::new(live.scene()).expect("a small scene");
+            heat.next(&live, live.view(&Pose::START)).expect("a map").most
+        };
+        // The primary ray is tested against the only triangle. Only a ray that hits it has a shadow ray.
+        assert_eq!([most("naive", "culling=none"), most("naive", "culling=back")], [2, 1]);
+        assert_eq!(most("bvh", "culling=back"), 1);
     }
 
     #[test]

@@ -117,7 +117,7 @@ pub const KEYS: &[Row] = &[
     },
 ];
 
-/// Returns the action of a key.
+/// Returns the action of a key; `None` if the key has no action.
 pub fn action(key: Key) -> Option<Action> {
     KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
 }

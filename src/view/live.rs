@@ -108,6 +108,17 @@ impl Live {
         self.strategies.taken()
     }
 
+    /// Returns the strategy to which [`Self::next_strategy`] changes if the device can use it; the present strategy if
+    /// there is no other.
+    pub fn strategy_after(&self, step: isize) -> Strategy {
+        self.strategies.others(step).next().map_or_else(|| self.strategy(), |next| next.taken())
+    }
+
+    /// Returns whether the user has named a folder of kernel files, which may change while the scene is shown.
+    pub fn has_own_kernels(&self) -> bool {
+        self.subject.cl_dir.is_some()
+    }
+
     /// Returns the local size.
     pub fn local_size(&self) -> [u32; 2] {
         self.prepared.workload.local_size
@@ -185,8 +196,9 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the next strategy that the device can use. The local size becomes the one that the user has named, if
-    /// the device can use it with the new strategy, and otherwise the usual local size of the new strategy.
+    /// Changes to the next strategy that the device can use (for `step` 1) or to the previous one (for -1). The local
+    /// size becomes the one that the user has named on the command line. If the user has named none, or if the device
+    /// cannot use it with the new strategy, the local size becomes the usual one of the new strategy.
     ///
     /// # Errors
     ///
@@ -208,7 +220,7 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Changes to the next local size that the device can use.
+    /// Changes to the next local size that the device can use (for `step` 1) or to the previous one (for -1).
     ///
     /// # Errors
     ///
@@ -219,8 +231,8 @@ impl Live {
         self.take(selections.collect())
     }
 
-    /// Returns the strategy and the local size with which the device casts first: those that the user has named, or
-    /// else those that raycl chooses.
+    /// Returns the strategy and the local size with which the device casts first: those that the user has named on the
+    /// command line. If the user has not named one of them, raycl chooses it.
     fn first(&self) -> Result<(Strategy, [u32; 2])> {
         self.subject.strategy(&self.device.info, self.subject.task(&self.scene, 1))
     }
@@ -252,7 +264,7 @@ impl Live {
     /// Fails if there is no other usable device, or if the next device cannot be opened or cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
         let Some(mut device) = after(&self.device.info, &discover(&self.sources)?).cloned() else {
-            return Err(Error::input(format!("{} is the only usable device", self.device.info.name)));
+            return Err(only(&self.device.info));
         };
         device.test_lanes(&self.sources)?;
         self.move_to(device)
@@ -277,8 +289,8 @@ impl Live {
         (self.strategies.clone(), self.local_sizes.clone())
     }
 
-    /// Casts pictures of another size from now on. They show at least the part of the scene that pictures of the first
-    /// size show. If the device cannot cast pictures of this size, everything stays as it was.
+    /// Casts pictures of another size from now on. Each of these pictures shows at least the part of the scene that a
+    /// picture of the first size shows. If the device cannot cast pictures of this size, everything stays as it was.
     pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         let subject = Subject { width, height, ..self.subject.clone() };
         let selection = self.selection();
@@ -318,9 +330,15 @@ fn after<'a>(current: &DeviceInfo, devices: &'a [Device]) -> Option<&'a Device> 
     usable.get(next % usable.len().max(1)).copied().filter(|device| !same(device))
 }
 
-/// Opens a session, that is, prepares a scene to be cast on a device. When the user changes from a device to its twin
-/// (a second device with the same properties), the session of the new device is opened before the session of the old
-/// device is closed. The two devices therefore need programs of their own.
+/// Returns the error if there is no device other than this one. The message has the name that the line beside the
+/// picture shows.
+fn only(device: &DeviceInfo) -> Error {
+    Error::input(format!("{} is the only usable device", device.common_name()))
+}
+
+/// Opens a session, that is, prepares a scene to be cast on a device. If the user changes from a device to its twin (a
+/// second device with the same properties), two sessions are open for a moment, since the new session is opened before
+/// the old one is closed. The two devices therefore need programs of their own.
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene))
         .among_twins(device.info.program_twin())
@@ -328,7 +346,7 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
-/// truncation to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses raycl's own
+/// conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses raycl's own
 /// program; the host then applies the transform.
 ///
 /// # Errors
@@ -361,8 +379,8 @@ fn ready(
 }
 
 /// Returns a camera for pictures of another size than that for which the camera was placed. If the new pictures are
-/// wider in proportion, the field of view across the height stays, else the one across the width. So everything that
-/// was visible stays visible.
+/// wider in proportion to their height, the vertical field of view stays the same; otherwise, the horizontal field of
+/// view stays the same. So everything that was visible stays visible.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {
@@ -507,6 +525,13 @@ mod tests {
             Some(0)
         );
         assert_eq!((next("a", &devices[..1]), next("b", &devices[1..3]), next("a", &[])), (None, None, None));
+    }
+
+    #[test]
+    fn the_only_device_has_the_name_that_the_line_shows() {
+        let name = "pthread-haswell-AMD EPYC".to_owned();
+        let device = DeviceInfo { label: name.clone(), name, ..crate::experiment::asleep::device(1.0) };
+        assert_eq!(only(&device).to_string(), "AMD EPYC, PoCL is the only usable device");
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod sum;
 mod title;
 
 use crate::error::Result;
+use crate::strategy::Strategy;
 use crate::words::counted;
 use camera::{Pose, elevation};
 use heat::Heat;
@@ -67,14 +68,17 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// A note for the user, such as why a key had no effect. At the start, and after the scene was read again or the
-    /// picture's size has changed, it is the first note about the scene, with the number of the other notes.
+    /// The answer to the last key or the last change of a file, if there is something to tell: why it had no effect, or
+    /// the list of keys.
+    answer: Option<String>,
+    /// The first note about the scene, with the number of the other notes. It is shown in three cases: at the start,
+    /// after the scene was read again, and after the picture's size has changed.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
     redraws: bool,
-    /// True if the line of text beside the picture must be written again, because something that the line states (such
-    /// as the strategy or the number of samples) has changed.
+    /// True if the line of text beside the picture is out of date. Something that the line states, such as the strategy
+    /// or the number of samples, has then changed.
     stale: bool,
 }
 
@@ -96,6 +100,7 @@ impl<S: Screen> Viewer<S> {
             room: None,
             pointer: None,
             picked: None,
+            answer: None,
             note,
             redraws: false,
             stale: true,
@@ -163,16 +168,34 @@ impl<S: Screen> Viewer<S> {
 
     /// Shows a picture, with the list of keys over it if the user wants this list.
     fn show(&mut self, picture: RgbImage) -> Result<()> {
-        match &self.help {
+        let has_room = match &self.help {
             Some(panel) => {
                 let mut under = picture.clone();
-                help::lay(panel, &mut under);
+                let has_room = help::lay(panel, &mut under);
                 self.screen.show(&under)?;
+                has_room
             }
-            None => self.screen.show(&picture)?,
+            None => {
+                self.screen.show(&picture)?;
+                true
+            }
+        };
+        if !has_room {
+            self.list_keys()?;
         }
         self.shown = Some(picture);
         self.redraws = false;
+        Ok(())
+    }
+
+    /// Shows the keys over a picture that is too small for their drawing: as lines of text or, if the screen writes no
+    /// text over pictures, in the line beside the picture.
+    fn list_keys(&mut self) -> Result<()> {
+        let lines: Vec<String> = keys::lines().collect();
+        if !self.screen.write_over(&lines)? && self.answer.is_none() {
+            self.answer = Some(lines.join("; "));
+            self.stale = true;
+        }
         Ok(())
     }
 
@@ -187,7 +210,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Does what the user's input asks for. Returns whether the user wants to quit.
+    /// Carries out the actions that the user's input asks for. Returns whether the user wants to quit.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
             self.go(dragged(input));
@@ -208,8 +231,14 @@ impl<S: Screen> Viewer<S> {
         match wanted {
             Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
             Action::Spin => self.spins = !self.spins,
-            Action::Strategy(step) => self.tried(|live| live.next_strategy(step)),
-            Action::LocalSize(step) => self.tried(|live| live.next_local_size(step)),
+            Action::Strategy(step) => {
+                let next = self.live.strategy_after(step);
+                self.compiled(next, |live| live.next_strategy(step));
+            }
+            Action::LocalSize(step) => {
+                let same = self.live.strategy();
+                self.compiled(same, |live| live.next_local_size(step));
+            }
             Action::Device => self.tried(Live::next_device),
             Action::Tests => self.turn_heat(),
             Action::Help => self.turn_help(),
@@ -226,7 +255,7 @@ impl<S: Screen> Viewer<S> {
         if !is_shown {
             match Heat::new(self.live.scene()) {
                 Ok(heat) => self.heat = Some(heat),
-                Err(error) => self.note = Some(error.in_a_line()),
+                Err(error) => self.answer = Some(error.in_a_line()),
             }
         }
     }
@@ -237,11 +266,7 @@ impl<S: Screen> Viewer<S> {
             Some(_) => None,
             None => help::panel().ok(),
         };
-        let [width, height] = self.live.size();
-        let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
-        // If the picture is too small for the list of keys, the line beside the picture shows the keys.
-        let is_beside = self.help.as_ref().is_some_and(|panel| !fits(panel));
-        self.note = is_beside.then(|| keys::lines().collect::<Vec<_>>().join("; "));
+        self.answer = None;
         self.redraws = true;
     }
 
@@ -253,7 +278,7 @@ impl<S: Screen> Viewer<S> {
         let changed = room.filter(|size| known != room && *size != self.live.size());
         if let Some(size) = changed {
             self.tried(|live| live.resize(size));
-            self.note = self.note.take().or_else(|| of_scene(&self.live));
+            self.note_again();
         }
     }
 
@@ -278,15 +303,24 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
+    /// Makes a change for which the program of a strategy is compiled. Until the compiler has finished, no picture is
+    /// shown and no key is obeyed, so the line beside the picture first names the strategy.
+    fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) {
+        // If the screen cannot show the line, it cannot show the next picture either, and that error ends the view.
+        let _ = self.screen.tell_at_once(&title::compiling(&strategy));
+        self.tried(change);
+    }
+
     /// Changes the strategy, local size or device, or reads changed files. If this fails, the scene is cast as before,
-    /// and a note states the reason.
+    /// and the line beside the picture states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         match change(&mut self.live) {
             Ok(()) => {
+                self.answer = None;
                 self.note = None;
                 self.rate.switched();
             }
-            Err(error) => self.note = Some(error.in_a_line()),
+            Err(error) => self.answer = Some(error.in_a_line()),
         }
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
             self.heat = Heat::new(self.live.scene()).ok();
@@ -298,8 +332,20 @@ impl<S: Screen> Viewer<S> {
     /// Reads changed files. If this succeeds, the first note about the scene is shown again, since the change may
     /// have added or removed notes.
     fn reload(&mut self) {
-        self.tried(Live::reload);
-        self.note = self.note.take().or_else(|| of_scene(&self.live));
+        if self.live.has_own_kernels() {
+            let same = self.live.strategy();
+            self.compiled(same, Live::reload);
+        } else {
+            self.tried(Live::reload);
+        }
+        self.note_again();
+    }
+
+    /// Shows the first note about the scene again, unless the last change has failed.
+    fn note_again(&mut self) {
+        if self.answer.is_none() {
+            self.note = of_scene(&self.live);
+        }
     }
 
     /// Finds the triangle at the pointer. Does nothing if the triangle at this pixel is known and cannot have changed.
@@ -324,8 +370,8 @@ impl<S: Screen> Viewer<S> {
         }
         let tests = self.heat.as_ref().map(|_| format!("at most {} tests per pixel", self.most_tests));
         let picked = self.picked.as_ref().map(Picked::text);
-        let more = [tests, picked, self.note.clone()];
-        self.screen.tell(&title::line(&self.live, rates, more.into_iter().flatten()))
+        let first = [self.answer.clone(), picked, tests].into_iter().flatten();
+        self.screen.tell(&title::line(&self.live, rates, first, self.note.clone()))
     }
 }
 

@@ -53,10 +53,11 @@ pub fn pick(
 }
 
 /// Finds the triangles of a scene that pixels show, by means of a tree. Another thread builds the tree when the pointer
-/// is over the picture for the first time, and again after the scene has changed.
+/// is over the picture for the first time, and again after the scene or the strategy's culling has changed.
 #[derive(Default)]
 pub struct Picker {
-    scene: Option<Arc<Scene>>,
+    /// The scene and the culling of the tree that is built or being built; `None` before the first tree.
+    of: Option<(Arc<Scene>, Culling)>,
     building: Option<JoinHandle<Tree>>,
     tree: Option<Tree>,
 }
@@ -65,7 +66,7 @@ impl Picker {
     /// Returns the triangle at a pixel of the picture; `None` if the pixel shows no triangle, or if the tree is not
     /// built yet.
     pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Option<Picked> {
-        self.ask_for_tree(live.scene());
+        self.ask_for_tree(live.scene(), live.strategy().culling);
         let tree = self.tree.as_ref()?;
         pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts)
     }
@@ -75,13 +76,14 @@ impl Picker {
         self.building.is_some()
     }
 
-    fn ask_for_tree(&mut self, scene: &Arc<Scene>) {
-        if !self.scene.as_ref().is_some_and(|known| Arc::ptr_eq(known, scene)) {
+    fn ask_for_tree(&mut self, scene: &Arc<Scene>, culling: Culling) {
+        let is_same = |(known, faces): &(Arc<Scene>, Culling)| Arc::ptr_eq(known, scene) && *faces == culling;
+        if !self.of.as_ref().is_some_and(is_same) {
             let of = Arc::clone(scene);
-            self.scene = Some(Arc::clone(scene));
+            self.of = Some((Arc::clone(scene), culling));
             self.tree = None;
             // If no thread can be started, there is no tree, and no triangle is found.
-            self.building = Builder::new().spawn(move || Tree::new(&of.mesh, Culling::None)).ok();
+            self.building = Builder::new().spawn(move || Tree::new(&of.mesh, culling)).ok();
         }
         if let Some(done) = self.building.take_if(|building| building.is_finished()) {
             // If the thread panicked, there is no tree, and no triangle is found.
@@ -92,9 +94,12 @@ impl Picker {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Pose;
+    use super::super::tests::live_of;
     use super::*;
     use crate::reference::fixtures;
     use crate::reference::layers::{NOTHING, layers};
+    use std::time::{Duration, Instant};
 
     #[test]
     fn what_is_picked_is_what_layers_have_there() {
@@ -116,6 +121,37 @@ mod tests {
             assert_eq!(picked, expected, "({x}, {y})");
         }
         assert!(hits > 50, "{hits}");
+    }
+
+    /// Returns the triangle in the middle of the picture, as soon as the tree is built.
+    fn in_the_middle(picker: &mut Picker, live: &Live) -> Option<Picked> {
+        let deadline = Instant::now() + Duration::from_secs(120);
+        loop {
+            let picked = picker.pick(live, &live.camera(&Pose::START), [20, 10]);
+            if !picker.is_building() {
+                return picked;
+            }
+            assert!(Instant::now() < deadline, "no tree is built");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn a_back_face_is_picked_only_if_the_strategy_shows_it() {
+        let own = include_str!("../../scenes/triangle.toml");
+        let turned = own.replace("faces = [[0, 1, 2]]", "faces = [[0, 2, 1]]");
+        assert_ne!(turned, own);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, turned).expect("a file");
+        let mut live = live_of(&path, ["40", "20"], &["--set", "culling=back"], 1);
+        let mut picker = Picker::default();
+        assert_eq!(in_the_middle(&mut picker, &live), None);
+        // Presets show both sides of triangles.
+        live.next_strategy(1).expect("another strategy");
+        assert_eq!(live.strategy().culling, Culling::None);
+        let picked = in_the_middle(&mut picker, &live);
+        assert_eq!(picked.map(|picked| picked.triangle), Some(0));
     }
 
     #[test]

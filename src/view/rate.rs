@@ -35,8 +35,8 @@ impl Recent {
 }
 
 /// The numbers that `raycl view` reports at its end. Device times and rays are those of the frames since the last
-/// switch (a change of the strategy, the local size, the device, the picture's size or the files), so that no time of
-/// one strategy counts for another.
+/// switch, which is a change of the strategy, the local size, the device, the picture's size or the files. The time of
+/// one strategy is therefore not counted for another strategy.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
     /// The number of frames that were shown from the start to the end of the view.

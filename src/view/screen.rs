@@ -3,7 +3,10 @@
 mod blocks;
 mod graphics;
 mod terminal;
+mod text;
 mod window;
+#[cfg(unix)]
+mod x_server;
 
 pub use graphics::Graphics;
 pub use terminal::{Terminal, leave_terminal};
@@ -42,6 +45,18 @@ pub trait Screen {
 
     /// Shows a line of text beside the picture.
     fn tell(&mut self, line: &str) -> Result<()>;
+
+    /// Shows a line of text beside the picture at once. A window may otherwise show the line only with the next
+    /// picture.
+    fn tell_at_once(&mut self, line: &str) -> Result<()> {
+        self.tell(line)
+    }
+
+    /// Writes lines of text over the picture, from its upper left corner, until the next picture is shown. Returns
+    /// false if the screen writes no text over pictures; the picture then stays as it is.
+    fn write_over(&mut self, _lines: &[String]) -> Result<bool> {
+        Ok(false)
+    }
 
     /// Returns the user's input since the last call.
     fn input(&mut self) -> Result<Input>;

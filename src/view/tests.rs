@@ -36,6 +36,10 @@ pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str]
 /// A screen whose user follows a script. It stores the pictures and the lines that it shows.
 #[derive(Default)]
 struct Script {
+    /// True if the screen writes text over pictures.
+    writes_over: bool,
+    /// The lines of text that were written over pictures.
+    over: Vec<String>,
     inputs: VecDeque<Input>,
     /// The number of times that the user's input was read.
     reads: u32,
@@ -52,6 +56,13 @@ impl Screen for &mut Script {
     fn tell(&mut self, line: &str) -> Result<()> {
         self.lines.push(line.to_owned());
         Ok(())
+    }
+
+    fn write_over(&mut self, lines: &[String]) -> Result<bool> {
+        if self.writes_over {
+            self.over.extend_from_slice(lines);
+        }
+        Ok(self.writes_over)
     }
 
     fn input(&mut self) -> Result<Input> {
@@ -160,7 +171,7 @@ fn the_keys_are_drawn_over_the_picture_or_listed_beside_a_small_one() {
     viewer.redraw().expect("it draws");
     viewer.act(Action::Help);
     viewer.redraw().expect("it draws");
-    assert_eq!(viewer.note, None);
+    assert_eq!(viewer.answer, None);
     let [plain, with_keys, again] = &screen.pictures[..] else {
         panic!("{} pictures", screen.pictures.len())
     };
@@ -169,14 +180,42 @@ fn the_keys_are_drawn_over_the_picture_or_listed_beside_a_small_one() {
 
     let mut screen = Script::default();
     let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    viewer.show_next().expect("it casts");
     viewer.act(Action::Help);
-    assert!(
-        viewer.note.as_ref().is_some_and(|note| note.contains("orbit: go around the scene")),
-        "{:?}",
-        viewer.note
-    );
+    viewer.redraw().expect("it draws");
+    let answer = viewer.answer.clone().unwrap_or_default();
+    assert!(answer.contains("orbit: go around the scene"), "{answer}");
     viewer.act(Action::Help);
-    assert_eq!(viewer.note, None);
+    assert_eq!(viewer.answer, None);
+}
+
+#[test]
+fn the_keys_are_written_over_a_small_picture_if_the_screen_can_do_so() {
+    let mut screen = Script { writes_over: true, ..Script::default() };
+    let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
+    viewer.show_next().expect("it casts");
+    viewer.act(Action::Help);
+    viewer.redraw().expect("it draws");
+    viewer.show_next().expect("it casts");
+    assert_eq!(viewer.answer, None);
+    viewer.act(Action::Help);
+    viewer.redraw().expect("it draws");
+    // The keys are written over each picture, until they are hidden.
+    let lines: Vec<String> = keys::lines().collect();
+    assert_eq!((screen.pictures.len(), screen.over), (4, [lines.clone(), lines].concat()));
+}
+
+#[test]
+fn a_program_that_is_compiled_is_announced_with_its_strategy() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    viewer.act(Action::LocalSize(1));
+    let same = title::compiling(&viewer.live.strategy());
+    viewer.act(Action::Strategy(1));
+    let next = title::compiling(&viewer.live.strategy());
+    assert_eq!(same, "compiling naive ...");
+    assert_ne!(same, next);
+    assert_eq!(screen.lines, [same, next]);
 }
 
 #[test]
@@ -218,12 +257,18 @@ fn a_change_that_fails_is_shown_until_the_next_change() {
     viewer.show_next().expect("it casts");
     viewer.stale = false;
     viewer.tried(|_| Err(Error::input("it does not fit")));
-    assert_eq!((viewer.note.as_deref(), viewer.stale), (Some("it does not fit"), true));
+    assert_eq!((viewer.answer.as_deref(), viewer.stale), (Some("it does not fit"), true));
     assert_eq!(viewer.live.progress(), [0, 2], "the picture is cast again");
+    let picked = Picked { triangle: 7, object: 1, material: 0, normal: [0.0, 1.0, 0.0] };
+    let pointed = picked.text();
+    (viewer.picked, viewer.note) = (Some(picked), Some("a note".to_owned()));
     viewer.tell().expect("it tells");
     viewer.tried(|_| Ok(()));
-    assert_eq!(viewer.note, None);
-    assert!(screen.lines[0].contains(" | it does not fit | "), "{:?}", screen.lines);
+    assert_eq!((&viewer.answer, &viewer.note), (&None, &None));
+    // A terminal cuts the end of the line, so the reason comes first.
+    let [line] = &screen.lines[..] else { panic!("{:?}", screen.lines) };
+    assert!(line.starts_with(&format!("it does not fit | {pointed} | triangle | naive | ")), "{line}");
+    assert!(line.contains(" samples | a note | "), "{line}");
 }
 
 #[test]
@@ -261,7 +306,7 @@ fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     std::fs::write(&path, format!("# mine\n\npositon = 1\n{own}")).expect("a file");
     viewer.reload();
     let begin = format!("{}:3: unknown key `positon`", path.display());
-    assert!(viewer.note.as_ref().is_some_and(|note| note.starts_with(&begin)), "{:?}", viewer.note);
+    assert!(viewer.answer.as_ref().is_some_and(|answer| answer.starts_with(&begin)), "{:?}", viewer.answer);
 }
 
 #[test]
@@ -288,7 +333,7 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     viewer.act(Action::Reset);
     viewer.act(Action::Tests);
     assert!(all(&mut viewer) == pictures, "the picture is cast again");
-    assert!(screen.lines[0].contains(" | at most 2 tests per pixel | "), "{:?}", screen.lines);
+    assert!(screen.lines[0].starts_with("at most 2 tests per pixel | "), "{:?}", screen.lines);
 }
 
 #[test]
@@ -339,7 +384,7 @@ fn times_are_those_of_the_frames_since_the_last_key_that_switched_something() {
     let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
     let mut timed_after = |key: char| {
         viewer.obey(&Input { keys: vec![Key::Char(key)], ..Input::default() });
-        assert!(viewer.note.is_none(), "{:?}", viewer.note);
+        assert!(viewer.answer.is_none(), "{:?}", viewer.answer);
         let before = viewer.rate.total().timed_frames;
         assert!(viewer.show_next().expect("it casts"));
         (before, viewer.rate.total().timed_frames)

@@ -48,9 +48,9 @@ pub fn run(command: &mut std::process::Command) -> Output {
     finish(command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}")))
 }
 
-/// Copies a program, so that the copy can be started at once. Another process writes the copy: if a thread of this
-/// process wrote it, a process that another thread starts meanwhile would hold the file open for writing, and Linux
-/// would refuse to start the copy ("Text file busy").
+/// Copies a program, so that the copy can be started at once. A separate process writes the copy. If a thread
+/// of this process wrote it, any process that another thread starts meanwhile would inherit the open file,
+/// and Linux would refuse to start the copy ("Text file busy").
 #[track_caller]
 pub fn copy_program(from: &str, to: &Path) {
     let output = run(std::process::Command::new("cp").arg(from).arg(to));

@@ -67,9 +67,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     // because `unit` is a power of two.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
-    // 1 / t = (d . n) / height, where n is the triangle's normal. n is stored times the sign of height, so that `a`,
-    // the dot product of d and the stored n, is positive if the ray meets the triangle's plane in front of its origin.
-    // Then 1 / t = a / |height|.
+    // 1 / t = (d . n) / height, where n is the triangle's normal. The product of n and the sign of `height` is stored.
+    // `a` is the dot product of d and this stored vector, so 1 / t = a / |height|. `a` is positive if the ray meets the
+    // triangle's plane in front of its origin.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);

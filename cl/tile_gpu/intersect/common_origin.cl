@@ -55,8 +55,9 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
-// `ceiling`; `per_depth` receives that 1/z. Eight multiply-adds give three edge functions and 1/z.
+// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
+// must also be less than `ceiling`. `per_depth` receives this 1/z. Eight multiply-adds give three edge functions and
+// 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;

@@ -27,8 +27,8 @@ INLINED float per_power_of_two_below(float positive) {
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
 // `height` is six times the volume of the tetrahedron that the origin and the triangle form. The sign of `height` shows
 // which side is visible, and 1/z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of
-// rays: shadow rays, because they run towards their light but are tested from the light, and rays that run against
-// their axis, because their coordinates are mirrored.
+// rays. Shadow rays run towards their light, but are tested from the light. Rays that run against their axis have
+// mirrored coordinates.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -61,8 +61,8 @@ INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
-// `ceiling`; `per_depth` receives that 1/z.
+// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
+// must also be less than `ceiling`. `per_depth` receives this 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);

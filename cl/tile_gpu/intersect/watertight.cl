@@ -40,8 +40,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and, unless any hit is enough (`any`), less than
-// `ceiling`; `per_depth` receives that 1/z (with `any`, 0).
+// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
+// must also be less than `ceiling`. `per_depth` receives this 1/z (with `any`, 0).
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;

@@ -1,4 +1,4 @@
-//! Writes the comments that `raycl kernel` prints before and after a program. They describe the program.
+//! Writes the comments that `raycl kernel` prints before and after a program. These comments describe the program.
 
 use super::Args;
 use crate::device::{Builtins, Device};

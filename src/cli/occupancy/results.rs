@@ -11,10 +11,11 @@ use serde_json::json;
 use std::path::Path;
 
 /// Prints one row for each point of the run in `path`, with the point's predicted occupancy. With `as_json`, prints one
-/// JSON object for each point. `path` is a folder of results or the records.jsonl in it. Points with an unknown number
-/// of registers or an unknown occupancy are omitted, and points whose main kernel (the kernel that casts primary rays)
-/// does not have work-groups of the point's local size. If `compute_capability` is given, the occupancy is predicted
-/// for this capability. Otherwise, it is the recorded occupancy, which was predicted for the device's own capability.
+/// JSON object for each point. `path` is a folder of results or the records.jsonl in it. Three kinds of points are left
+/// out: those with an unknown number of registers, those with an unknown occupancy, and those whose main kernel (the
+/// kernel that casts primary rays) does not have work-groups of the point's local size. If `compute_capability` is
+/// given, the occupancy is predicted for this capability. Otherwise, it is the recorded occupancy, which was predicted
+/// for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -53,7 +54,7 @@ fn nothing_known(folder: &Folder, path: &Path, compute_capability: Option<&str>)
     let path = path.display();
     if folder.records.is_empty() {
         let help = format!(
-            "`raycl repair {}` removes damaged lines, and `raycl run CONFIG --resume` measures the missing points",
+            "`raycl repair {0}` removes damaged lines, and `raycl run CONFIG --out {0} --resume` measures the missing points",
             quote(&path_word(&folder.path))
         );
         return Error::run(format!("{path} has no record that can be read")).with_help(help);

@@ -59,8 +59,8 @@ impl Cast {
 
     /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
     /// `per_hit` shadow rays. Soft light at half resolution needs two additional pictures, each with a quarter of the
-    /// pixels. In this case only one of these two pictures has shadow rays; the other one and the picture of full size
-    /// have none.
+    /// pixels. Only one of these two half pictures then has shadow rays. The other half picture and the picture of full
+    /// size have none.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -133,7 +133,8 @@ pub fn cast(
     Ok((image, Cast { hits, times, records_ms, read_ms, sampling, counts, parts }))
 }
 
-/// Reads the last frame's image: in 8 bits if requested and possible, else as radiance.
+/// Reads the last frame's image, and returns the number of pixels that hit something. The image has 8 bits per channel
+/// if `shows` is given and all pixels are finite; otherwise it is radiance.
 fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
     if let Some(shows) = shows
         && let Some(shown) = read_shown(caster, shows)?

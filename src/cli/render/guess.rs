@@ -19,8 +19,8 @@ const KIND: &str = "guess";
 /// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per triangle,
 /// that of the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it: in pictures of 640 x
-/// 400 pixels, the bunny covers 0.38 and the dragon 0.37.
+/// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it. In pictures of 640 x
+/// 400 pixels, the share is 0.38 for the bunny and 0.37 for the dragon.
 const USUAL_COVERED_SHARE: f64 = 0.375;
 /// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
@@ -48,8 +48,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 
 /// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so the function
 /// guesses the scene's properties on which the program depends. Returns `None` if no guess is possible. This program is
-/// compiled early instead of the [`likely`] program if two conditions hold: the [`likely`] program is not compiled yet,
-/// and [`hurry::may`] allows this preset to cast the picture.
+/// compiled early instead of the [`likely`] program if that program is not compiled yet, and if [`hurry::may`] returns
+/// true.
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;

@@ -33,10 +33,10 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
     Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
 }
 
-/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen neither a
-/// strategy nor a local size, the command casts a single frame once, and the picture is small enough. Returns false
-/// with `--cl-dir` and `--watch`, since kernels are then probably being edited, perhaps those of the fastest strategy.
-/// Returns false for a CPU, where the usual strategy, `tile`, compiles in a short time.
+/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy. This is so if the user has
+/// chosen neither a strategy nor a local size, the command casts a single frame once, and the picture is small enough.
+/// Returns false with `--cl-dir` and `--watch`, since kernels are then probably being edited, perhaps those of the
+/// fastest strategy. Also returns false for a CPU, where the usual strategy, `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -57,9 +57,9 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
-/// Returns the strategy and the local size with which to cast a picture: those of `fastest`, or those of [`QUICK`] if
-/// [`may_cast`] returns true and the fastest strategy's program must still be compiled. If the result is [`QUICK`], the
-/// function also returns the fastest strategy's program.
+/// Returns the strategy and the local size with which to cast a picture. These are those of [`QUICK`] if [`may_cast`]
+/// returns true and the fastest strategy's program must still be compiled. In this case, the function also returns the
+/// fastest strategy's program. In all other cases, it returns the strategy and the local size in `fastest`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,

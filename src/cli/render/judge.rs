@@ -21,7 +21,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let message =
         format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {value:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may be too close to the surface at this pixel: move or dim the light, or raise shadow_bias; {fate}"
+        "move or dim the light, or raise shadow_bias, since a light may be too close to the surface at pixel ({x}, {y}); {fate}"
     )))
 }
 
@@ -51,8 +51,8 @@ pub(super) fn verified(
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels whose rays
 /// hit a triangle. If the picture's soft light was cast in half pictures (of half the width and height), `parts`
-/// contains the pictures from which the filter made the final picture. In this case these parts are compared with the
-/// reference, and the final picture is compared with the result of the same filter on the host.
+/// contains the pictures from which the filter made the final picture. The pictures in `parts` are then compared with
+/// the reference, and the final picture is compared with the result of the same filter on the host.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -208,8 +208,8 @@ mod tests {
         let checked = |indices: &[usize]| {
             let mut image = Radiance::new(4, 3);
             indices.iter().for_each(|&index| image.pixels[index] = [f32::INFINITY; 3]);
-            refuse_not_finite(&image, "it was saved").map_err(|error| {
-                assert!(error.remedy().ends_with("; it was saved"), "{}", error.remedy());
+            refuse_not_finite(&image, "the picture was saved").map_err(|error| {
+                assert!(error.remedy().ends_with("; the picture was saved"), "{}", error.remedy());
                 error.to_string()
             })
         };

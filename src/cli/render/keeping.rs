@@ -1,6 +1,6 @@
-//! Prepares the next start of raycl in background processes with low priority, for which the command that casts the
-//! picture does not wait. A background process stores a program whose binary the driver takes long to return, compiles
-//! a program that was not compiled in time for this picture, or lists the devices.
+//! Prepares the next start of raycl in background processes with low priority. The command that casts the picture does
+//! not wait for these processes. Every background process lists the devices. It may also store a program: one whose
+//! binary the driver takes long to return, or one that was not compiled in time for this picture.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -169,8 +169,8 @@ pub fn serve() -> Result<()> {
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
-    // If the test of the device found other lane operations than assumed, no program is stored, since the next start
-    // needs a program for the lane operations that were found.
+    // The test of the device may have found other lane operations than were assumed for the program. The next start
+    // then needs another program, so this one is not stored.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };

@@ -8,9 +8,9 @@ use crate::strategy::{Layout, Strategy, Task, Traversal};
 
 /// From this number of triangles on, a CPU casts a single picture with the mesh's own normals. Without a copy of the
 /// normals in leaf order, raycl needs 36 bytes per triangle less, and starts to cast earlier. A frame then takes about
-/// 5% longer. Measured on 2 cores of an Intel Xeon (docs/log.md, 2026-11-27): with 4 million triangles, making the
-/// buffers takes 29 ms less and casting the frame 5 ms more; with 10 million triangles, making the buffers takes 0.8 s
-/// less and casting the frame 14 ms more.
+/// 5% longer. These times were measured on 2 cores of an Intel Xeon (docs/log.md, 2026-11-27). With 4 million
+/// triangles, making the buffers takes 29 ms less, and casting the frame takes 5 ms more. With 10 million triangles,
+/// making the buffers takes 0.8 s less, and casting the frame takes 14 ms more.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl

@@ -23,6 +23,7 @@ use sink::Sink;
 use stage::Stage;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
+use std::thread::Builder;
 use std::time::Instant;
 
 /// The frames per second if neither an option nor the scene sets them.
@@ -36,22 +37,24 @@ const HEADING: &str = "Moving pictures";
 #[derive(Debug, clap::Args)]
 pub struct Motion {
     /// Move the camera once around the centre of the scene's bounding box in FRAMES frames, 1 to 100,000. The output is
-    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder. Not with --animate, --watch,
+    /// --devices, --verify, --repeat or --layers
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = whole::<u32>(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
-    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder. Not with the options that
+    /// --turntable excludes
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
-    /// Render only frames A to B, both included; the first frame has the number 1
+    /// With --turntable or --animate: render only frames A to B, both included; the first frame has the number 1
     #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
-    /// Render only one part of the frames: 3/16 is part 3 of 16. With auto, both numbers come from the launcher (Slurm,
-    /// MPI); with auto/16, only the number of the part comes from the launcher
+    /// With --turntable or --animate: render only one part of the frames: 3/16 is part 3 of 16. With auto, both numbers
+    /// come from the launcher (such as Slurm or MPI); with auto/16, only the number of the part comes from the launcher
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
-    /// Frames per second of an .apng or a y4m stream, a whole number, 1 to 1000 [default: with --animate, the rate of
-    /// the scene's animation; else 30]
+    /// With --turntable or --animate: frames per second of an .apng or a y4m stream, a whole number, 1 to 1000
+    /// [default: with --animate, the rate of the scene's animation, if it states one; else 30]
     #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = whole::<u16>(1..=1000))]
     rate: Option<u16>,
 }
@@ -75,6 +78,12 @@ impl Motion {
     /// True if the frames of a turntable are rendered.
     pub fn turns(&self) -> bool {
         self.turntable.is_some()
+    }
+
+    /// Returns the frames per second: those of the option or, without the option, those of the scene's animation
+    /// (`of_scene`), if it states them.
+    fn frames_per_s(&self, of_scene: Option<u16>) -> u16 {
+        self.rate.or(of_scene).unwrap_or(USUAL_RATE)
     }
 
     /// Returns the frames that the user requested, out of `count`. With `--shard`, all processes together render these
@@ -159,8 +168,7 @@ pub fn run(args: &Args) -> Result<()> {
     let all = args.motion.asked(film.count())?;
     let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
     film.check(wanted.first, wanted.last)?;
-    let rate = args.motion.rate.or(film.rate()).unwrap_or(USUAL_RATE);
-    let sink = Sink::of(args, wanted, film.count(), rate)?;
+    let sink = Sink::of(args, wanted, film.count(), args.motion.frames_per_s(film.rate()))?;
     if first.transparent {
         sink.check_alpha()?;
     }
@@ -203,8 +211,8 @@ pub fn run(args: &Args) -> Result<()> {
     tell(args, &report)
 }
 
-/// Returns the numbers of the frames that are still to be cast: all frames of a movie (a single file or a stream), or
-/// those frames that have no numbered picture yet.
+/// Returns the numbers of the frames that are still to be cast. If the frames become numbered pictures, these are the
+/// frames that have no picture yet; for a movie (a single file or a stream), they are all frames.
 fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
     match sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),
@@ -239,7 +247,8 @@ fn cast_into(
     let size = stage.args.subject.size();
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(1);
-        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(size, receiver) });
+        let write = move || if frames.is_empty() { Ok(()) } else { sink.write(size, receiver) };
+        let writer = Builder::new().spawn_scoped(scope, write).map_err(|error| Error::no_thread(&error))?;
         let mut times = Vec::with_capacity(frames.len());
         let mut cast = || -> Result<()> {
             for &number in frames {
@@ -326,6 +335,13 @@ mod tests {
         assert_eq!(motion(None).asked(9).ok(), Some(frames(1, 9)));
         assert_eq!(motion(Some(frames(3, 5))).asked(9).ok(), Some(frames(3, 5)));
         assert!(motion(Some(frames(3, 10))).asked(9).is_err());
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_option_or_of_the_scene_or_the_usual_one() {
+        let motion = |rate| Motion { turntable: None, animate: true, frames: None, shard: None, rate };
+        let rates = |rate| [Some(24), None].map(|of_scene| motion(rate).frames_per_s(of_scene));
+        assert_eq!([rates(Some(60)), rates(None)], [[60, 60], [24, USUAL_RATE]]);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use crate::scene::Loaded;
 use crate::strategy::{Strategy, Workload};
 use std::sync::mpsc::channel;
+use std::thread::Builder;
 
 /// A scene and an open device.
 pub struct Opened {
@@ -39,7 +40,7 @@ pub struct Opened {
 impl Opened {
     /// Adds the parts of the work that [`open`] did to the timeline. If two parts ran in parallel, the time in which
     /// both ran counts once. The parts are, in this order: loading the scene, starting the driver, building the
-    /// program, building the tree. Of each part, only the time after the end of all earlier parts counts.
+    /// program, building the tree. The time of a part begins to count when all parts before it in this list have ended.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
@@ -58,19 +59,17 @@ fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3]
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
 /// program early if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // No thread can start while the driver's libraries are being loaded, so this call starts the threads that read the
-    // mesh (those of the library rayon) before the driver is loaded.
-    rayon::current_num_threads();
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
     std::thread::scope(|scope| {
         let (send_device, device_receiver) = channel();
-        let scene = scope.spawn(move || {
+        let read = move || {
             let (loaded, load_ms) = timed(|| load(args));
             let tree = |loaded: &Loaded| early_tree(args, &device_receiver.recv().ok()?, loaded);
             let tree = loaded.as_ref().ok().and_then(tree);
             (loaded, load_ms, tree)
-        });
+        };
+        let scene = Builder::new().spawn_scoped(scope, read).map_err(|error| Error::no_thread(&error))?;
         let (opened, start_ms) = timed(|| -> Result<_> {
             let hurries = hurry::may_on_a_gpu(args, guess::sampling(args));
             let lane_test = if hurries { LaneTest::Later } else { LaneTest::Now };
@@ -95,7 +94,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     })
 }
 
-/// Builds the tree of the requested strategy or, without a request, of the fastest strategy.
+/// Builds the tree of the requested strategy or, without a request, of the fastest strategy. Returns `None` if the tree
+/// is not needed, cannot be built, or must be built later.
 fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Strategy, HostTree)> {
     // Verification and layers need more memory, so the tree is built later, after a check that there is enough memory.
     if args.verify.is_some() || args.layers.is_some() {

@@ -3,7 +3,7 @@
 use super::casting::Cast;
 use super::timeline::Part;
 use crate::device::{Device, DeviceInfo};
-use crate::launch::Prepared;
+use crate::launch::{FrameTimes, Prepared};
 use crate::memory::readable;
 use crate::scene::Scene;
 use crate::strategy::{Strategy, preset_of};
@@ -166,14 +166,23 @@ impl Verified {
     }
 }
 
+/// Returns the number of events per second if `count` events took this time.
+fn per_s(count: f64, ms: f64) -> f64 {
+    count / ms * 1e3
+}
+
+/// Returns the number of ray-triangle tests of primary rays per second, if each ray is tested against all triangles.
+/// The time is that of the primary pass; if passes are fused, it is that of the frame.
+fn tests_per_s(primary_rays: f64, triangles: usize, times: &FrameTimes) -> f64 {
+    per_s(primary_rays * triangles as f64, times.primary_ms.unwrap_or(times.frame_ms))
+}
+
 impl Report {
     /// Fills in the fields that are known after casting; the caller adds the other fields.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let triangles = scene.mesh.triangles.len();
         let [primary_rays, shadow_rays] = cast.rays(workload.image_size, scene.shadow_rays_per_hit());
-        let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-        let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),
             triangles,
@@ -201,7 +210,7 @@ impl Report {
             shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s(shadow_rays, ms)),
             tests_per_s: strategy
                 .tests_every_triangle()
-                .then(|| per_s(primary_rays * triangles as f64, primary_ms)),
+                .then(|| tests_per_s(primary_rays, triangles, &cast.times)),
             ..Self::default()
         }
     }
@@ -297,6 +306,13 @@ mod tests {
         assert_eq!(rate(12.6e9, "tests"), "12.60 Gtests/s");
         assert_eq!(rate(232_000.0, "rays"), "232.00 krays/s");
         assert_eq!(rate(0.0, "rays"), "0.00 rays/s");
+    }
+
+    #[test]
+    fn tests_per_second_are_those_of_the_primary_pass_if_there_is_one() {
+        let fused = FrameTimes { frame_ms: 8.0, ..FrameTimes::default() };
+        let separate = FrameTimes { primary_ms: Some(2.0), ..fused };
+        assert_eq!([&fused, &separate].map(|times| tests_per_s(100.0, 4, times)), [50_000.0, 200_000.0]);
     }
 
     #[test]

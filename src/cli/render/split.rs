@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Scene};
 use crate::strategy::{Task, preset_of};
 use crate::words::counted;
 use serde::Serialize;
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     });
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    let rays = rays(image_size, hits * scene.shadow_rays_per_hit(), sampling.most);
+    let rays = rays(&scene, image_size, hits, sampling.most);
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),
@@ -208,9 +208,11 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-/// Returns the number of rays of a frame. `shadow_rays` is the number of its shadow rays with one sample per pixel.
-fn rays(image_size: [u32; 2], shadow_rays: usize, samples: u32) -> f64 {
+/// Returns the number of primary and shadow rays of a frame. `hits` is the number of hits of its primary rays with one
+/// sample per pixel.
+fn rays(scene: &Scene, image_size: [u32; 2], hits: usize, samples: u32) -> f64 {
     let [width, height] = image_size.map(f64::from);
+    let shadow_rays = hits * scene.shadow_rays_per_hit();
     (width * height + shadow_rays as f64) * f64::from(samples)
 }
 
@@ -220,6 +222,7 @@ mod tests {
     use super::*;
     use crate::cli::render::report::Verified;
     use crate::launch::FrameTimes;
+    use crate::reference::fixtures;
     use crate::strategy::preset;
 
     fn share(device: &str, rows: [u32; 2]) -> Share {
@@ -243,7 +246,11 @@ mod tests {
 
     #[test]
     fn each_sample_has_its_primary_and_shadow_rays() {
-        assert_eq!(rays([4, 3], 10, 2), 44.0);
+        let mut scene = fixtures::single_triangle();
+        assert_eq!(rays(&scene, [4, 3], 10, 2), 44.0);
+        // Each hit has a shadow ray to each of three lights.
+        scene.lights = vec![scene.lights[0]; 3];
+        assert_eq!(rays(&scene, [4, 3], 10, 2), 84.0);
     }
 
     #[test]

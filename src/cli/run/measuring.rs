@@ -69,8 +69,8 @@ fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
-/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`]: first the workers of all
-/// devices, then, if the run compares two folders of kernels, the workers for the second folder.
+/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`]. This order begins with one
+/// worker per device. If the run compares two folders of kernels, one worker per device for the second folder follows.
 fn of_workers<T: Clone>(run: &Run<'_>, of: impl Fn(&DeviceInfo) -> T) -> Vec<T> {
     let own: Vec<T> = run.devices.iter().map(|&device| of(device)).collect();
     let sets = 1 + usize::from(run.other_sources.is_some());

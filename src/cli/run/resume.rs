@@ -39,7 +39,7 @@ pub fn choices(args: &Args) -> Vec<String> {
     devices.chain(set).chain(kernels).chain(limit.into_iter().flatten()).collect()
 }
 
-/// Returns the option `--peak` as it was given.
+/// Returns the option `--peak` as it was given; `None` if it was not given.
 pub fn peak_option(args: &Args) -> Option<String> {
     args.peak.as_ref().map(|file| match file {
         None => "--peak".to_owned(),

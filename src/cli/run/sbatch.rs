@@ -49,8 +49,9 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// If this machine does not have the devices, guesses from the words that select them whether a GPU is selected: a word
-/// that does not name a CPU counts as the name of a GPU. `None` if there is no word other than `all`.
+/// Guesses from the words that select devices whether a GPU is selected, for a machine that does not have these
+/// devices. A word that does not name a CPU counts as the name of a GPU. Returns `None` if there is no word other than
+/// `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");

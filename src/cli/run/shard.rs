@@ -10,6 +10,7 @@ use crate::config::{self, Experiment};
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::experiment::{Observer, Results, Run, cut, distinct_scenes};
 use crate::output::{Choice, refuse_other_folders};
 use crate::peak::Peak;
@@ -60,7 +61,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
 /// Refuses a folder with files that raycl did not make, unless `force` is true. Also refuses the folder of a run
 /// without shards, since `raycl merge` writes files with the same names. Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
-    let refused = match out.join(RECORDS).exists() {
+    let refused = match existing::exists(&out.join(RECORDS))? {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice::new(force, "--out DIR"), false),
@@ -128,8 +129,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        // If neither the command nor the config names a device, the user's settings decide, so the device that they
-        // name is noted.
+        // If neither the command nor the config names a device, the user's settings select the devices. The word in
+        // these settings is then stored.
         let is_named = super::names_devices(self.args, self.run.experiment);
         let about = About {
             device: settings::device().filter(|_| !is_named),
@@ -167,7 +168,7 @@ impl Part<'_> {
         let blocks = self.plan.of_shard(self.shard.number);
         let run = Run { blocks: Some(&blocks), ..self.run };
         self.write_kinds(&blocks.iter().flat_map(|block| block.points.clone()).collect::<Vec<_>>())?;
-        let earlier = attempt.earlier(&self.out);
+        let earlier = attempt.earlier(&self.out)?;
         let (folder, keeps, retries) = (&attempt.folder, run.keeps_moved_samples, run.retry_failed);
         let mut results = Results::of_attempt(folder, &self.environment, host, &earlier, keeps, retries)?;
         super::keep_peak(self.args, &run, self.peak.clone(), &mut results, observer, interrupted)?;

@@ -87,7 +87,7 @@ fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
 /// Adds, to the help of an error about the experiment, that the error occurs only with the kernels of `folder`.
 fn refused_by(error: Error, folder: &Path) -> Error {
     let help = format!(
-        "this is so with the kernels of {} only; to compare two folders, both must have every value that the experiment names; {}",
+        "this error occurs only with the kernels of {}; to compare two folders, both must have every value that the experiment names; {}",
         folder.display(),
         error.remedy()
     );

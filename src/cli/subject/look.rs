@@ -10,14 +10,15 @@ const HEADING: &str = "View of the scene";
 /// The view of a scene: direction, background and normals.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Look {
-    /// The axis of a bare mesh that points up
+    /// The axis that points up: of a bare mesh, or of the camera of a scene TOML
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh: about 31]
+    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh that is not open
+    /// and has no camera: about 31]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     azimuth: Option<f64>,
-    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare
-    /// mesh: about 21]
+    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh that is not open and
+    /// has no camera: about 21]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or transparent. If
@@ -25,15 +26,17 @@ pub struct Look {
     /// instead
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
-    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this [default for a
-    /// bare mesh: 40]
+    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this, 0 to 180
+    /// [default for a bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
-    /// Turn normals to the viewer, so that back faces are lit like front faces. This is the default for a bare mesh;
-    /// `--set two_sided=false` turns it off
+    /// Turn normals to the viewer, so that back faces are lit like front faces. `raycl view` and --turntable turn
+    /// either all normals of a mesh or none. This is the default for a bare mesh; `--set two_sided=false` turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
-    /// Show a bare mesh without ground, soft light or sky, but with two point lights and one sample per pixel
+    /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no lights. `raycl
+    /// render` then casts one sample per pixel, unless --samples or --adaptive is given. A scene TOML is shown as
+    /// without this option
     #[arg(long, help_heading = HEADING)]
     pub plain: bool,
 }

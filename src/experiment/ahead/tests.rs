@@ -1,5 +1,5 @@
-//! Tests of programs that builders (processes that compile programs) build before points need them: the points for
-//! which the programs are built, and builders that die.
+//! Tests of builders (processes that compile programs before points need them): for which points they build
+//! programs, and what happens if they die.
 
 use super::*;
 use crate::device::DeviceKind;

@@ -106,11 +106,12 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
     }
 
-    /// Runs the anchor of a point's device if it is due: after the device's first sample, and then once for every
-    /// [`CASTS_PER_ANCHOR`] samples, or once for every round if a round has fewer samples on the device. In the five
-    /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs.
-    /// Does nothing in a run with a single launch: such a run is too short to need the anchor. If the anchor fails, the
-    /// user is told why, and new workers repeat the launch.
+    /// Runs the anchor of a point's device if it is due. The anchor is first run after the device's first
+    /// sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer samples on the
+    /// device, the anchor is run once in every round. A launch has at least five rounds, so the anchor is run
+    /// at least five times, as often as an interval needs. The function does nothing in a run with a single
+    /// launch: such a run is too short to need the anchor. If the anchor fails, the user is told why, and new
+    /// workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)

@@ -13,8 +13,9 @@ const MOST_NEIGHBOURS: usize = 6;
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
 /// sample.
 ///
-/// The logarithm of a sample's time is taken as a sum: the level of the sample's point (the same for all samples of
-/// this point in the launch) plus the machine's drift at the moment of the sample. A median polish (Tukey 1977)
+/// The logarithm of a sample's time is taken as the sum of two terms: the level of the sample's point, and
+/// the machine's drift at the moment of the sample. The level is the same for all samples of this point in
+/// the launch. A median polish (Tukey 1977)
 /// separates the two terms by repeating two steps. The first step subtracts the drift from the logarithms, and computes
 /// each level as the median of what remains of the point's samples. The second step subtracts the levels from the
 /// logarithms, and computes the drift as a running median of what remains. The running median at a sample includes this

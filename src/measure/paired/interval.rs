@@ -37,9 +37,10 @@ impl Interval {
         biased((self.middle / other.middle).ln(), error, self.bias + other.bias)
     }
 
-    /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by the
-    /// inverse of its variance, so that an uncertain value has little weight; for the weights, the square of a value's
-    /// bias counts as variance. The variances are only estimates, so the mean is less certain than they suggest. The
+    /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by
+    /// the inverse of its variance, so that an uncertain value has little weight. For the weights, the square
+    /// of a value's bias is added to its variance. The variances are only estimates, so the mean is less
+    /// certain than they suggest. The
     /// result includes this additional error, by equation 1 of Meier, "Variance of a weighted mean" (Biometrics 9,
     /// 1953). The biases of the values may all have the same sign, so they do not average out. The bias of the mean is
     /// therefore the weighted mean of these biases.

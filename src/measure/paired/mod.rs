@@ -13,17 +13,21 @@
 //!    between points only if samples of different points alternate. Such an experiment is called a paired design.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
-//!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points
-//!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
-//!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]). If
-//!    an anchor runs on processors (CPUs), the variance of a pair of a point and this anchor is not averaged with the
-//!    usual variance.
+//!    points (two degrees of freedom). Therefore the pair's own variance is averaged with the variance that a pair has
+//!    according to the variances of all points (a moderated variance, after Smyth 2004). The pair's own variance has
+//!    (launches - 1) degrees of freedom. The variance of all points adds at most six to them. It adds fewer if the
+//!    group has few other points, or if the variances of the points differ much from each other ([`prior`]). It adds
+//!    none if the group has fewer than four points, or if the pair's own variance is more than twice as large.
+//!    Student's t gives the interval ([`spread`]). If an anchor runs on processors (CPUs), only the pair's own variance
+//!    is used for a point's ratio to this anchor.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
-//!    points, these effects cancel. Each group of points has a table of its own. The point's own spread is averaged
-//!    with the spread between launches in the tables of other groups. These are the groups of the same run that were
+//!    points, these effects cancel. Each group of points has a table of its own. The point's own spread between
+//!    launches is first averaged with that of all points in the point's own table. The result is then averaged with
+//!    the spread between launches in the tables of other groups. These are the groups of the same run that were
 //!    measured on the same machine and devices, and have the same number of launches, at least two. The degrees of
 //!    freedom of a median's interval are the number of launches less one, plus those that the other tables add: at most
-//!    six for all of them together.
+//!    six for all of them together. The other points of the point's own table add none. As in step 2, a variance is not
+//!    averaged with another one if it is more than twice as large.
 //! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
 //!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
 //!    every interval ([`between`]).
@@ -199,14 +203,15 @@ impl Paired {
     /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
     /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any launch that is not ignored.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
-        Self::with_anchors(samples, points, &[])
+        Self::with_anchors(samples, &vec![true; points], &[])
     }
 
     /// Compares points that were measured together with anchors; otherwise, this function is like [`Self::of`].
-    /// `on_processors` says of each anchor whether it runs on processors (CPUs). In the samples, the indices of the
-    /// anchors follow those of the points.
-    pub fn with_anchors(samples: &[PairedSample], points: usize, on_processors: &[bool]) -> Self {
-        let (first_anchor, points) = (points, points + on_processors.len());
+    /// `are_typical` says of each point whether it shows how much the times of points vary. If fewer than two of these
+    /// points have enough samples, all points show it. `on_processors` says of each anchor whether it runs on
+    /// processors (CPUs). In the samples, the indices of the anchors follow those of the points.
+    pub fn with_anchors(samples: &[PairedSample], are_typical: &[bool], on_processors: &[bool]) -> Self {
+        let points = are_typical.len() + on_processors.len();
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();
         let launches = launches(&samples, points);
@@ -227,9 +232,9 @@ impl Paired {
             .enumerate()
             .map(|(index, enough)| enough.then(|| point(index, &plain, &relative)).flatten())
             .collect();
-        let known = || points[..first_anchor].iter().flatten();
-        let relative: Vec<&[f64]> = known().map(|point| point.relative.as_slice()).collect();
-        let plain: Vec<&[f64]> = known().map(|point| point.plain.as_slice()).collect();
+        let rows = rows(&points, are_typical);
+        let relative: Vec<&[f64]> = rows.iter().map(|point| point.relative.as_slice()).collect();
+        let plain: Vec<&[f64]> = rows.iter().map(|point| point.plain.as_slice()).collect();
         let pooled = Pooled::of(&relative, &plain);
         let between = vec![BetweenRuns::default(); points.len()];
         let on_processors = on_processors.to_vec();
@@ -294,6 +299,19 @@ fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
     let is_finished =
         |launch: &Vec<PairedSample>| counts(launch, points).iter().any(|count| *count >= MIN_SAMPLES);
     launches.into_values().filter(is_finished).collect()
+}
+
+/// Returns the points whose values show how much times vary: those that `are_typical`, or all points if there are fewer
+/// than two of them. The anchors, which follow the points, are left out.
+fn rows<'a>(points: &'a [Option<Point>], are_typical: &[bool]) -> Vec<&'a Point> {
+    let with = |untypical: bool| -> Vec<&'a Point> {
+        let each = points.iter().zip(are_typical);
+        each.filter(|(_, is_typical)| **is_typical || untypical)
+            .filter_map(|(point, _)| point.as_ref())
+            .collect()
+    };
+    let typical = with(false);
+    if typical.len() < 2 { with(true) } else { typical }
 }
 
 /// Returns the number of samples of each point in a launch.

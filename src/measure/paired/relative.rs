@@ -4,9 +4,10 @@ use super::between::known;
 use super::error::Error;
 use super::interval::{Interval, biased};
 
-/// A ratio whose error is stored in two parts: one that belongs to this ratio only, and one that it has in common with
-/// other ratios. The ratios of several groups of points to the time of the same anchor, for example, contain the same
-/// error of this anchor. The mean over these groups contains this error as well, however many groups there are.
+/// A ratio whose error is stored in two parts. One part belongs to this ratio only; the other part is common
+/// to several ratios. For example, the ratios of several groups of points to the time of the same anchor all
+/// contain the error of this anchor. The mean over these groups contains this error as well, however many
+/// groups there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
     /// The ratio. Its error does not include `common`.

@@ -62,8 +62,10 @@ impl CompiledKernel {
         }
     }
 
-    /// Predicts how many work-groups of `items` work-items a multiprocessor of a compute capability holds. There is no
-    /// prediction if the registers or the capability are unknown.
+    /// Adds to this kernel's properties the predicted number of work-groups that a multiprocessor can hold at
+    /// once, the occupancy, and the limit that decides it. `items` is the number of work-items of a
+    /// work-group. The compute capability says which multiprocessor the device has. Adds nothing if the
+    /// number of registers or the compute capability is unknown.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());

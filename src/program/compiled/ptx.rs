@@ -46,7 +46,8 @@ pub fn is_ptx(binary: &[u8]) -> bool {
     head.contains(".version") && head.contains(".target") && head.contains(".address_size")
 }
 
-/// Counts the instructions of the kernel `name`; `None` if the text has no such kernel.
+/// Counts the memory instructions, the calls and the bytes of private arrays of the kernel or function
+/// `name`. Returns `None` if the text has no such kernel or function, or only its declaration.
 pub fn instruction_counts(ptx: &str, name: &str) -> Option<InstructionCounts> {
     let text = without_comments(ptx);
     let body = body_of(&text, name)?;
@@ -95,8 +96,9 @@ fn array_bytes(declaration: &str) -> Option<u64> {
     Some(count * bits / 8)
 }
 
-/// Returns the text between the braces of the kernel `.entry name(...)` or of the function `.func (...) name(...)`;
-/// `None` if the text has no such kernel or function, or only its declaration, which has no braces.
+/// Returns the text between the braces of the kernel `.entry name(...)` or of the function `.func (...)
+/// name(...)`. Returns `None` if the text has no such kernel or function, or only its declaration, which has
+/// no braces.
 pub(crate) fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     let heads = [".entry", ".func"].into_iter().flat_map(|word| text.match_indices(word));
     let body = heads.into_iter().find_map(|(at, word)| after_head(&text[at + word.len()..], name))?;

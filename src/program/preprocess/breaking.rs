@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 /// Lines with more characters than this are broken if possible.
 const WIDEST: usize = 120;
-/// If a bracket opens at this column or further left, the next lines of its contents are aligned with the bracket. The
-/// next lines of other brackets are indented by four columns more than the statement.
+/// If a bracket opens at this column or further left, the next lines of its contents are aligned with the
+/// bracket. For other brackets, these lines are indented by four columns more than the statement.
 const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted these
@@ -161,9 +161,9 @@ struct LineBreak {
     depth: usize,
 }
 
-/// Returns where to break a line: of the positions up to which the line fits, the last one within the fewest brackets.
-/// Returns `None` if the whole line fits, or if it has no such position. `open` has the columns of brackets that were
-/// opened on earlier lines.
+/// Returns where to break a line. Only positions up to which the line fits are considered, and of these only
+/// the ones within the fewest brackets; the last of them is returned. Returns `None` if the whole line fits,
+/// or if it has no such position. `open` has the columns of brackets that were opened on earlier lines.
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;
@@ -188,8 +188,8 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
     best
 }
 
-/// Returns whether a line may be broken at a token. A line may be broken at a blank after a comma, before an operator,
-/// or before the body of a loop.
+/// Returns whether a line may be broken at a token. The token must be a blank after a comma, before an
+/// operator, or before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

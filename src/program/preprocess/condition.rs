@@ -127,7 +127,8 @@ impl Parser<'_> {
         if self.next_is(symbol) {
             return Ok(());
         }
-        Err(format!("the condition needs '{symbol}' before: {}", self.peek().unwrap_or("its end")))
+        let next = self.peek().map_or("its end".to_owned(), |next| format!("'{next}'"));
+        Err(format!("the condition needs '{symbol}' before {next}"))
     }
 
     /// Parses `a ? b : c`, or an expression of higher precedence.

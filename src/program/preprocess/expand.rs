@@ -24,8 +24,8 @@ struct Expander<'a> {
     macros: &'a Macros,
     input: VecDeque<Token>,
     output: Vec<Token>,
-    /// Number of open round brackets in the output. If the expansion shall be in one line, the number is one larger,
-    /// because line breaks within brackets become blanks.
+    /// Number of open round brackets in the output. Line breaks within brackets become blanks. If the whole
+    /// expansion is to be in one line, the number is therefore one larger.
     depth: usize,
 }
 

@@ -114,8 +114,9 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares: for a type the last name, for a function the name before its bracket, for a
-/// variable the name before its size, its value or the semicolon. `None` for items without a name, such as a pragma.
+/// Returns the name that an item declares. For a type, this is the last name; for a function, the name before
+/// its bracket; for a variable, the name before its size, its value or the semicolon. Returns `None` for an
+/// item without a name, such as a pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();

@@ -74,10 +74,16 @@ fn one_launch_is_said_to_be_a_look() {
     let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
     assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
     let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-    assert_eq!(how_sure(&several), ["Differences below 2.1% between two points cannot be detected here."]);
+    assert_eq!(
+        how_sure(&several),
+        ["Differences below 2.1% between two points are mostly not detected here."]
+    );
     let on_processors = |name| Record { threads: Some(2), ..launches(name, 10.0, 0.0) };
     let several = judged([on_processors("naive"), on_processors("wide")]);
-    assert_eq!(how_sure(&several), ["Differences below 4.1% between two points cannot be detected here."]);
+    assert_eq!(
+        how_sure(&several),
+        ["Differences below 4.1% between two points are mostly not detected here."]
+    );
     assert!(how_sure(&[]).is_empty());
 }
 
@@ -89,9 +95,12 @@ fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() 
     let on_gpu = [measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 5.0)];
     let baselines = ["serial-f32", "serial-f64"].map(|name| measured(HOST, name, 0, 100.0));
     let with = |more: &[Record]| said(&[&on_gpu[..], more].concat());
-    assert_eq!(with(&baselines[..1]), "Differences below 2.1% between two points cannot be detected here.");
+    assert_eq!(
+        with(&baselines[..1]),
+        "Differences below 2.1% between two points are mostly not detected here."
+    );
     // The times of a group of baselines differ from run to run as much as those of kernels on a CPU.
-    assert_eq!(said(&baselines), "Differences below 4.1% between two points cannot be detected here.");
+    assert_eq!(said(&baselines), "Differences below 4.1% between two points are mostly not detected here.");
     let on_cpu = ["naive", "wide"].map(|name| Record { threads: Some(2), ..measured("cpu", name, 8, 50.0) });
     let of_both = with(&on_cpu);
     assert!(of_both.contains(" 2.1 to 4.1% (depending on device) between"), "{of_both}");
@@ -116,12 +125,12 @@ fn where_times_are_too_noisy_no_percentage_is_said() {
     let said = |groups: &[[Record; 2]]| how_sure(&judged(groups.concat())).remove(0);
     let [quiet, noisy] = [group("room", 0, 1.0), group("table", 2, 20.0)];
     let both = said(&[quiet.clone(), noisy.clone()]);
-    let below = "Differences below 2.1% between two points cannot be detected here.";
-    let noisier = "In 1 of 2 groups of points, the times are noisier: differences below a factor of 100 cannot \
-                   be detected there.";
+    let below = "Differences below 2.1% between two points are mostly not detected here.";
+    let noisier = "In 1 of 2 groups of points, the times are noisier: differences below a factor of 100 are mostly \
+                   not detected there.";
     assert_eq!(both, format!("{below} {noisier}"));
     let all = said(&[noisy]);
-    assert_eq!(all, "Differences below a factor of 100 between two points cannot be detected here.");
+    assert_eq!(all, "Differences below a factor of 100 between two points are mostly not detected here.");
 }
 
 /// Returns two points that were measured in two launches. In the first launch, `naive` takes longer than the other

@@ -34,8 +34,8 @@ struct Hits {
 }
 
 impl Hits {
-    /// Returns the hits of a pixel's ray and its nudged rays on this triangle; `None` if one of the rays misses it, or
-    /// if rounding may make the pixel's ray miss it.
+    /// Returns the hits of a pixel's ray and of its nudged rays on this triangle. Returns `None` if one of
+    /// these rays misses the triangle, or if rounding may make the pixel's ray miss it.
     fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());

@@ -49,8 +49,8 @@ impl<'a> Run<'a> {
 
     /// Returns the command that measures the points that the page of `raycl reproduce` lacks. `more` is a text with
     /// further options, which are added to the command. The page's folder contains the run's folder. The command
-    /// repeats the run's devices and changed values. Otherwise, the command would measure another list of points (a new
-    /// plan), and the page would hide the run's records of other points.
+    /// repeats the run's devices and changed values. Without them, the command would measure another list of points (a
+    /// new plan), and the page would hide those records of the run that do not belong to this list.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -97,10 +97,13 @@ pub(super) struct ClaimData<'a> {
     pub(super) device: &'a str,
 }
 
-/// Returns whether the measurement of a record's point was not completed: its process ended or took too long, or the
-/// image was wrong. Such a record does not show whether the point runs, or how fast it is.
+/// Returns whether the measurement of a record's point was not completed: its process ended or took too long, the image
+/// was wrong, or memory was lacking that other programs used at the moment. Such a record does not show whether the
+/// point runs, or how fast it is.
 pub(super) fn is_incomplete(record: &Record) -> bool {
-    matches!(record.outcome, Outcome::TimedOut | Outcome::Crashed | Outcome::WrongImage)
+    let lacked_for_a_moment = record.outcome == Outcome::Infeasible && !record.is_final();
+    lacked_for_a_moment
+        || matches!(record.outcome, Outcome::TimedOut | Outcome::Crashed | Outcome::WrongImage)
 }
 
 impl<'a> ClaimData<'a> {
@@ -168,14 +171,14 @@ impl<'a> ClaimData<'a> {
                 let time = median(record).map_or(String::new(), duration);
                 Line::decided(format!("{name} runs on {scene}: {time}"), wanted)
             }
-            Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => {
+            Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed if !is_incomplete(record) => {
                 Line::decided(format!("{name} on {scene} does not run: {}", first_line(record)), !wanted)
             }
             Outcome::OtherKind => Line::unclear(
                 format!("{name} on {scene}: {}", first_line(record)),
                 format!("a device of the kind for which {} is meant", record.name),
             ),
-            other => self.incomplete(format!("{name} on {scene}: {}: {}", other.name(), first_line(record))),
+            other => self.incomplete(format!("{name} on {scene} ({}): {}", other.name(), first_line(record))),
         }
     }
 

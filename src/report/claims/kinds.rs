@@ -65,7 +65,11 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
         let compared = format!("point to compare with {}{}", test.is, exceptions(data, test));
         let Some(untimed) = untimed else { return data.missing(&format!("a {compared}")) };
-        let text = format!("no {compared} has a time: {untimed}");
+        let text = format!(
+            "{} cannot be compared, because no other point{} has a time; without a time: {untimed}",
+            test.is,
+            exceptions(data, test)
+        );
         return Line { data: Data::Incomplete, ..Line::unclear(text, data.complete(decides)) };
     };
     let part = match ratios.len() {
@@ -90,8 +94,8 @@ fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
     if names.is_empty() { String::new() } else { format!(" (left out: {})", names.join(", ")) }
 }
 
-/// Names the first record whose measurement was not completed, and counts the other ones: "naive at 6 x 6 (crashed) and
-/// 5 more". `None` if there is no such record.
+/// Returns the name of the first record whose measurement was not completed, and the number of further such records:
+/// "naive at 6 x 6 (crashed) and 5 more". `None` if there is no such record.
 fn without_time(records: &[&Record]) -> Option<String> {
     let mut untimed = records.iter().filter(|record| is_incomplete(record));
     let first = untimed.next()?;

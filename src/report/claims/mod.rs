@@ -32,7 +32,8 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Returns the measurements that would decide the claim, each only once; none if the claim is decided.
+    /// Returns what raycl would need to decide the claim, such as a missing record or another device, each only once;
+    /// nothing if the claim is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -45,9 +46,8 @@ impl Claim {
     }
 }
 
-/// Tests the claims of `rows` on `device`. Each comparison uses the first run from whose records it
-/// can be made. Times of different runs are not compared, since they were not measured in the same
-/// rounds.
+/// Tests the claims of `rows` on `device`. Each comparison uses the first run that has all records for the comparison.
+/// Times of different runs are not compared, since they were not measured in the same rounds.
 pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     let claim = |row: Row| {
         let lines: Vec<Line> = row.test.iter().flat_map(|test| tested(test, &row, runs, device)).collect();
@@ -333,8 +333,7 @@ mod tests {
             &fastest("4x4", "by = 1.05"),
             &[&[&sizes(&[(4, 10.0)])[..], std::slice::from_ref(&crashed)].concat()],
         );
-        let no_time =
-            "no point to compare with naive at 4 x 4 on teapot has a time: naive at 6 x 6 (crashed)";
+        let no_time = "naive at 4 x 4 on teapot cannot be compared, because no other point has a time; without a time: naive at 6 x 6 (crashed)";
         assert_eq!((only.verdict, only.lines[0].text.as_str()), (Verdict::Unclear, no_time));
         assert!(only.decides()[0].ends_with("--resume --retry-failed`"), "{only:?}");
         assert_eq!(result_of("16x16", &[crashed]).verdict, Verdict::NotHeld, "one faster point is enough");
@@ -646,6 +645,16 @@ mod tests {
         for outcome in [Outcome::TimedOut, Outcome::Crashed, Outcome::WrongImage, Outcome::OtherKind] {
             assert_eq!(verdict_of(outcome), Verdict::Unclear, "{outcome:?}");
         }
+    }
+
+    #[test]
+    fn a_point_for_which_memory_was_lacking_for_a_moment_decides_nothing() {
+        let verdict_of = |reason: &str| {
+            let test = "kind = 'runs', points = ['naive 8x8 on teapot'], runs = false";
+            claim(test, &[&[infeasible("gpu", "naive", 8, reason)]]).verdict
+        };
+        assert_eq!(verdict_of("the host's memory (casting): 2 B > 1 B"), Verdict::Unclear);
+        assert_eq!(verdict_of("global memory: 2 B > 1 B"), Verdict::Held);
     }
 
     #[test]

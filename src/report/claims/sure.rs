@@ -28,11 +28,13 @@ impl Ratio {
     }
 
     /// Returns the ratio of the times of two passes of a record's frames; `None` if there are no samples. `times`
-    /// contains each sample's launch number and the times of the two passes.
+    /// contains each sample's launch number and the times of the two passes. If one of the times is 0, the ratio is not
+    /// known.
     pub(super) fn of_passes(record: &Record, times: &[(u32, [f64; 2])]) -> Option<Self> {
         let timed = times.iter().filter(|(_, both)| is_timed(both));
         let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
-        let sure = match ratio_of_passes(record, &ratios) {
+        let are_timed = ratios.len() == times.len();
+        let sure = match are_timed.then(|| ratio_of_passes(record, &ratios)).flatten() {
             Some(ratio) => Ok((ratio.middle, [ratio.low, ratio.high])),
             None => Err(why_unsure_of_passes(times)),
         };
@@ -44,8 +46,9 @@ impl Ratio {
         self.sure.as_ref().map_or(f64::INFINITY, |(middle, _)| *middle)
     }
 
-    /// Returns `Held` if the ratio's 95% interval lies inside the range `held`, and `NotHeld` if it lies outside.
-    /// Otherwise, or if an end of the interval equals a bound of the range, returns `Unclear`.
+    /// Returns `Held` if the ratio's 95% interval lies completely inside the range `held`, and `NotHeld` if the
+    /// interval lies completely outside. Returns `Unclear` if the interval contains a bound of the range, or if there
+    /// is no interval.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -100,8 +103,8 @@ impl Ratio {
     }
 }
 
-/// If times are below the timer's resolution, a verdict does not need more samples, but longer frames; this text says
-/// so.
+/// The text that says what a verdict needs if times are below the timer's resolution: not more samples, but longer
+/// frames.
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: these are shorter than a step of the device's timer";
 
@@ -232,7 +235,7 @@ mod tests {
         };
         assert_eq!(of(4, 4), ("not enough samples (n = 4)".to_owned(), more_samples()));
         assert_eq!(of(4, 3), ("not enough samples (n = 3)".to_owned(), more_samples()));
-        for timed in [0, 4] {
+        for timed in [0, 4, 8] {
             assert_eq!(of(9, timed), (BELOW_RESOLUTION.to_owned(), LONGER_FRAMES.to_owned()), "{timed}");
         }
         assert!(of(9, 9).0.starts_with("2.00 times"));

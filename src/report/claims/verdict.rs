@@ -76,7 +76,8 @@ pub struct Line {
     pub text: String,
     /// The comparison's verdict.
     pub verdict: Verdict,
-    /// The measurement that would decide the comparison; empty if the comparison is decided.
+    /// What raycl would need to decide the comparison, such as a missing record or another device; empty if the
+    /// comparison is decided.
     pub decides: String,
     /// Whether the run has the data of the comparison.
     pub(super) data: Data,

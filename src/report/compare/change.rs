@@ -28,8 +28,9 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
-    /// Finds the references among `all` points. These are the compared points and the control points that were measured
-    /// in the same rounds by a block to which they do not belong (a block that borrowed them).
+    /// Finds the references among `all` points: the compared points, and the control points that blocks borrowed. A
+    /// block borrows a control point if it measures the point in its rounds although the point belongs to another
+    /// block.
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
@@ -51,7 +52,8 @@ impl<'a> References<'a> {
     }
 }
 
-/// Returns two hashes that identify the rounds in which the two runs measured a point.
+/// Returns two hashes that identify the rounds in which the two runs measured a point; `None` if either record has no
+/// relative times.
 fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }

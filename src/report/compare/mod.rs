@@ -26,6 +26,8 @@ use std::hash::Hash;
 /// A pair of records in the form that `--json` prints.
 #[derive(Debug, Serialize)]
 pub struct PairLine<'a> {
+    /// The point's name, as in the tables.
+    point: String,
     scene: &'a str,
     image_size: [u32; 2],
     device: [&'a str; 2],
@@ -58,9 +60,9 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
-    /// The pairs of a control point's records that were measured in the same rounds as compared points. In at least one
-    /// folder, the record is from a block to which the control point does not belong (a block that borrowed it), so
-    /// these pairs are not in `pairs`.
+    /// The pairs of a control point's records that were measured in the same rounds as compared points. At least one
+    /// record of each pair is from a block that borrowed the control point (that measured it although it belongs to
+    /// another block). These pairs are therefore not in `pairs`.
     controls: Vec<[Record; 2]>,
     /// True if a folder has several devices, so that the name of a point must include its device.
     several_devices: bool,
@@ -75,7 +77,8 @@ enum Point {
     Names(String, [u32; 2], String, String, Option<[u32; 2]>),
 }
 
-/// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other.
+/// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other;
+/// otherwise, and if a latency is unknown, `None`.
 fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
     let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
     let (before, after) = (before?, after?);
@@ -141,7 +144,8 @@ impl Comparison {
                 None => only[0].push(record),
             }
         }
-        only[1].extend(after_records.iter().filter(|record| unmatched.contains_key(&point(record))).cloned());
+        let others = after_records.iter().filter(|record| unmatched.contains_key(&point(record)));
+        only[1].extend(others.map(|record| with_device_of_first(record, &names)));
         comparison.controls = pairs_of_controls([before, after], &comparison.pairs, point);
         comparison.say_what_only_one_has(&only, by_content);
         let lost = only[0].iter().filter(|record| record.outcome == Outcome::Measured);
@@ -272,7 +276,7 @@ impl Comparison {
     }
 
     /// Returns a note if other programs may have delayed a point and its anchor so differently that the point seems to
-    /// be faster or slower.
+    /// be faster or slower; otherwise `None`.
     fn delays(&self) -> Option<String> {
         let is_anchored = |pair: &&Pair| pair.change.is_some_and(|(_, against)| against == Against::Anchor);
         let of = |pair: &Pair| unshared_delay(&pair.before, &pair.after).abs().exp_m1();
@@ -384,12 +388,13 @@ impl Comparison {
 
     /// Returns the pairs as objects for JSON.
     pub fn lines(&self) -> Vec<PairLine<'_>> {
-        self.pairs.iter().map(line).collect()
+        self.pairs.iter().map(|pair| line(pair, self.several_devices)).collect()
     }
 }
 
-fn line(pair: &Pair) -> PairLine<'_> {
+fn line(pair: &Pair, several_devices: bool) -> PairLine<'_> {
     PairLine {
+        point: pair.point(several_devices),
         scene: &pair.before.scene,
         image_size: pair.before.image_size,
         device: [&pair.before.device, &pair.after.device],
@@ -403,13 +408,23 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
+/// Returns a record of the second folder, with the first folder's name for the record's device. `names` maps the first
+/// folder's names of devices to the second folder's names. The name stays unchanged unless exactly one name of the
+/// first folder is mapped to it.
+fn with_device_of_first(record: &Record, names: &HashMap<String, String>) -> Record {
+    let mut known = names.iter().filter(|(_, second)| **second == record.device).map(|(first, _)| first);
+    let device = known.next().filter(|_| known.next().is_none()).unwrap_or(&record.device);
+    Record { device: device.clone(), ..record.clone() }
+}
+
 /// Returns what the records of a point that was measured with two folders of kernels have in common.
 fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
     ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
 }
 
-/// The contents of scenes, by the scene's name and the image size. If raycl places a scene's camera, the content
-/// depends on the image size. `None` stands for unknown content.
+/// The hashes of scenes' contents, by the scene's name and the image size. If raycl places a scene's camera, the
+/// content depends on the image size. Each value is a set, because scenes with different contents can have one name.
+/// `None` stands for an unknown hash.
 type Contents<'r> = HashMap<(&'r str, [u32; 2]), HashSet<Option<&'r str>>>;
 
 fn contents(records: &[Record]) -> Contents<'_> {

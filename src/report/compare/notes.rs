@@ -3,33 +3,51 @@
 
 use super::Comparison;
 use super::pair::Pair;
+use crate::device::variables::determines_threads;
 use crate::measure::Verdict;
 use crate::record::Folder;
 use crate::words::counted;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Returns a note for each two corresponding devices that differ in their names, or in properties that affect times.
-/// `devices` has the names of corresponding devices in the two folders. A property that one of the folders has not
-/// stored is not compared.
+/// Returns a note for each pair of corresponding devices that differ in their names, or in properties that affect
+/// times. `devices` has the names of corresponding devices in the two folders. A property that one of the folders has
+/// not stored is not compared. Among the environment variables, the note names those of the user. A variable that raycl
+/// itself has set is marked, or left out if it only determines the number of threads, which is a property of its own.
 pub(super) fn different_devices(
     folders: [&Folder; 2],
     labels: &[String; 2],
     devices: &BTreeSet<[String; 2]>,
 ) -> Vec<String> {
     let note = |names: &[String; 2]| {
-        let [before, after] = [0, 1].map(|index| properties(&described(folders[index], &names[index])));
+        let devices = [0, 1].map(|index| described(folders[index], &names[index]));
+        let [before, after] = devices.each_ref().map(properties);
         let [mut first, mut second] = names.clone().map(|name| vec![name]);
         for (before, after) in before.iter().zip(&after) {
             let (Some(before), Some(after)) = (before, after) else { continue };
-            first.extend(before.iter().filter(|own| !after.contains(own)).cloned());
-            second.extend(after.iter().filter(|own| !before.contains(own)).cloned());
+            first.extend(not_in(after, before).filter_map(|own| shown(own, &devices[0])));
+            second.extend(not_in(before, after).filter_map(|own| shown(own, &devices[1])));
         }
         let [first, second] = [first, second].map(|parts| parts.join(", "));
         let [before, after] = labels;
-        (first != second).then(|| format!("The devices differ: {before}: {first}; {after}: {second}."))
+        (first != second).then(|| format!("The devices differ. In {before}: {first}. In {after}: {second}."))
     };
     devices.iter().filter_map(note).collect()
+}
+
+/// Returns those parts of a property that another device's property lacks.
+fn not_in<'a>(other: &'a [String], own: &'a [String]) -> impl Iterator<Item = &'a String> {
+    own.iter().filter(move |part| !other.contains(part))
+}
+
+/// Returns how a note names a part of a device's property; `None` if it does not name this part.
+fn shown(part: &str, device: &Value) -> Option<String> {
+    let mut by_raycl = device["set_by_raycl"].as_array().into_iter().flatten();
+    match by_raycl.any(|setting| setting == part) {
+        false => Some(part.to_owned()),
+        true if determines_threads(part) => None,
+        true => Some(format!("{part} (set by raycl)")),
+    }
 }
 
 /// Returns the description of a device in a folder's `environment.json`; null if there is none.
@@ -89,7 +107,8 @@ impl Comparison {
     }
 }
 
-/// Names some of a comparison's points: all of them, or the first four and the number of all.
+/// Returns a text with the names of some of a comparison's points. If there are more than four, the text has the first
+/// four names and the number of all these points.
 pub(super) fn which(names: &[String]) -> String {
     match names.len() {
         count if count > 4 => format!("{count} of the points ({}, ...)", names[..4].join("; ")),

@@ -42,7 +42,8 @@ pub enum Against {
 }
 
 impl Pair {
-    /// Returns the change as a percentage of the first time; positive means slower.
+    /// Returns the change as a percentage of the first time, which is positive if the second time is longer. `None` if
+    /// the change is unknown.
     pub fn change_percent(&self) -> Option<f64> {
         self.change.map(|(change, _)| percent(change.middle))
     }

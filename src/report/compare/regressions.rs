@@ -39,8 +39,8 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     of_means.chain(of_points).chain(comparison.broken.iter().cloned()).collect()
 }
 
-/// Returns a note on the means that [`regressions`] cannot test, or only without some of their points; `None` if every
-/// mean includes all of its points.
+/// Returns a note on the means that [`regressions`] cannot test at all, or can test only without some of their points;
+/// `None` if every mean includes all of its points.
 pub fn left_out(comparison: &Comparison) -> Option<String> {
     let lacking = |mean: &Mean<'_>| {
         let name = mean.strategy.unwrap_or("all points together");
@@ -50,10 +50,10 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
     let lacking: Vec<String> = means(comparison).iter().filter_map(lacking).collect();
     (!lacking.is_empty()).then(|| {
         format!(
-            "`--fail-on-regression` cannot test these means, or only without some of their points: {}. A point is left \
-             out if it has too few samples, if its times are below the timer's resolution, or if no other work of the \
-             same rounds shows how much the machine's speed changed: the anchor kernel, baselines, or kernels outside \
-             the mean.",
+            "`--fail-on-regression` cannot test these means, or can test them only without some of their points: {}. A \
+             point is left out if it has too few samples, if its times are below the timer's resolution, or if no \
+             other work of the same rounds shows how much the machine's speed changed: the anchor kernel, baselines, \
+             or kernels outside the mean.",
             lacking.join(", ")
         )
     })
@@ -163,9 +163,10 @@ fn change_of_group<'a>(
         Against::BareTimes => mean_relative_to_earlier(&after, &before),
         Against::Anchor => {
             let change = anchored_mean(&after)?.over(anchored_mean(&before)?);
-            // A point's delay is the logarithm of the factor by which the point's change may be too large. It changes
-            // the logarithm of the mean by the delay divided by the number of points. A positive and a negative delay
-            // both widen the interval, so they must not cancel in a sum, but are applied one after the other.
+            // A point's delay is the logarithm of the factor by which the point's change may be too large. The delay
+            // changes the logarithm of the mean by the delay divided by the number of points. Positive and negative
+            // delays both widen the interval, so they must not cancel in a sum. They are therefore applied one after
+            // the other.
             let delay_of = |(before, after): &Both<'_>| unshared_delay(before, after) / points.len() as f64;
             Some(points.iter().map(delay_of).fold(change, Relative::over_up_to))
         }

@@ -296,12 +296,17 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     let two = run("two", "a", serde_json::json!({ "threads": 2, "settings": ["X=1"] }));
     let settings = ["POCL_MAX_PTHREAD_COUNT=1", "X=1"];
     let one = run("one", "a", serde_json::json!({ "threads": 1, "compute_units": 1, "settings": settings }));
-    let expected = "The devices differ: two: a, 2 threads; one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
+    let expected = "The devices differ. In two: a, 2 threads. In one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
     assert_eq!(note(&two, &one).as_deref(), Some(expected));
     assert!(of(&two, &one).markdown().contains(&format!("\nNote: {expected}\n")));
+    // raycl has set the number of threads and pinned them.
+    let set = ["POCL_AFFINITY=1", "POCL_MAX_PTHREAD_COUNT=2", "X=1"];
+    let description = serde_json::json!({ "threads": 2, "settings": set, "set_by_raycl": set[..2] });
+    let expected = "The devices differ. In own: a, 2 threads, POCL_AFFINITY=1 (set by raycl). In one: a, 1 thread, POCL_MAX_PTHREAD_COUNT=1.";
+    assert_eq!(note(&run("own", "a", description), &one).as_deref(), Some(expected));
     let other = run("other", "b", serde_json::json!({ "driver": "5.0" }));
     let plain = run("plain", "a", serde_json::json!({}));
-    let expected = "The devices differ: plain: a, driver 3.1; other: b, driver 5.0.";
+    let expected = "The devices differ. In plain: a, driver 3.1. In other: b, driver 5.0.";
     assert_eq!(note(&plain, &other).as_deref(), Some(expected));
     // Folders of earlier versions do not contain the settings and the number of threads.
     assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
@@ -318,11 +323,15 @@ fn records_of_one_key_correspond_whatever_their_names_are() {
     for record in [&mut naive, &mut wide, &mut bvh] {
         record.device = "pocl-cpu".into();
     }
-    let after = vec![naive, wide, bvh, timed("pocl-cpu-2", "naive", 10.0)];
+    let tile = Record { device: "pocl-cpu".into(), ..timed("cpu", "tile", 10.0) };
+    let after = vec![naive, wide, bvh, timed("pocl-cpu-2", "naive", 10.0), tile];
     let comparison = of(&folder("old", before.to_vec()), &folder("new", after));
     let names = comparison.pairs.iter().map(|pair| [pair.before.name.as_str(), pair.after.name.as_str()]);
     assert_eq!(names.collect::<Vec<_>>(), [["naive", "mine"], ["wide", "wide"], ["bvh", "bvh"]]);
-    assert_eq!(comparison.others, ["teapot 800 x 500, naive 8x8, pocl-cpu-2: only in new"]);
+    let others = ["naive 8x8, pocl-cpu-2", "tile 8x8, cpu"];
+    assert_eq!(comparison.others, others.map(|name| format!("teapot 800 x 500, {name}: only in new")));
+    let named = |line: &PairLine<'_>| line.point.ends_with(", cpu");
+    assert!(comparison.lines().iter().all(named), "the names are those of the first folder");
     let notes = &comparison.notes;
     assert!(notes.iter().all(|note| !note.starts_with("The devices differ")), "{notes:?}");
     assert_eq!(comparison.lost_points(), None);
@@ -554,19 +563,21 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
     }
 }
 
-/// In the busy run, other programs delayed each sample of the anchor, but no sample of a point.
+/// Returns a folder in which each sample of the anchor took `delay` times as long because of other programs, which
+/// delayed no sample of a point.
+fn with_delayed_anchor(mut folder: Folder, delay: f64) -> Folder {
+    folder.records.iter_mut().for_each(|record| record.utilization = Some(2.0));
+    for anchor in &mut folder.anchors {
+        anchor.processor_ms = Some(2.0 * anchor.ms);
+        anchor.ms *= delay;
+        anchor.host_ms = Some(anchor.ms);
+    }
+    folder
+}
+
 #[test]
 fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
-    let run = |label: &str, delay: f64| {
-        let mut folder = anchored(label, 1.0, |_| 1.0);
-        folder.records.iter_mut().for_each(|record| record.utilization = Some(2.0));
-        for anchor in &mut folder.anchors {
-            anchor.processor_ms = Some(2.0 * anchor.ms);
-            anchor.ms *= delay;
-            anchor.host_ms = Some(anchor.ms);
-        }
-        folder
-    };
+    let run = |label: &str, delay: f64| with_delayed_anchor(anchored(label, 1.0, |_| 1.0), delay);
     let (quiet, busy) = (run("quiet", 1.0), run("busy", 1.6));
     for comparison in [of(&quiet, &busy), of(&busy, &quiet)] {
         assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 4 unclear");
@@ -576,6 +587,17 @@ fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
     }
     assert_eq!(of(&quiet, &quiet).summary(), "0 faster, 0 slower, 4 same, 0 unclear");
     assert!(!of(&quiet, &quiet).notes.iter().any(|note| note.contains("factors that differ")));
+}
+
+/// The delay of the anchor can explain at most a factor of 1.6, also in the means.
+#[test]
+fn a_slowdown_of_all_points_that_exceeds_the_anchors_delay_is_found_in_the_means() {
+    let busy = with_delayed_anchor(anchored("busy", 1.0, |_| 1.0), 1.6);
+    let slow = with_delayed_anchor(anchored("slow", 1.0, |_| 2.0), 1.0);
+    let regressions = of(&busy, &slow).regressions(5.0);
+    for mean in ["all points together are ", "naive at its 2 points is ", "wide at its 2 points is "] {
+        assert!(regressions.iter().any(|line| line.starts_with(mean)), "{mean}: {regressions:?}");
+    }
 }
 
 /// In both runs, other programs delayed two of three samples of the anchor. An earlier version of raycl, which did not
@@ -734,6 +756,18 @@ fn points_are_named_with_their_device_where_there_are_several() {
     assert_eq!(baseline.point(true), baseline.point(false));
 }
 
+#[test]
+fn points_are_named_with_their_device_if_one_of_the_folders_has_several() {
+    let run = |label: &str, devices: &[&str]| {
+        folder(label, devices.iter().map(|device| timed(device, "naive", 10.0)).collect())
+    };
+    let (one, two) = (run("one", &["a"]), run("two", &["a", "b"]));
+    for comparison in [of(&one, &two), of(&two, &one)] {
+        assert!(comparison.has_several_devices());
+        assert_eq!(comparison.others, ["teapot 800 x 500, naive 8x8, b: only in two"]);
+    }
+}
+
 /// A point may fail, or be absent, on one of several devices, on each of them, or on one that has no other point.
 #[test]
 fn points_that_are_not_compared_are_named_with_their_device_too() {
@@ -789,6 +823,7 @@ fn a_pair_is_written_in_json_and_in_a_table_with_the_first_folder_first() {
     let comparison = Comparison::of(&before, &after, 0.02, true);
     let line = serde_json::to_value(&comparison.lines()[0]).unwrap();
     for (key, expected) in [
+        ("point", serde_json::json!("teapot 800 x 500, naive 8x8")),
         ("scene", serde_json::json!("teapot")),
         ("image_size", serde_json::json!([800, 500])),
         ("device", serde_json::json!(["a", "b"])),

@@ -300,6 +300,24 @@ mod tests {
     }
 
     #[test]
+    fn the_scene_with_the_most_triangles_comes_first_and_has_the_reason() {
+        let on = |scene: &str, triangles: u64, name: &str, ms| Record {
+            key: format!("{scene} {name}"),
+            scene: scene.into(),
+            triangles: Some(triangles),
+            ..measured("gpu", name, 8, ms)
+        };
+        let scenes = [("room", 40), ("gourd", 5000), ("teapot", 1026)];
+        let records = scenes.map(|(scene, triangles)| {
+            [on(scene, triangles, "naive", 9.0), on(scene, triangles, "private", 3.0)]
+        });
+        let answer = of(&records.concat());
+        assert!(answer.why.contains("per frame on gourd (calculated"), "{}", answer.why);
+        let places = ["on gourd, ", "; on teapot, ", "; on room, "].map(|words| answer.strategy.find(words));
+        assert!(places.is_sorted() && places[0] == Some(0), "{}", answer.strategy);
+    }
+
+    #[test]
     fn a_page_without_an_answer_names_the_command_that_fills_it() {
         let folder = Folder { path: "out/figure-6".into(), ..Folder::default() };
         let records = judged([measured("gpu", "naive", 4, 9.1)]);

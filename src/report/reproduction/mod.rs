@@ -115,17 +115,17 @@ impl Reproduction {
 }
 
 /// Sorts runs by their image size: first the paper's size, then the other sizes in the order of the runs. Each part of
-/// the page uses the first size at which the part's points were measured, so that all parts use the same size if they
-/// can.
+/// the page uses the first size at which the part's points were measured. All parts therefore use the same size if
+/// possible.
 fn sort_by_size(runs: &mut [Run<'_>]) {
     let mut sizes = vec![PAPER_SIZE];
     sizes.extend(runs.iter().map(Run::image_size));
     runs.sort_by_key(|run| sizes.iter().position(|size| *size == run.image_size()));
 }
 
-/// Returns the run for which `count` returns the largest number. Runs with less than `least` are not considered. Of the
-/// other runs, only those of one image size are considered: the size that comes first in `runs`. If several runs have
-/// the largest number, the last of these runs is returned.
+/// Returns the run for which `count` returns the largest number. Only runs with a number of at least `least` are
+/// considered, and among these only the runs of one image size: the size that comes first in `runs`. If several runs
+/// have the largest number, the last of these runs is returned.
 fn with_most<'r, 'a>(
     runs: &'r [Run<'a>],
     least: usize,
@@ -146,8 +146,8 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-/// Returns the results of a device. `index` is its index among the devices, and `taken` contains the names of the plots
-/// of earlier devices' answers.
+/// Returns the results of a device. `index` is its index among the devices. `taken` contains the names of the
+/// plots of earlier devices' answers; this function adds the names of the plots of this device's answer.
 fn device(
     index: usize,
     name: &str,

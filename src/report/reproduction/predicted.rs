@@ -18,8 +18,9 @@ const REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Returns Figure 5 with the published values, the prediction for the paper's number of registers, and the prediction
-/// for the number of registers that the kernel of the preset `naive` has on this device, if known.
+/// Returns Figure 5 with three curves: the published values, the prediction for the paper's number of registers, and
+/// the prediction for the kernel of the preset `naive` on this device. The last curve is left out if the kernel's
+/// number of registers is unknown.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];

@@ -106,11 +106,11 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe: the slope of the parabola through this keyframe and its two
-/// nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004,
-/// section 3.6). The first argument has the lengths, in frames, of the two lines between these three keyframes; the
-/// second argument has the slopes of these lines. In both arguments, the line that ends at the first or the last
-/// keyframe of the track comes first.
+/// Returns the slope at the first or the last keyframe. It is the slope of the parabola through this keyframe
+/// and its two nearest keyframes, but it is limited so that the curve does not overshoot (Moler, Numerical
+/// Computing with MATLAB, 2004, section 3.6). The first argument has the lengths, in frames, of the two lines
+/// between these three keyframes; the second argument has the slopes of these lines. In both arguments, the
+/// line that ends at the first or the last keyframe of the track comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

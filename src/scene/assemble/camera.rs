@@ -2,7 +2,7 @@
 //! of the scene file change values of the chosen camera.
 
 use super::super::document::Document;
-use super::super::framing::{self, Ball, View};
+use super::super::framing::{self, Ball, Lens, View};
 use super::super::wire::{CameraWire, Vector};
 use super::super::{Camera, Mesh, Shot};
 use super::Seen;
@@ -24,9 +24,11 @@ impl CameraWire {
 
 /// Returns the camera that the scene file's keys modify. Without a `ball` (the ball around the scene), this is the
 /// paper's camera with a z_near of 0. With a `ball`, this is the camera of the mesh's file. If the file has no camera,
-/// or if the user sets an azimuth, an elevation or `up`, this is a camera that sees the whole scene.
+/// or if the user sets an azimuth, an elevation or `up`, this is a camera that sees the whole scene. Its distance fits
+/// the field of view that the scene file sets (`lens`).
 pub(super) fn base_camera(
     wire: &CameraWire,
+    lens: Option<Lens>,
     mesh: &Mesh,
     ball: Option<Ball>,
     seen: &Seen,
@@ -43,31 +45,31 @@ pub(super) fn base_camera(
         up: wire.upright(),
         azimuth_degrees: degrees(wire.azimuth_degrees.map(|azimuth| azimuth.0)),
         elevation_degrees: degrees(wire.elevation_degrees.map(|elevation| elevation.0)),
+        lens,
         shot,
     };
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns the camera: the base camera with the values that the scene file sets. If the file sets `position` but not
-/// `look_at`, the camera looks at the centre of the `ball` (the ball around the scene) or, without a `ball`, in the
-/// base camera's direction. If the file sets `position` or `look_at` but not `up`, the y axis points up. An `up` of
-/// zeros is refused.
+/// Returns the camera: the base camera with the values that the scene file sets, including the field of view `lens`. If
+/// the file sets `position` but not `look_at`, the camera looks at the centre of the `ball` (the ball around the scene)
+/// or, without a `ball`, in the base camera's direction. If the file sets `position` or `look_at` but not `up`, the y
+/// axis points up. An `up` of zeros is refused.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,
     base: Camera,
+    lens: Option<Lens>,
     ball: Option<Ball>,
 ) -> Result<Camera> {
     let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
-    let fov = field_of_view(document, wire)?;
-    let (tan_half_fov, fov_is_vertical) = fov.unwrap_or((base.tan_half_fov, base.fov_is_vertical));
-    let lens = Camera { tan_half_fov, fov_is_vertical, z_near, ..base };
+    let base = Camera { z_near, ..lens.map_or(base, |lens| lens.on(base)) };
     let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
     let up = given(&wire.up);
     // With a ball around the scene, `up` has already determined the base camera.
     let up_is_used = up.is_none() || ball.is_some() && up != Some(Vec3::ZERO);
     if wire.position.is_none() && wire.look_at.is_none() && up_is_used {
-        return Ok(lens);
+        return Ok(base);
     }
     let position = given(&wire.position).unwrap_or(base.position);
     let target = given(&wire.look_at).or(ball.map(|ball| ball.centre.as_vec3()));
@@ -77,19 +79,22 @@ pub(super) fn camera(
     let up = up.unwrap_or(Vec3::Y);
     let looking = Camera::looking_along(position, direction, up, 90.0, false)
         .ok_or_else(|| no_direction(document, wire, position, direction, up))?;
+    let Camera { tan_half_fov, fov_is_vertical, .. } = base;
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// Returns the tangent of half the field of view, and whether this field of view is measured across the height; `None`
-/// if the scene file sets no field of view.
-fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
-    let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
+/// Returns the field of view that the scene file sets; `None` if it sets none.
+pub(super) fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<Lens>> {
+    let lens = |degrees: f32, fov_is_vertical: bool| Lens {
+        tan_half_fov: (f64::from(degrees).to_radians() / 2.0).tan() as f32,
+        fov_is_vertical,
+    };
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
         (Some(_), Some(second)) => Err(document
             .error(second.span(), "both fov_x_degrees and fov_y_degrees are set", "one of the two")
             .with_help("set only one of them: the other follows from the image's aspect ratio")),
-        (Some(fov), None) => Ok(Some((tangent(fov.get_ref().0), false))),
-        (None, Some(fov)) => Ok(Some((tangent(fov.get_ref().0), true))),
+        (Some(fov), None) => Ok(Some(lens(fov.get_ref().0, false))),
+        (None, Some(fov)) => Ok(Some(lens(fov.get_ref().0, true))),
         (None, None) => Ok(None),
     }
 }

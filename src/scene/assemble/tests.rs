@@ -186,7 +186,7 @@ fn a_scene_without_any_light_is_noted() {
     let is_noted = |more: &str| {
         std::fs::write(&path, format!("{object}{more}")).unwrap();
         let notes = load_scene_with(&path, &[]).unwrap().notes;
-        notes.iter().any(|note| note.contains("no light: every surface is black"))
+        notes.iter().any(|note| note.contains("no light, so every surface is black"))
     };
     assert!(is_noted(""));
     assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
@@ -261,8 +261,7 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
         notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
     };
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
-    let start =
-        "the background #ffffff is displayed as #000000: with display.exposure = 0.0 and display.gamma =";
+    let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0 and display.gamma =";
     assert!(black.contains(start), "{black}");
     // The radiance would be 1e30 or, for the dark grey, less than the least number of single precision.
     assert_ne!(note("background = \"white\"\ndisplay.exposure = 1e-30\n"), "");
@@ -359,7 +358,7 @@ fn a_mesh_of_extreme_size_is_scaled_alone_whatever_its_format() {
             let expected = (edge.parse::<f64>().unwrap() * 2_f64.powi(power)) as f32;
             assert_eq!(positions.fold(0.0, f32::max), expected, "{name}, {edge}");
             let [.., note] = &loaded.notes[..] else { panic!("no note: {name}, {edge}") };
-            let start = format!("{}: the mesh is too {extreme} for single precision: ", path.display());
+            let start = format!("{}: the mesh is too {extreme} for single precision, ", path.display());
             assert!(note.starts_with(&start) && note.contains(&format!("by 2^{power} (")), "{note}");
         }
     }
@@ -446,6 +445,44 @@ fn an_azimuth_or_an_elevation_alone_frames_the_scene() {
     assert!(above.forward.distance(Vec3::NEG_Y) < 1e-3 && above.position.y > 1.0, "{above:?}");
     let beside = camera("azimuth_degrees = 90");
     assert!(beside.forward.x < -0.5 && beside.position.x > 1.0, "{beside:?}");
+}
+
+/// The triangle has a width and a height of 1. Seen from +z, it fills 0.92 of a square picture's width and height.
+#[test]
+fn a_camera_that_raycl_places_has_the_distance_that_fits_the_field_of_view() {
+    let angles = "azimuth_degrees = 0\nelevation_degrees = 0\n";
+    for (keys, degrees) in [
+        ("", 35.0_f32),
+        ("fov_y_degrees = 35\n", 35.0),
+        ("fov_y_degrees = 10\n", 10.0),
+        ("fov_x_degrees = 10\n", 10.0),
+        ("fov_x_degrees = 60\n", 60.0),
+    ] {
+        let camera = loaded(&format!("[camera]\n{angles}{keys}")).unwrap().scene.camera;
+        let tan = (degrees.to_radians() / 2.0).tan();
+        let expected = Vec3::new(0.5, 0.5, 0.5 / (0.92 * tan) - 2.0);
+        assert!(camera.position.distance(expected) < 1e-4, "{keys:?}: {}", camera.position);
+        assert!((camera.tan_half_fov - tan).abs() < 1e-6, "{keys:?}");
+    }
+}
+
+#[test]
+fn an_option_that_sets_the_field_of_view_of_a_bare_mesh_also_sets_the_distance() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let camera = |values: &[(String, Value)]| load_scene_with(&path, values).unwrap().scene.camera;
+    let fov = |degrees: i64| ("camera.fov_y_degrees".to_owned(), Value::Integer(degrees));
+    let usual = camera(&[]);
+    assert_eq!(camera(&[fov(35)]), usual);
+    let centre = Vec3::new(0.5, 0.5, 0.0);
+    let ratio = camera(&[fov(10)]).position.distance(centre) / usual.position.distance(centre);
+    // tan(17.5 degrees) / tan(5 degrees) is 3.6.
+    assert!((3.0..4.0).contains(&ratio), "{ratio}");
+    // The user's position stays as it is.
+    let position = Value::Array([1, 2, 5].map(Value::Integer).to_vec());
+    let placed = camera(&[fov(10), ("camera.position".to_owned(), position)]);
+    assert_eq!(placed.position, Vec3::new(1.0, 2.0, 5.0));
 }
 
 #[test]

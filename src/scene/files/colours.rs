@@ -34,7 +34,8 @@ pub(super) fn paint_triangles(mesh: &mut Mesh, colours: &[Vec3]) {
     paint_each(mesh, |number, _| colours[number]);
 }
 
-/// Assigns a material to each triangle, whose linear colour `colour` returns for the triangle's number.
+/// Assigns a material to each triangle, as [`paint`] does. `colour` returns a triangle's linear colour from
+/// the triangle's number and the triangle.
 fn paint_each(mesh: &mut Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) {
     let (materials, numbers) = painted(mesh, colour);
     mesh.materials = materials;

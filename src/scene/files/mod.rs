@@ -24,9 +24,10 @@ pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
-/// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
-/// and the triangles; for a short time there are two copies of the points and triangles. (For OBJ, a measurement on
-/// 2026-11-20 gave 3.2 times the file's size, with meshes of a dragon of 202,520 and of 810,080 triangles.)
+/// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the
+/// points and the triangles. For a short time, there are two copies of the points and triangles. For two OBJ
+/// meshes of a dragon, with 202,520 and 810,080 triangles, 3.2 times the file's size was measured on
+/// 2026-11-20.
 const READING_FACTOR: u64 = 4;
 
 /// A triangle counts as a line if the sine of its angle at the first corner is at most this.
@@ -98,7 +99,7 @@ pub(in crate::scene) fn read(
     }?;
     if file.mesh.triangles.is_empty() {
         return Err(Error::input(format!(
-            "{name}: no triangles: the file is {} without a face",
+            "{name}: no triangles; the file is {} without a face",
             format.name()
         ))
         .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
@@ -115,7 +116,9 @@ fn invisible(mesh: &Mesh) -> Option<String> {
         ab.cross(ac).length() > THIN * ab.length() * ac.length()
     };
     let triangles = mesh.triangles.len();
-    let note = || format!("nothing is visible: {} without area", counted(triangles, "triangle"));
+    let note = || {
+        format!("nothing is visible, since the mesh has only {} without area", counted(triangles, "triangle"))
+    };
     (!mesh.triangles.iter().any(has_area)).then(note)
 }
 

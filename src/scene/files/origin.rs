@@ -86,12 +86,12 @@ impl Placement {
         };
         let [x, y, z] = self.origin.to_array().map(shown);
         let moved = || {
-            format!("the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions")
+            format!("the mesh lies far from its origin, so ({x}, {y}, {z}) was subtracted from its positions")
         };
         let scaled = || {
             let (scale, extreme) = (self.scale, if self.scale > 1.0 { "small" } else { "large" });
             format!(
-                "the mesh is too {extreme} for single precision: its positions were multiplied by 2^{} ({scale:.1e}); \
+                "the mesh is too {extreme} for single precision, so its positions were multiplied by 2^{} ({scale:.1e}); \
                  camera.position, the layer `depth` and other lengths refer to the scaled mesh",
                 scale.log2()
             )

@@ -246,6 +246,19 @@ mod tests {
     }
 
     #[test]
+    fn a_texture_that_was_refused_takes_no_room_from_others() {
+        let colour = Usage::colour([Wrap::Repeat; 2]);
+        // There is room for five texels.
+        let mut pictures = Pictures { texels: MOST_TEXELS - 5, ..Pictures::default() };
+        let mut added = |key: &str, width: u32| {
+            pictures.bytes(key, || Ok(Cow::Owned(png(width, 1))), colour).map_err(|_| "too large")
+        };
+        let of = [("a", 6), ("b", 3), ("c", 3), ("d", 2), ("e", 1)].map(|(key, width)| added(key, width));
+        let refused = Err("too large");
+        assert_eq!(of, [refused, Ok(0), refused, Ok(1), refused]);
+    }
+
+    #[test]
     fn an_opaque_mask_is_where_it_is_bright() {
         let texture = |texels: [u32; 2]| Texture {
             size: [2, 1],

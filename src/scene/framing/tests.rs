@@ -7,6 +7,7 @@ const fn three_quarter(aspect: f64) -> View {
         up: DVec3::Y,
         azimuth_degrees: None,
         elevation_degrees: None,
+        lens: None,
         shot: Shot { aspect, ..Shot::SQUARE },
     }
 }
@@ -55,6 +56,74 @@ fn the_whole_mesh_fills_a_picture_across_or_down_at_any_scale_and_length() {
             assert!((1.82..1.86).contains(&across.max(down)), "{across} {down} at {scale}, {aspect}");
             assert!(left > -0.93 && right < 0.93 && bottom > -0.93 && top < 0.93);
         }
+    }
+}
+
+/// Returns the camera for a field of view in degrees, and the tangents of half its field of view across the width and
+/// across the height.
+fn with_lens(mesh: &Mesh, degrees: f64, fov_is_vertical: bool, shot: Shot) -> (Camera, [f64; 2]) {
+    let tan = (degrees.to_radians() / 2.0).tan();
+    let lens = Lens { tan_half_fov: tan as f32, fov_is_vertical };
+    let view = View { lens: Some(lens), shot, ..three_quarter(shot.aspect) };
+    let camera = camera(mesh, Ball::around(mesh, view.up), &view);
+    let across_and_down = if fov_is_vertical { [tan * shot.aspect, tan] } else { [tan, tan / shot.aspect] };
+    (camera, across_and_down)
+}
+
+/// Returns the largest distance of a mesh's points from the middle of a picture, as fractions of half the picture's
+/// width and height, after the mesh was turned by `turn` about the origin.
+fn reach(camera: &Camera, mesh: &Mesh, [tan_x, tan_y]: [f64; 2], turn: DMat3) -> [f64; 2] {
+    let mut reach = [0.0_f64; 2];
+    for position in &mesh.positions {
+        let offset = turn * position.as_dvec3() - camera.position.as_dvec3();
+        let depth = offset.dot(camera.forward.as_dvec3());
+        assert!(depth > 0.0);
+        let x = offset.dot(camera.right.as_dvec3()) / (depth * tan_x);
+        let y = offset.dot(camera.up.as_dvec3()) / (depth * tan_y);
+        reach = [reach[0].max(x.abs()), reach[1].max(y.abs())];
+    }
+    reach
+}
+
+#[test]
+fn the_distance_fits_the_field_of_view_across_the_width_or_the_height() {
+    let mesh = generate(&Shape::Sphere { triangles: 400 });
+    for (degrees, fov_is_vertical) in [(2.0, true), (10.0, false), (10.0, true), (70.0, false), (70.0, true)]
+    {
+        for aspect in [0.5, 1.0, 2.4] {
+            let shot = Shot { aspect, ..Shot::SQUARE };
+            let (camera, tangents) = with_lens(&mesh, degrees, fov_is_vertical, shot);
+            assert_eq!(camera.fov_is_vertical, fov_is_vertical);
+            let [x, y] = reach(&camera, &mesh, tangents, DMat3::IDENTITY);
+            assert!((0.9..0.93).contains(&x.max(y)), "{x} {y}: {degrees} {fov_is_vertical} {aspect}");
+        }
+    }
+}
+
+#[test]
+fn a_field_of_view_of_35_degrees_across_the_height_is_the_default_to_the_last_bit() {
+    let mesh = generate(&Shape::Teapot { fineness: 4 });
+    for turns in [false, true] {
+        let shot = Shot { aspect: 1.6, turns, ..Shot::SQUARE };
+        let view = View { shot, ..three_quarter(1.6) };
+        let usual = camera(&mesh, Ball::around(&mesh, view.up), &view);
+        assert_eq!(with_lens(&mesh, 35.0, true, shot).0, usual);
+    }
+}
+
+#[test]
+fn what_turns_is_seen_whole_with_any_field_of_view() {
+    let mesh = block(Vec3::new(20.0, 1.0, 3.0), Vec3::ZERO);
+    let shot = Shot { aspect: 1.6, turns: true, ..Shot::SQUARE };
+    for (degrees, fov_is_vertical) in [(5.0, true), (20.0, false), (80.0, false)] {
+        let (camera, tangents) = with_lens(&mesh, degrees, fov_is_vertical, shot);
+        let mut most = 0.0_f64;
+        for step in 0..90_i32 {
+            let turn = DMat3::from_rotation_y(f64::from(step) * 4.0_f64.to_radians());
+            let [x, y] = reach(&camera, &mesh, tangents, turn);
+            most = most.max(x).max(y);
+        }
+        assert!((0.9..0.96).contains(&most), "{most}: {degrees} {fov_is_vertical}");
     }
 }
 

@@ -1,10 +1,11 @@
 //! Reads Wavefront OBJ files of any quality into a [`Mesh`].
 //!
-//! Geometry is read here and not by the crate `tobj`, because `tobj` 4.0.5 has several limits: it lets NaN, infinities
-//! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a triangle, and
-//! divides concave polygons into fans. It ignores the first line of a file with a byte order mark, and refuses `\`
-//! continuations and Latin-1 text. It reports no line numbers, and uses one core. raycl uses the MTL reader of `tobj`
-//! ([`mtl`]), and tests compare raycl's meshes with those of the OBJ reader of `tobj`.
+//! Geometry is read here and not by the crate `tobj`, because `tobj` 4.0.5 has several limits. It lets NaN,
+//! infinities and `1e400` through, and returns fewer normals than positions for `f 1//1 2 3`. It turns `l 1 2
+//! 3` into a triangle, and divides concave polygons into fans. It ignores the first line of a file with a
+//! byte order mark, and refuses `\` continuations and Latin-1 text. It reports no line numbers, and uses one
+//! core. raycl uses the MTL reader of `tobj` ([`mtl`]), and tests compare raycl's meshes with those of the
+//! OBJ reader of `tobj`.
 //!
 //! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
 //! vertices and normals. The second pass reads faces, and can check every index. If a material has a
@@ -147,8 +148,10 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
 fn without_triangles(text: &[u8], vertices: usize, points: &[PointChunk]) -> Mistake {
     let (vertices, unknown) = (counted(vertices, "vertex"), unknown_keywords(points));
     let what = match text.trim_ascii() {
-        [] => "no triangles: the file is empty".to_owned(),
-        _ => format!("no triangles: {vertices} and no face (`f`) with at least three corners{unknown}"),
+        [] => "no triangles; the file is empty".to_owned(),
+        _ => format!(
+            "no triangles; the file has {vertices} and no face (`f`) with at least three corners{unknown}"
+        ),
     };
     Mistake::new(text.len(), what)
 }
@@ -202,8 +205,8 @@ fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placeme
 }
 
 /// Returns the placement (how the mesh is moved and scaled) that the vertices' bounding box in double precision
-/// determines. Only the vertices count that `counts` accepts; its arguments are the number of a piece, and the vertex's
-/// number within this piece.
+/// determines. The box includes only the vertices that `counts` accepts. The arguments of `counts` are the
+/// number of a piece, and the vertex's number within this piece.
 fn exact_placement(
     chunks: &[Chunk],
     points: &[PointChunk],

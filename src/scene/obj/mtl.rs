@@ -81,8 +81,8 @@ struct Loader {
 #[derive(Default)]
 struct Names {
     whole: HashMap<String, u32>,
-    /// The names without the text at their end that is certainly a comment. A short name counts only if no whole name
-    /// fits.
+    /// Each name up to the first word that is only `#`, because such a word certainly begins a comment (see
+    /// `possible_names`). These names are used only if no whole name fits.
     short: HashMap<String, u32>,
 }
 
@@ -145,11 +145,12 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 }
 
 impl Reach<'_> {
-    /// Returns the names of the files that the text after `mtllib` names. The whole text, with its spaces, is one name
-    /// in two cases: if a file of this name exists (with or without the comment at the text's end), or if the first
-    /// word neither ends in `.mtl` nor is the name of a file. Otherwise, each word is a name. If the first word's file
-    /// exists, its materials count even if the other words are not names of files. If a name's file does not exist, the
-    /// name without its folders is tried, too.
+    /// Returns the names of the files that the text after `mtllib` names. The whole text, with its spaces, is
+    /// one name in two cases. In the first case, a file of this name exists, with or without the comment at
+    /// the text's end. In the second case, the first word neither ends in `.mtl` nor is the name of a file.
+    /// Otherwise, each word is a name. If the first word's file exists, its materials count even if the other
+    /// words are not names of files. If a name's file does not exist, the name without its folders is tried,
+    /// too.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         let exists = |name: &str| self.locate(name).is_ok();
         let existing = |text: &'a str| possible_paths(text).find(|path| exists(path));

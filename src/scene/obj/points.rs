@@ -144,8 +144,9 @@ impl PointChunk {
         Some(valid.fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
     }
 
-    /// Returns the bounding box of the valid positions of this piece, in double precision. Only the vertices count
-    /// whose numbers, from 0 within the piece, `counts` accepts.
+    /// Returns the bounding box of the valid positions of this piece, in double precision. The box includes
+    /// only the vertices that `counts` accepts. The argument of `counts` is a vertex's number, from 0 within
+    /// the piece.
     pub fn exact_bounds(
         &self,
         chunk: &Chunk,

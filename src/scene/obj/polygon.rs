@@ -58,12 +58,13 @@ fn is_convex(flat: &[DVec2]) -> bool {
     (0..count).all(|i| area(flat[i], flat[(i + 1) % count], flat[(i + 2) % count]) >= 0.0)
 }
 
-/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Rounding positions to
-/// single precision moves each corner. The angles at the corners of a circle of very many corners are so flat that
-/// rounding makes some corners concave; some triangles of the fan are then reversed. The reversed triangles together
-/// may have at most the area of a seam, a narrow strip along the outline. The seam's width is four times the largest
-/// rounding error of a coordinate, but at most a fraction of the outline's size ([`WIDEST_SEAM`]), since an outline in
-/// double precision may be small and far from the origin.
+/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Rounding
+/// positions to single precision moves each corner. The angles at the corners of a circle of very many
+/// corners are so flat that rounding makes some corners concave; some triangles of the fan are then reversed.
+/// The reversed triangles together may have at most the area of a seam, a narrow strip along the outline. The
+/// seam's width is four times the largest rounding error of a coordinate, but at most a fraction of the
+/// outline's size ([`WIDEST_SEAM`]). This limit is needed because an outline in double precision may be small
+/// and far from the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
@@ -137,10 +138,11 @@ impl<'a> Remaining<'a> {
         neighbours.iter().for_each(|at| self.is_ear[*at] = self.has_ear(*at));
     }
 
-    /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not convex
-    /// are tested: if any corner lies in the triangle, so does one that is not convex. Corners at the same positions as
-    /// the triangle's own corners are not tested either: an outline with a hole contains a bridge (a line from the
-    /// outer edge to the hole), and passes twice through both ends of the bridge.
+    /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not
+    /// convex are tested: if any corner lies in the triangle, a corner that is not convex lies there too.
+    /// Corners at the same positions as the triangle's own corners are not tested either. Such corners occur
+    /// in an outline with a hole: it contains a bridge (a line from the outer edge to the hole), and passes
+    /// twice through both ends of the bridge.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);
@@ -319,8 +321,9 @@ mod tests {
         (0..corners).map(corner).collect()
     }
 
-    /// Returns whether a point lies in the angle that an outline forms at a corner. Of several corners at one position,
-    /// this is true for one at most.
+    /// Returns whether the point `p` lies in the angle to the left of an outline's two sides at a corner.
+    /// This angle may be larger than 180 degrees. An outline with a bridge passes some positions more than
+    /// once. At such a position, the function is true for at most one of the corners.
     fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
         let count = outline.len();
         let [a, b, c] = [at + count - 1, at, at + 1].map(|at| outline[at % count]);

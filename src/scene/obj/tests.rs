@@ -37,13 +37,13 @@ fn message(text: &str) -> String {
 fn mistakes_name_file_line_value_and_what_was_expected() {
     let cases = [
         (String::new(), "test.obj:1: no triangles"),
-        (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles: 3 vertices"),
+        (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles; the file has 3 vertices"),
         ("v nan 0 0\nf 1 1 1\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
         ("\nv 0 1e400 0\nf 1 1 1\n".to_owned(), "test.obj:2: `1e400`"),
         ("v 0 0 0\nv 0 0\nf 1 1 2\n".to_owned(), "test.obj:2: a vertex with 2 numbers; expected three"),
         ("v 1\nf 1 1 1\n".to_owned(), "test.obj:1: a vertex with 1 number; expected three"),
         ("v 1e38 0 0\nf 1 1 1\n".to_owned(), "test.obj:1: vertex (1e38"),
-        ("v nan 0 0\nv 0 0 0\n".to_owned(), "test.obj:3: no triangles: 2 vertices"),
+        ("v nan 0 0\nv 0 0 0\n".to_owned(), "test.obj:3: no triangles; the file has 2 vertices"),
         (format!("{CORNERS}f 0 1 2\n"), "test.obj:4: vertex index `0`"),
         (
             format!("{CORNERS}f 1 2 4\n"),
@@ -52,8 +52,8 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         (format!("{CORNERS}f -4 -2 -1\n"), "expected -3 to -1"),
         (format!("{CORNERS}f 1 2 99999999999999999999999\n"), "expected 1 to 3"),
         (format!("{CORNERS}f 1//x 2//0 3//0\n"), "`x` in `1//x` is not an index"),
-        (format!("{CORNERS}f 1 2 \\"), "test.obj:4: no triangles: 3 vertices"),
-        (format!("{CORNERS}f 1 2\n"), "test.obj:5: no triangles: 3 vertices"),
+        (format!("{CORNERS}f 1 2 \\"), "test.obj:4: no triangles; the file has 3 vertices"),
+        (format!("{CORNERS}f 1 2\n"), "test.obj:5: no triangles; the file has 3 vertices"),
         (format!("{CORNERS}f 1 4\nf 1 2 3\n"), "test.obj:4: vertex index `4`"),
         (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
         (format!("{CORNERS}f / / /\n"), "is not an index"),
@@ -76,7 +76,7 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         (format!("{CORNERS}foo 1 2 3\n"), "with at least three corners; unknown keywords: `foo`"),
         (
             "V 0 0 0\nV 1 0 0\nV 0 1 0\nF 1 2 3\n".to_owned(),
-            "no triangles: 0 vertices and no face (`f`) with at least three corners; unknown keywords: `F` 1, `V` 3; did \
+            "no triangles; the file has 0 vertices and no face (`f`) with at least three corners; unknown keywords: `F` 1, `V` 3; did \
              you mean `v`, `f`?",
         ),
         (format!("{CORNERS}F 1 2 3\n"), "unknown keywords: `F`; did you mean `f`?"),
@@ -113,7 +113,7 @@ fn a_concave_face_of_too_many_corners_is_reported_with_its_own_remedy() {
 
 #[test]
 fn a_long_line_of_blanks_is_an_empty_file_that_is_named_once() {
-    assert_eq!(message(&" ".repeat(1_000)), "test.obj:1: no triangles: the file is empty");
+    assert_eq!(message(&" ".repeat(1_000)), "test.obj:1: no triangles; the file is empty");
 }
 
 #[test]
@@ -205,6 +205,13 @@ fn normals_at_some_corners_only_are_generated_at_all() {
     for face in ["f 1 2 3", "f 1//1 2//1 3//1"] {
         assert!(read(&format!("{CORNERS}vn 1 0 0\n{face}\n")).unwrap().notes.is_empty(), "{face}");
     }
+}
+
+#[test]
+fn of_several_faces_with_normals_at_some_corners_the_first_is_noted() {
+    let file = read(&format!("{CORNERS}vn 1 0 0\nf 1 2 3\nf 1//1 2 3\nf 1 2//1 3\n")).unwrap();
+    let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
+    assert!(note.starts_with("line 6: a face has a normal index at some corners only"), "{note}");
 }
 
 /// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.

@@ -111,7 +111,8 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// Parses a line without its keyword. Fails if it names no file.
+    /// Parses a line without its keyword. Fails if the line names no file, or if an option's numbers are not
+    /// valid.
     pub fn of_line(keyword: &str, rest: &[u8]) -> Result<Self, Unfit> {
         let mut map = Self {
             named: String::new(),
@@ -282,9 +283,9 @@ pub(super) fn apply(
     }
 }
 
-/// Makes each material white whose `Kd` colour is missing or black and whose colour texture was read. The triangles
-/// without texture coordinates, whose numbers are `unmapped`, show no texture, so they keep the `Kd` colour: those of a
-/// material that becomes white get a copy of the material as it was.
+/// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. `unmapped`
+/// has the numbers of the triangles without texture coordinates. These triangles show no texture, so they
+/// keep the `Kd` colour: if their material becomes white, they get a copy of the material as it was before.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     let is_whitened =
         |material: usize| matches!(loaded[material], Some((Map { alone: true, .. }, Some(_), _)));

@@ -29,9 +29,9 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// Returns about `triangles` triangles, at least 64. The numbers of columns and rows may differ without leaving gaps
-/// between patches: if two patches share an edge, both cut it into as many parts as there are columns, or both cut it
-/// into as many parts as there are rows.
+/// Returns about `triangles` triangles, at least 64. The numbers of columns and rows may differ without
+/// leaving gaps between patches. Both patches at a common edge cut this edge into the same number of parts:
+/// either the number of columns or the number of rows.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)

@@ -2,15 +2,16 @@
 //! been running during the second attempt, and may have changed the second attempt's times.
 
 use super::choice::few;
+use crate::error::Result;
 use crate::shard::Attempt;
 use std::collections::BTreeMap;
 
 /// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there
 /// is no such shard.
-pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
+pub fn attempted_again(attempts: &[Attempt]) -> Result<Option<String>> {
     let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&str>> = BTreeMap::new();
     for attempt in attempts {
-        let Some(about) = attempt.about() else { continue };
+        let Some(about) = attempt.about()? else { continue };
         of_shards.entry((about.shard, about.devices)).or_default().push(&attempt.name);
     }
     let texts: Vec<String> = of_shards
@@ -19,9 +20,9 @@ pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
         .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
         .collect();
     let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
-    (!texts.is_empty()).then(|| {
+    Ok((!texts.is_empty()).then(|| {
         format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&texts))
-    })
+    }))
 }
 
 #[cfg(test)]
@@ -45,10 +46,11 @@ mod tests {
         begin(1, "n1", "gpu");
         begin(1, "n1", "cpu");
         begin(3, "n3", "cpu");
-        assert_eq!(attempted_again(&Attempt::all(folder.path())), None);
+        let note = || attempted_again(&Attempt::all(folder.path()).unwrap()).unwrap();
+        assert_eq!(note(), None);
         begin(3, "n4", "cpu");
         assert_eq!(
-            attempted_again(&Attempt::all(folder.path())).as_deref(),
+            note().as_deref(),
             Some(
                 "There were 2 attempts at shard 3 (shard-00003.n3..r00, shard-00003.n4..r00). Attempts that ran at the \
                  same time may have slowed each other."

@@ -24,12 +24,13 @@ pub struct Chosen {
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
 /// time, [`Record::rank`] decides on the order. If these rules do not decide between several records of a point, all
-/// points of a block get the records of the same attempt, as far as possible: points of different attempts were not
-/// measured in the same rounds. The preferred attempt is the one with the largest number of points of the block of
-/// which no other attempt has a better record. Of several such attempts, the one with the most samples of these points
-/// is preferred. Of several attempts with equally many samples, the one whose name sorts first is preferred. Times of
-/// day are never compared, since the clocks of two machines may differ. If an attempt has several records of a point,
-/// its last record is used, as for a run without shards.
+/// points of a block get the records of one preferred attempt, as far as possible: points of different attempts were
+/// not measured in the same rounds. To find the preferred attempt, raycl counts, for each attempt, those points of the
+/// block for which no other attempt has a better record. The preferred attempt is the one with the largest count. If
+/// several attempts have this count, the one with the most samples of the counted points is preferred. If they also
+/// have equally many samples, the one whose name sorts first is preferred. Times of day are never compared, since the
+/// clocks of two machines may differ. If an attempt has several records of a point, its last record is used, as for a
+/// run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -46,8 +47,8 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
 #[derive(Default)]
 struct Offered(BTreeMap<String, Vec<Measured>>);
 
-/// Points that an attempt measured together: those of a block on a device or, in records without a block, those of a
-/// scene and an image size on a device.
+/// Points that an attempt measured together: all points of a block on a device. If records have no block, these are all
+/// points of a scene and an image size on a device.
 #[derive(PartialEq, Eq, Hash)]
 struct Together {
     device: String,
@@ -80,7 +81,8 @@ impl Offered {
                 let share = shares.get(&(*attempt, Together::of(record))).copied();
                 (record.rank(), Reverse(share.unwrap_or_default()))
             };
-            // Of records with equal order, `min_by_key` returns the first, which is that of the first attempt.
+            // If several records have the same order, `min_by_key` returns the first of them, which is that of the
+            // first attempt.
             chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
         }
         chosen
@@ -135,7 +137,7 @@ impl Chosen {
             few(&names)
         );
         Err(Error::input(message).with_help(format!(
-            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}; if they are lost, start one of these shards again on such a machine, which writes its file and measures no finished point again; to merge without these attempts, move their folders out of parts/"
+            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start one of these shards again on such a machine: the shard writes its file, and measures no finished point again. To merge without these attempts, move their folders out of parts/"
         )))
     }
 
@@ -192,7 +194,8 @@ fn is_wrong_and_right(outcomes: &[(usize, Outcome)]) -> bool {
     outcomes.iter().any(|(_, outcome)| wrong(outcome)) && !outcomes.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-/// Joins names with commas. Of more than four names, only the first four are listed and the others are counted.
+/// Joins names with commas. If there are more than four names, lists only the first four, and adds the number of the
+/// others.
 pub fn few(names: &[&str]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")
@@ -269,10 +272,11 @@ mod tests {
         assert_eq!(attempts_of(&unequal, block), [0, 0]);
         assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
-        // In `lacking`, the second attempt has three records for whose points the other attempt has no better record,
-        // and the first attempt has only two such records. The second attempt is preferred, although the first one has
-        // more samples. In `both`, each attempt has two such records, so the first attempt, which has more samples, is
-        // preferred. Only the point that the first attempt did not measure is taken from the second attempt.
+        // A record counts here if the other attempt's record of the same point does not have a better outcome. In
+        // `lacking`, all three records of the second attempt count, but only two records of the first attempt. The
+        // second attempt is preferred, although the first one has more samples. In `both`, two records of each attempt
+        // count, so the first attempt, which has more samples, is preferred. Only the point that the first attempt did
+        // not measure is taken from the second attempt.
         let lacking: [&[(Outcome, usize)]; 2] =
             [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
         assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);

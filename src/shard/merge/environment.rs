@@ -1,6 +1,7 @@
 //! The environment of a merged folder: the first attempt's environment, and a list of all machines that took part.
 
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::record::journals::ENVIRONMENT;
 use crate::record::write_whole;
 use crate::shard::Attempt;
@@ -9,14 +10,13 @@ use std::path::Path;
 
 /// Writes `environment.json`, if at least one attempt has written such a file.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
-    let read = |attempt: &Attempt| -> Option<(String, Value)> {
-        let text = std::fs::read(attempt.folder.join(ENVIRONMENT)).ok()?;
-        let host = attempt.about().map_or_else(|| attempt.name.clone(), |about| about.host);
-        Some((host, serde_json::from_slice(&text).ok()?))
-    };
     let mut hosts: Vec<Value> = Vec::new();
     let mut first: Option<Value> = None;
-    for (host, environment) in attempts.iter().filter_map(read) {
+    for attempt in attempts {
+        let text = existing::bytes(&attempt.folder.join(ENVIRONMENT))?;
+        let environment = text.and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+        let Some(environment) = environment else { continue };
+        let host = attempt.about()?.map_or_else(|| attempt.name.clone(), |about| about.host);
         let devices: Vec<&Value> =
             environment["devices"].as_array().into_iter().flatten().map(|device| &device["device"]).collect();
         let machine = &environment["host"];
@@ -55,7 +55,7 @@ mod tests {
         }
         // This attempt was killed before it wrote its environment.
         Attempt::begin(folder.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
-        write(folder.path(), &Attempt::all(folder.path())).unwrap();
+        write(folder.path(), &Attempt::all(folder.path()).unwrap()).unwrap();
         let text = std::fs::read(folder.path().join("environment.json")).unwrap();
         let merged: Value = serde_json::from_slice(&text).unwrap();
         assert_eq!(merged["started"], "early");

@@ -44,8 +44,8 @@ impl Launches {
         }
     }
 
-    /// Returns the samples that records use. A sample is identified by the launch (of worker processes) that measured
-    /// it, and by the point's key.
+    /// Identifies the samples that records use: returns pairs of the launch (of worker processes) that measured the
+    /// samples, and of the point's key.
     pub fn counted<'a>(&self, records: &'a [Measured]) -> HashSet<(Launch, &'a str)> {
         let mut counted = HashSet::new();
         for (attempt, record) in records {

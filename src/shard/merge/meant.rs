@@ -1,6 +1,8 @@
 //! Selects kinds of device by the words that select devices for a run.
 
 use crate::device::DeviceKind;
+use crate::error::Result;
+use crate::existing;
 use crate::record::HOST;
 use crate::record::journals::ENVIRONMENT;
 use crate::shard::{Attempt, Kind};
@@ -12,16 +14,23 @@ pub type Types = HashMap<String, String>;
 
 /// Returns the types of the devices that attempts measured on. The types are in the attempts' environments. An attempt
 /// that was killed before it wrote its environment is left out; it has no records either.
-pub fn types_of_devices(attempts: &[Attempt]) -> Types {
-    let of = |attempt: &Attempt| {
-        let text = std::fs::read(attempt.folder.join(ENVIRONMENT)).ok()?;
-        let mut environment: Value = serde_json::from_slice(&text).ok()?;
-        let devices: Vec<Value> = serde_json::from_value(environment["devices"].take()).ok()?;
-        let types = devices.into_iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned());
-        // Both lists have the devices in the order in which the attempt was asked to use them.
-        Some(attempt.about()?.devices.into_iter().zip(types).collect::<Vec<_>>())
-    };
-    attempts.iter().filter_map(of).flatten().collect()
+pub fn types_of_devices(attempts: &[Attempt]) -> Result<Types> {
+    let mut types = Types::new();
+    for attempt in attempts {
+        let environment = existing::bytes(&attempt.folder.join(ENVIRONMENT))?;
+        let Some((environment, about)) = environment.zip(attempt.about()?) else { continue };
+        // Both lists have the attempt's devices in the same order.
+        let of_devices = device_types(&environment).unwrap_or_default();
+        types.extend(about.devices.into_iter().zip(of_devices));
+    }
+    Ok(types)
+}
+
+/// Returns the types of the devices in an attempt's environment; `None` if the environment is damaged.
+fn device_types(environment: &[u8]) -> Option<Vec<String>> {
+    let mut environment: Value = serde_json::from_slice(environment).ok()?;
+    let devices: Vec<Value> = serde_json::from_value(environment["devices"].take()).ok()?;
+    Some(devices.iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned()).collect())
 }
 
 /// Returns the kinds that took part and are selected, and the words that match no kind. If there are no words, all
@@ -91,7 +100,7 @@ mod tests {
         let environment = json!({ "devices": [{ "kind": "gpu" }, { "kind": "cpu" }] });
         std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
         Attempt::begin(out.path(), &About { shard: 2, ..about }).unwrap();
-        let types = types_of_devices(&Attempt::all(out.path()));
+        let types = types_of_devices(&Attempt::all(out.path()).unwrap()).unwrap();
         let all = [kind("host", "Xeon CPU"), kind("H200", "CUDA | H200"), kind("EPYC", "PoCL | EPYC")];
         let selected = |words: &[&str]| selected(&all, &types, words);
         assert_eq!(selected(&["GPU"]), (names(&["host", "H200"]), vec![]));

@@ -13,8 +13,9 @@ mod pictures;
 mod planned;
 
 use super::missing::{self, Missing, Wanted};
-use super::{Attempt, End, Kind, ShardPlan};
+use super::{About, Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
+use crate::existing;
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
@@ -27,7 +28,7 @@ use origins::{OfLaunch, Origins, each_line};
 use planned::Planned;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
@@ -41,7 +42,7 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 pub struct Merged {
     /// Number of attempts.
     pub attempts: usize,
-    /// Number of merged records, one for each measured point on each selected kind of device.
+    /// Number of merged records, one for each point with a record on each selected kind of device.
     pub records: usize,
     /// Three numbers of samples: those of the merged records, those of the records in `controls.jsonl`, and those of
     /// neither.
@@ -60,17 +61,19 @@ type Measured = (usize, Record);
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
-    let attempts = Attempt::all(out);
+    let attempts = Attempt::all(out)?;
     let chosen = choose(&attempts)?;
-    // The kinds are read after the records. An attempt that has just begun writes its kind before its first record, so
-    // each record that was read has its kind among those that are read here.
+    // The kinds are read after the records. An attempt writes the files of its kinds before its first record. So the
+    // kind of each record that was read is among the kinds that are read here, even if the attempt has only just begun.
     let all = Kind::all(out)?;
-    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts), meant);
+    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant);
     chosen.refuse_unlisted(out, &all, &attempts)?;
     remove_leftovers(out, ABANDONED);
     let planned = Planned::of(&plan, &kinds);
     let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
-    let missing = missing::missing(out, &plan, wanted, &attempts, &|key| chosen.outcome(key));
+    let abouts = attempts.iter().map(Attempt::about).collect::<Result<Vec<_>>>()?;
+    let abouts: Vec<About> = abouts.into_iter().flatten().collect();
+    let missing = missing::missing(out, &plan, wanted, &abouts, &|key| chosen.outcome(key));
     let notes = notes(&plan, &chosen, &attempts)?;
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let origins = Origins::read(&attempts)?;
@@ -102,15 +105,18 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 
 /// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
-    let what =
-        if out.is_dir() { "holds no experiment that is divided into shards" } else { "is not a folder" };
+    let what = match existing::is_folder(out) {
+        Ok(true) => "holds no experiment that is divided into shards",
+        Ok(false) => "is not a folder",
+        Err(error) => return error,
+    };
     Error::input(format!("{} {what}", out.display()))
         .with_help("give the path of the folder that `raycl run --shard` wrote (its --out)")
 }
 
 /// Refuses a folder with the results of a run without shards, which a merge would overwrite.
 fn refuse_other_results(out: &Path) -> Result<()> {
-    match out.join(RECORDS).exists() && !out.join(MERGE).exists() {
+    match existing::exists(&out.join(RECORDS))? && !existing::exists(&out.join(MERGE))? {
         true => Err(Error::input(format!(
             "{} holds the results of a run without shards, which a merge would overwrite",
             out.display()
@@ -123,9 +129,9 @@ fn refuse_other_results(out: &Path) -> Result<()> {
 /// Returns notes on the attempts, and on points that several of them measured.
 fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = chosen.notes(attempts);
-    notes.extend(again::attempted_again(attempts));
+    notes.extend(again::attempted_again(attempts)?);
     notes.extend(other_plan::other_plan(plan, attempts)?);
-    notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
+    notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Result<Vec<_>>>()?));
     notes.extend(damage(attempts)?);
     for attempt in attempts {
         notes.extend(lost_samples(attempt)?);
@@ -133,8 +139,8 @@ fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<
     Ok(notes)
 }
 
-/// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
-/// finished.
+/// Returns a note on the attempts that did not finish, with a number for each way in which they ended; `None` if all
+/// attempts finished.
 fn ended_early(ends: &[Option<End>]) -> Option<String> {
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
@@ -152,7 +158,7 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
 }
 
 /// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines. The merged
-/// journals do not have these lines, so nothing else would tell of them.
+/// journals do not have these lines, so only this note tells the user of them.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -188,9 +194,9 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     }))
 }
 
-/// Returns all attempts' records of control points that a block measured although they belong to another block. If an
-/// attempt copied all launches of such a record, an earlier attempt may have a record of the same launches; only one of
-/// these two records is returned.
+/// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured although the
+/// points belong to another block. If an attempt copied all launches of such a record, an earlier attempt may have a
+/// record of the same launches; only one of these two records is returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (index, attempt) in attempts.iter().enumerate() {
@@ -205,9 +211,10 @@ fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
 }
 
 fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()> {
-    let about =
-        |attempt: &Attempt| json!({ "name": attempt.name, "about": attempt.about(), "end": attempt.end() });
-    let all = json!({ "notes": notes, "attempts": attempts.iter().map(about).collect::<Vec<_>>() });
+    let about = |attempt: &Attempt| -> Result<Value> {
+        Ok(json!({ "name": attempt.name, "about": attempt.about()?, "end": attempt.end()? }))
+    };
+    let all = json!({ "notes": notes, "attempts": attempts.iter().map(about).collect::<Result<Vec<_>>>()? });
     let text = serde_json::to_vec_pretty(&all).map_err(|error| Error::run(error.to_string()))?;
     write_whole(&out.join(MERGE), &text)
 }
@@ -262,8 +269,8 @@ fn write_renumbered<T: Serialize + OfLaunch>(
 
 /// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device of an
 /// attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates for which `name`
-/// returns `None` are left out. Otherwise, they might be taken for rates of a selected kind of device that has the same
-/// name. If several attempts have rates of the same device, those of the first attempt are used.
+/// returns `None` are left out: a reader might mistake them for the rates of a selected kind of device that has the
+/// same name. If several attempts have rates of the same device, those of the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
@@ -459,7 +466,7 @@ mod tests {
     fn damaged_lines_of_an_attempts_journals_are_noted() {
         let folder = tempfile::tempdir().unwrap();
         write_attempt(folder.path(), "n1", "k", "gpu");
-        let attempts = Attempt::all(folder.path());
+        let attempts = Attempt::all(folder.path()).unwrap();
         assert!(damage(&attempts).unwrap().is_empty());
         for journal in [SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
             std::fs::write(attempts[0].folder.join(journal), "nonsense\n").unwrap();
@@ -468,17 +475,53 @@ mod tests {
         let first =
             "raycl ignores 1 damaged line of parts/shard-00001.n1..r00/samples.jsonl; the first is line 1.";
         assert!(notes.len() == 4 && notes[0].starts_with(first), "{notes:?}");
+        std::fs::write(attempts[0].folder.join(RECORDS), "nonsense\n").unwrap();
+        let notes = damage(&attempts).unwrap();
+        assert!(notes.len() == 5 && notes[0].contains("n1..r00/records.jsonl"), "{notes:?}");
     }
 
     #[test]
     fn an_attempt_whose_samples_are_lost_is_noted() {
         let folder = tempfile::tempdir().unwrap();
         write_attempt(folder.path(), "n1", "k", "gpu");
-        let [attempt] = &Attempt::all(folder.path())[..] else { panic!("one attempt") };
+        let [attempt] = &Attempt::all(folder.path()).unwrap()[..] else { panic!("one attempt") };
         assert_eq!(lost_samples(attempt).unwrap(), None);
         std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
         let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. records.jsonl has their times.";
         assert_eq!(lost_samples(attempt).unwrap().as_deref(), Some(note));
+    }
+
+    #[test]
+    fn a_merge_notes_what_is_damaged_and_what_is_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        one_shard(out, ShardPlan::default());
+        write_kind(out, "gpu", "x", 0);
+        write_attempt(out, "n1", "x 0", "gpu");
+        let attempts = Attempt::all(out).unwrap();
+        std::fs::remove_file(attempts[0].folder.join(SAMPLES)).unwrap();
+        std::fs::write(attempts[0].folder.join(ROUNDS), "nonsense\n").unwrap();
+        let notes = merge(out, &[]).unwrap().notes;
+        for part in ["n1..r00/rounds.jsonl; the first is line 1", "n1..r00/samples.jsonl is missing"] {
+            assert!(notes.iter().any(|note| note.contains(part)), "{part}: {notes:?}");
+        }
+    }
+
+    #[test]
+    fn failed_points_have_no_samples_that_can_be_lost() {
+        use crate::record::{JsonLines, Outcome};
+        let folder = tempfile::tempdir().unwrap();
+        write_attempt(folder.path(), "n1", "k", "gpu");
+        let [attempt] = &Attempt::all(folder.path()).unwrap()[..] else { panic!("one attempt") };
+        std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
+        let records = attempt.folder.join(RECORDS);
+        let failed = Record { key: "failed".into(), outcome: Outcome::Crashed, ..Record::default() };
+        JsonLines::append_to(&records).unwrap().append(&failed).unwrap();
+        let note = lost_samples(attempt).unwrap().unwrap();
+        assert!(note.contains("lacks samples of 1 point."), "{note}");
+        std::fs::remove_file(&records).unwrap();
+        JsonLines::append_to(&records).unwrap().append(&failed).unwrap();
+        assert_eq!(lost_samples(attempt).unwrap(), None);
     }
 
     /// Writes what an attempt measured in two launches: a sample of a point and of a control point, the anchor, the
@@ -570,6 +613,41 @@ mod tests {
         assert!(merge(out, &[]).is_ok() && !killed.exists());
     }
 
+    /// A link that leads to itself stands for everything that a user or a failed disk keeps from being read. If a merge
+    /// took it for a missing file, it would replace the merged results by fewer results.
+    #[cfg(unix)]
+    #[test]
+    fn a_merge_that_cannot_read_an_attempt_leaves_the_results_of_an_earlier_merge() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        one_shard(out, ShardPlan::default());
+        write_kind(out, "gpu", "x", 0);
+        write_attempt(out, "n1", "x 0", "gpu");
+        assert_eq!(merge(out, &[]).unwrap().records, 1);
+        let attempt = Attempt::all(out).unwrap().remove(0).folder;
+        let aside = folder.path().join("aside");
+        let journals = [RECORDS, SAMPLES, CONTROLS, ROUNDS, ANCHORS].map(|name| attempt.join(name));
+        let others = ["attempt.json", "end.json", "environment.json", peak::FILE];
+        let others = others.map(|name| attempt.join(name));
+        let outer = ["parts", "kinds", "shards.json", "merge.json"].map(|name| out.join(name));
+        for path in journals.iter().chain(&others).chain(&outer) {
+            let exists = path.exists();
+            if exists {
+                std::fs::rename(path, &aside).unwrap();
+            }
+            symlink(path, path).unwrap();
+            let error = merge(out, &[]).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("cannot read {}", path.display())), "{error}");
+            std::fs::remove_file(path).unwrap();
+            if exists {
+                std::fs::rename(&aside, path).unwrap();
+            }
+            assert_eq!(read_lines::<Record>(&out.join(RECORDS)).unwrap().lines.len(), 1, "{error}");
+            assert_eq!(read_lines::<Sample>(&out.join(SAMPLES)).unwrap().lines.len(), 2, "{error}");
+        }
+    }
+
     /// Two shards measured devices of the same name with different drivers.
     #[test]
     fn anchors_and_peaks_have_the_names_of_the_merged_folders_devices() {
@@ -590,7 +668,7 @@ mod tests {
             write_kind(out, "cpu", driver, 0);
             write_attempt(out, host, &format!("{driver} 0"), "cpu");
         }
-        for attempt in Attempt::all(out) {
+        for attempt in Attempt::all(out).unwrap() {
             let mut anchors = JsonLines::append_to(&attempt.folder.join(ANCHORS)).unwrap();
             // The attempt has no record of the device "gpu".
             for device in ["cpu", "gpu"] {
@@ -618,7 +696,7 @@ mod tests {
         assert_eq!([0, 1].map(|index| peaks.get(index).map(|peak| peak.device.clone())), expected);
         // If only one of the two kinds of device is selected, its driver is not added to its name in the merged folder.
         merge(out, &["7.0".to_owned()]).unwrap();
-        let driver = Attempt::all(out)[1].name.clone();
+        let driver = Attempt::all(out).unwrap()[1].name.clone();
         let of_second = Peak { device: "cpu".into(), driver, ..crate::peak::fixtures::rates() };
         assert_eq!(Peak::stored_in(out).unwrap(), [of_second]);
     }

@@ -26,9 +26,10 @@ pub struct Origins {
 impl Origins {
     /// Reads which launches were copied: each copied sample names its origin.
     pub fn read(attempts: &[Attempt]) -> Result<Self> {
-        let host =
-            |attempt: &Attempt| attempt.about().map_or_else(|| of_name(&attempt.name), |about| about.host);
-        let mut hosts: Vec<String> = attempts.iter().map(host).collect();
+        let host = |attempt: &Attempt| -> Result<String> {
+            Ok(attempt.about()?.map_or_else(|| of_name(&attempt.name), |about| about.host))
+        };
+        let mut hosts = attempts.iter().map(host).collect::<Result<Vec<_>>>()?;
         let mut originals = HashMap::new();
         let names = attempts.iter().enumerate().map(|(index, attempt)| (attempt.name.clone(), index));
         let mut indices: HashMap<String, usize> = names.collect();
@@ -71,7 +72,7 @@ fn of_name(attempt: &str) -> String {
     attempt.split('.').nth(1).unwrap_or(attempt).to_owned()
 }
 
-/// Returns the attempt and the launch that the field `origin` of a sample names.
+/// Returns the attempt and the launch that the field `origin` of a sample names; `None` if the field has another form.
 fn parsed(origin: &str) -> Option<(&str, u32)> {
     let (name, launch) = origin.rsplit_once(" launch ")?;
     Some((name, launch.parse().ok()?))

@@ -12,9 +12,11 @@ use crate::words::counted;
 /// not say which plan they had.
 pub fn other_plan(plan: &ShardPlan, attempts: &[Attempt]) -> Result<Option<String>> {
     let own = plan.hash()?;
-    let is_other =
-        |attempt: &&Attempt| attempt.about().and_then(|about| about.plan).is_some_and(|plan| plan != own);
-    let names: Vec<&str> = attempts.iter().filter(is_other).map(|attempt| attempt.name.as_str()).collect();
+    let mut names: Vec<&str> = Vec::new();
+    for attempt in attempts {
+        let plan = attempt.about()?.and_then(|about| about.plan);
+        names.extend(plan.filter(|plan| *plan != own).map(|_| attempt.name.as_str()));
+    }
     Ok((!names.is_empty()).then(|| {
         format!(
             "The plan in {SHARDS} is not that of {} ({}). Blocks of different plans may have different control points, or none; their points are then compared by their times alone.",
@@ -43,7 +45,7 @@ mod tests {
             let about = About { shard: 1, of: 1, host: host.into(), plan, ..About::default() };
             Attempt::begin(out.path(), &about).unwrap();
         };
-        let note = || other_plan(&plan(&[0, 1]), &Attempt::all(out.path())).unwrap();
+        let note = || other_plan(&plan(&[0, 1]), &Attempt::all(out.path()).unwrap()).unwrap();
         begin("n1", Some(plan(&[0, 1])));
         begin("n2", None);
         assert_eq!(note(), None);

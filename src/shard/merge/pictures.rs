@@ -1,12 +1,13 @@
 //! Copies the pictures of records.
 
 use crate::error::{Error, Result};
-use crate::record::{Record, own_folder, write_page};
-use std::path::{Component, Path, PathBuf};
+use crate::record::{Record, own_folder, read_inside, write_page};
+use std::path::{Component, Path};
 
 /// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
 /// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
-/// name, also in the record.
+/// name, also in the record. The attempt may come from a stranger, so a picture is left out if its path leads out of
+/// the attempt's folder, even if only through a link. Fails if a link is in the place of a folder of the copy.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     let pictures = [
         &mut record.image,
@@ -21,16 +22,14 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
             continue;
         }
         // A picture may be lost with its machine; the record's times are still used.
-        let Ok(bytes) = std::fs::read(attempt.join(&name)) else { continue };
+        let Some(bytes) = read_inside(attempt, name) else { continue };
         let (mut target, mut path) = (name.clone(), out.join(&name));
-        if std::fs::read(&path).is_ok_and(|there| there != bytes) {
+        if read_inside(out, name).is_some_and(|there| there != bytes) {
             target = with_hash(name, &bytes);
             path = out.join(&target);
         }
         if !path.exists() {
-            let folder = path.parent().map_or_else(|| out.to_owned(), PathBuf::from);
-            own_folder(&folder)
-                .map_err(|error| Error::run(format!("cannot make {}: {error}", folder.display())))?;
+            own_folders_of(out, &target)?;
             write_page(&path, &bytes)?;
         }
         *name = target;
@@ -41,6 +40,17 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
 /// Returns whether a path in a record leads to a file inside the record's folder.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+/// Makes the folders in `out` that a file with this path in `out` needs. Fails if one of them is a link.
+fn own_folders_of(out: &Path, name: &str) -> Result<()> {
+    let mut folder = out.to_owned();
+    for part in Path::new(name).parent().into_iter().flat_map(Path::components) {
+        folder.push(part);
+        own_folder(&folder)
+            .map_err(|error| Error::run(format!("cannot make {}: {error}", folder.display())))?;
+    }
+    Ok(())
 }
 
 fn with_hash(name: &str, bytes: &[u8]) -> String {
@@ -79,6 +89,87 @@ mod tests {
             assert_eq!(std::fs::read_dir(out.join("images")).unwrap().count(), 2);
         }
         assert!(!stays_inside("../a.png") && !stays_inside("/a.png") && stays_inside("images/a.png"));
+    }
+
+    /// Copies a picture of a record that a stranger wrote, from `parts/attempt` to `merged/out` in a temporary folder.
+    /// The files `b.png` and `images/a.png` are in the attempt's folder, and `a.png` is beside it. `prepare` is called
+    /// with the temporary folder before the picture is copied. Returns the result, and the paths of all files and links
+    /// of the temporary folder that are not in `parts`.
+    fn strangers(name: &str, prepare: impl Fn(&Path)) -> (Result<()>, Vec<String>) {
+        let parent = tempfile::tempdir().unwrap();
+        let [out, attempt] = ["merged/out", "parts/attempt"].map(|name| parent.path().join(name));
+        for folder in [&out, &attempt.join("images"), &attempt.join("far/away")] {
+            std::fs::create_dir_all(folder).unwrap();
+        }
+        for file in ["parts/a.png", "parts/attempt/b.png", "parts/attempt/images/a.png"] {
+            std::fs::write(parent.path().join(file), file).unwrap();
+        }
+        prepare(parent.path());
+        let mut record = Record { image: Some(name.into()), ..Record::default() };
+        let result = copy(&out, &attempt, &mut record);
+        assert_eq!(record.image.as_deref(), Some(name));
+        let mut files = Vec::new();
+        let mut folders = vec![parent.path().to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let entry = entry.unwrap();
+                match entry.file_type().unwrap().is_dir() {
+                    true => folders.push(entry.path()),
+                    false => files.push(entry.path()),
+                }
+            }
+        }
+        let names = files.iter().map(|file| file.strip_prefix(parent.path()).unwrap().display().to_string());
+        (result, names.filter(|name| !name.starts_with("parts/")).collect())
+    }
+
+    #[test]
+    fn a_strangers_record_copies_no_picture_from_or_to_another_folder() {
+        let (result, files) = strangers("images/a.png", |_| {});
+        assert!(result.is_ok() && files == ["merged/out/images/a.png"], "{result:?} {files:?}");
+        for name in ["../a.png", "/etc/hostname", "images/../b.png", "images/../../a.png", ""] {
+            let (result, files) = strangers(name, |_| {});
+            assert!(result.is_ok() && files.is_empty(), "{name}: {result:?} {files:?}");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_strangers_links_lead_nowhere_else() {
+        use std::os::unix::fs::symlink;
+        let link = |target: &str, at: &str| {
+            let (target, at) = (target.to_owned(), at.to_owned());
+            move |parent: &Path| symlink(&target, parent.join(&at)).unwrap()
+        };
+        // This path leads to `b.png` in the attempt's folder, but would lead out of the folder `out`.
+        let deep = link("far/away", "parts/attempt/deep");
+        let (result, files) = strangers("deep/../../b.png", deep);
+        assert!(result.is_ok() && files.is_empty(), "{result:?} {files:?}");
+        // The attempt's picture is a link to another file, or to a device whose file never ends.
+        for target in ["../../a.png", "/dev/zero"] {
+            let (result, files) = strangers("images/new.png", link(target, "parts/attempt/images/new.png"));
+            assert!(result.is_ok() && files.is_empty(), "{target}: {result:?} {files:?}");
+        }
+        // A folder of the copy is a link, or a file with the copy's name is a device.
+        let new = |parent: &Path| {
+            for folder in ["elsewhere/images", "parts/attempt/images/images"] {
+                std::fs::create_dir_all(parent.join(folder)).unwrap();
+            }
+            std::fs::write(parent.join("parts/attempt/images/images/a.png"), "new").unwrap();
+            symlink("../../elsewhere", parent.join("merged/out/images")).unwrap();
+        };
+        for name in ["images/a.png", "images/images/a.png"] {
+            let (result, files) = strangers(name, new);
+            let message = result.unwrap_err().to_string();
+            assert!(message.contains("out/images: it is a link"), "{message}");
+            assert_eq!(files, ["merged/out/images"]);
+        }
+        let device = |parent: &Path| {
+            std::fs::create_dir(parent.join("merged/out/images")).unwrap();
+            symlink("/dev/zero", parent.join("merged/out/images/a.png")).unwrap();
+        };
+        let (result, files) = strangers("images/a.png", device);
+        assert!(result.is_ok() && files == ["merged/out/images/a.png"], "{result:?} {files:?}");
     }
 
     #[test]

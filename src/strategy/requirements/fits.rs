@@ -39,13 +39,13 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     if x != GROUP_LANES {
         let sizes = if by_barriers { "32 x 1" } else { "32 x 1 to 32 x 8" };
         let reason = format!(
-            "work-group: {x} x {y}, but with traversal = tile and width = 1, each row of a work-group must have {GROUP_LANES} work-items, which share a tile: use {sizes}"
+            "work-group: {x} x {y}, but with traversal = tile and width = 1, each row of a work-group must have {GROUP_LANES} work-items, which share a tile; use {sizes}"
         );
         return Err(Infeasible::work_group(reason));
     }
     if y > 1 && by_barriers {
         let reason = format!(
-            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: use 32 x 1"
+            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group; use 32 x 1"
         );
         return Err(Infeasible::work_group(reason));
     }

@@ -1,5 +1,6 @@
 //! A terminal as a screen, in half blocks or in pixels.
 
+use super::text::{last_line, over};
 use super::{Graphics, Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::Key;
@@ -45,11 +46,11 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Returns the terminal. raycl begins to use the whole terminal when it first shows a picture, writes a line or
-    /// looks for input, and stops when the returned value is dropped. Before the first picture, line or look for input,
-    /// Ctrl-C ends raycl, for example while it loads a large scene. If `graphics` is `None`, asks the terminal in which
-    /// form it can show pictures. Uses half blocks without asking if no user can press keys, or if the terminal does
-    /// not report the size of a character in pixels.
+    /// Returns the terminal. When raycl first shows a picture, writes a line or looks for input, it begins to use the
+    /// whole terminal. When the returned value is dropped, raycl stops using the terminal. Until raycl uses the whole
+    /// terminal, Ctrl-C ends raycl, for example while it loads a large scene. If `graphics` is `None`, asks the
+    /// terminal in which form it can show pictures. Uses half blocks without asking if no user can press keys, or if
+    /// the terminal does not report the size of a character in pixels.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -150,8 +151,8 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // The pointer counts as being at the pixel in the middle of the character, or at the first of two middle
-        // pixels, which for half blocks is the upper pixel.
+        // The pointer counts as being at the pixel in the middle of the character. If there are two middle pixels, it
+        // is the first of them; for half blocks, this is the upper pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }
@@ -182,6 +183,16 @@ impl Screen for Terminal {
         self.enter()?;
         self.line = line.to_owned();
         self.write(&last_line(line, self.cells))
+    }
+
+    fn write_over(&mut self, lines: &[String]) -> Result<bool> {
+        // Only half blocks are characters themselves, which the next picture replaces together with the text.
+        if !self.is_interactive || self.graphics != Graphics::Blocks {
+            return Ok(false);
+        }
+        let [across, pixels_down] = self.visible().map(|side| side as usize);
+        self.write(&over(lines, [across, pixels_down.div_ceil(2)]))?;
+        Ok(true)
     }
 
     fn input(&mut self) -> Result<Input> {
@@ -221,15 +232,6 @@ impl Drop for Terminal {
 /// Ends the terminal's reports about the mouse, and shows the cursor and the terminal's usual screen again.
 pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
     execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
-}
-
-/// Returns the codes that write a text into the last line of a terminal of this size. Some characters are two columns
-/// wide, so a text may be wider than the terminal although it has no more characters than the terminal has columns.
-/// Therefore the terminal's line wrapping is off while the text is written: the last line would otherwise wrap, and the
-/// picture would be scrolled up.
-fn last_line(text: &str, [across, down]: [u16; 2]) -> String {
-    let shown: String = text.chars().take(usize::from(across)).collect();
-    format!("\x1b[{down};1H\x1b[0m\x1b[K\x1b[?7l{shown}\x1b[?7h")
 }
 
 /// Returns the form in which the terminal can show pictures. The terminal must be in raw mode to be asked; raw mode
@@ -284,7 +286,7 @@ fn pressed(input: &mut Input, key: KeyEvent) {
     input.keys.extend(meant(key.code).filter(|_| !control));
 }
 
-/// Returns the key that a code of the terminal means.
+/// Returns the key that a code of the terminal means; `None` for keys that raycl does not use.
 fn meant(code: KeyCode) -> Option<Key> {
     match code {
         KeyCode::Char(letter) => Some(Key::Char(letter)),
@@ -338,11 +340,6 @@ mod tests {
     #[test]
     fn a_terminal_that_does_not_know_its_size_has_the_usual_one() {
         assert_eq!([[0, 0], [0, 30], [120, 0], [1, 2]].map(known), [[80, 24], [80, 30], [120, 24], [1, 2]]);
-    }
-
-    #[test]
-    fn the_last_line_has_at_most_a_character_per_column_and_never_wraps() {
-        assert_eq!(last_line("abcdef", [4, 24]), "\x1b[24;1H\x1b[0m\x1b[K\x1b[?7labcd\x1b[?7h");
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! A window as a screen. The window's libraries are loaded when the window opens, so that no other command needs them.
 
+#[cfg(unix)]
+use super::x_server::{MOST_PIXELS, XServer};
 use super::{Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::{self, Key};
@@ -10,6 +12,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 const REMEDY: &str = "--terminal shows the scene in this terminal instead; `raycl render` writes a picture to a \
     file; if you have logged in to this machine with ssh, `ssh -X` shows the window on your own screen";
+
+/// The number of bits that a display's pixels must have: minifb opens no window on other displays.
+#[cfg(unix)]
+const PIXEL_BITS: u8 = 32;
 
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
@@ -34,14 +40,11 @@ impl Window {
     ///
     /// # Errors
     ///
-    /// Returns a user error if there is no display or the window's libraries are missing.
+    /// Returns a user error if there is no display, if the display's pixels do not have 32 bits, if a display has no
+    /// windows of this size, or if the window's libraries are missing.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
-        if needs_display() && std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
-            return Err(Error::input(
-                "there is no display: the environment variable DISPLAY is not set or is empty",
-            )
-            .with_help(REMEDY));
-        }
+        // The connection to the display must stay open until the window is open.
+        let display = checked_display(size)?;
         let options =
             WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
         let [width, height] = size.map(|side| side as usize);
@@ -50,12 +53,13 @@ impl Window {
                 "a window needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
             ))
         })?;
+        drop(display);
         let (sender, keys) = channel();
         window.set_input_callback(Box::new(Typed::new(sender)));
         Ok(Self { window, size, keys, pixels: Vec::new(), dragged: None, looked: false })
     }
 
-    /// Returns the window's size. It has at least one pixel.
+    /// Returns the window's size, which is at least one pixel across and down.
     fn room(&self) -> [u32; 2] {
         <[usize; 2]>::from(self.window.get_size()).map(|side| side.clamp(1, u32::MAX as usize) as u32)
     }
@@ -72,6 +76,15 @@ impl Window {
         let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);
         let at = at.map(|(x, y)| [x, y].map(f64::from));
         moved(std::mem::replace(&mut self.dragged, at), at, self.size)
+    }
+
+    /// Shows the pixels. Also reads the user's input, and sends the window's title to the display.
+    fn present(&mut self) -> Result<()> {
+        let [width, height] = self.size.map(|side| side as usize);
+        self.looked = true;
+        self.window
+            .update_with_buffer(&self.pixels, width, height)
+            .map_err(|error| Error::run(format!("the window cannot show a picture: {error}")))
     }
 
     fn is_down(&self, button: MouseButton) -> bool {
@@ -93,16 +106,18 @@ impl Screen for Window {
                 *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
             }
         });
-        let [width, height] = self.size.map(|side| side as usize);
-        self.looked = true;
-        self.window
-            .update_with_buffer(&self.pixels, width, height)
-            .map_err(|error| Error::run(format!("the window cannot show a picture: {error}")))
+        self.present()
     }
 
     fn tell(&mut self, line: &str) -> Result<()> {
         self.window.set_title(line);
         Ok(())
+    }
+
+    fn tell_at_once(&mut self, line: &str) -> Result<()> {
+        self.window.set_title(line);
+        // Before the first picture, there are no pixels to show.
+        if self.pixels.is_empty() { Ok(()) } else { self.present() }
     }
 
     fn input(&mut self) -> Result<Input> {
@@ -139,9 +154,58 @@ fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
     if pans { [[0.0; 2], by] } else { [by, [0.0; 2]] }
 }
 
-/// Returns whether windows need an X11 display.
-fn needs_display() -> bool {
-    cfg!(all(unix, not(target_os = "macos")))
+/// Returns a connection to the display if windows need an X11 display, and if the display could be asked how it stores
+/// pixels.
+///
+/// # Errors
+///
+/// Returns a user error if there is no display, if X11 has no windows of this size, or if the display's pixels do not
+/// have the 32 bits that minifb needs.
+#[cfg(unix)]
+fn checked_display(size: [u32; 2]) -> Result<Option<XServer>> {
+    if cfg!(target_os = "macos") {
+        return Ok(None);
+    }
+    let name = std::env::var_os("DISPLAY").unwrap_or_default();
+    if name.is_empty() {
+        let message = "there is no display: the environment variable DISPLAY is not set or is empty";
+        return Err(Error::input(message).with_help(REMEDY));
+    }
+    check_size(size)?;
+    let display = name.to_str().and_then(XServer::of);
+    match display.as_ref().filter(|display| display.bits != PIXEL_BITS) {
+        Some(XServer { depth, bits, .. }) => Err(too_few_colours(&name.to_string_lossy(), *depth, *bits)),
+        None => Ok(display),
+    }
+}
+
+/// Returns `None`: only windows of Unix need an X11 display.
+#[cfg(not(unix))]
+fn checked_display(_size: [u32; 2]) -> Result<Option<std::convert::Infallible>> {
+    Ok(None)
+}
+
+/// Returns a user error if X11 has no windows of this size. Without this check, Xlib ends the process.
+#[cfg(unix)]
+fn check_size([width, height]: [u32; 2]) -> Result<()> {
+    let sides = [("--width", width), ("--height", height)];
+    let Some((option, side)) = sides.into_iter().find(|(_, side)| *side > MOST_PIXELS) else { return Ok(()) };
+    let message = format!(
+        "the window cannot be opened: {option} is {side}, but a window has at most {MOST_PIXELS} pixels across and down"
+    );
+    let remedy = format!(
+        "give {option} a smaller number, or give --terminal instead of --width and --height; `raycl render` writes larger pictures"
+    );
+    Err(Error::input(message).with_help(remedy))
+}
+
+/// Returns the error for a display on which minifb can open no window.
+#[cfg(unix)]
+fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
+    Error::input(format!(
+        "the window cannot be opened: the display {display} has {depth}-bit colours, in pixels of {bits} bits, but a window needs pixels of {PIXEL_BITS} bits"
+    ))
+    .with_help(format!("use a display with {PIXEL_BITS} bits per pixel (usual for 24-bit colours), or no window: {REMEDY}"))
 }
 
 /// Collects keys one by one as they are pressed, so that a short tap counts even if a frame takes long.
@@ -185,7 +249,7 @@ impl InputCallback for Typed {
     }
 }
 
-/// Returns the meaning of a key that types no character.
+/// Returns the meaning of a key that types no character; `None` if raycl does not use the key.
 fn meant(key: minifb::Key) -> Option<Key> {
     use minifb::Key as Pressed;
     Some(match key {
@@ -220,6 +284,17 @@ mod tests {
         typed.add_char(0x1b);
         let [s, left] = [Key::Char('s'), Key::Left];
         assert_eq!(keys.try_iter().collect::<Vec<_>>(), [s, s, left, left, left, Key::Escape]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_window_that_is_too_large_for_x11_is_a_mistake_in_the_option() {
+        assert!(check_size([32767, 32767]).is_ok());
+        for (size, option) in [([32768, 1], "--width is 32768"), ([1, 65536], "--height is 65536")] {
+            let error = check_size(size).expect_err("it is too large");
+            assert_eq!(error.exit_code(), 2);
+            assert!(error.to_string().contains(&format!("{option}, ")), "{error}");
+        }
     }
 
     #[test]

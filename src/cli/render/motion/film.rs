@@ -41,7 +41,8 @@ impl Film {
         }
     }
 
-    /// Returns the frames per second that the scene's file asks for.
+    /// Returns the frames per second that the scene's file asks for; `None` for a turntable, or if the file states
+    /// none.
     pub fn rate(&self) -> Option<u16> {
         match self {
             Self::Turntable { .. } => None,
@@ -82,8 +83,9 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames. A key is a hash of the scene's content, the strategy, the picture's size, the samples, the
-/// kind of movement (for a turntable, with its number of frames), the frame's number, raycl's version and the kernels.
+/// Makes the keys of frames. A key is a hash of everything that determines a frame's picture: the scene's content, the
+/// strategy, the picture's size, the samples, the kind of movement (for a turntable, with its number of frames), the
+/// frame's number, raycl's version and the kernels.
 pub struct Keys {
     shared: String,
     mesh: LastHash<Mesh>,

@@ -151,6 +151,7 @@ fn still(file: &Path) -> Error {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::image::save;
     use crate::output::Choice;
 
     #[test]
@@ -186,6 +187,38 @@ mod tests {
         };
         assert_eq!([of("", 9999), of("", 10_000)].map(Result::unwrap), ["a-0007.png", "a-00007.png"]);
         assert!(of("nowhere", 9).is_err());
+    }
+
+    #[test]
+    fn only_frames_with_the_same_key_stay_and_other_pictures_are_replaced_only_with_force() {
+        let parent = tempfile::tempdir().unwrap();
+        let (image, display) = (Radiance::new(3, 2), Display::default());
+        let [key, another] = ["5", "6"].map(|digit| digit.repeat(64));
+        let of = |folder: &str, force| {
+            let target = Target::new(parent.path().join(folder).join("a.png"), Choice::new(force, "-o FILE"));
+            Numbered::new(&target, force, Frames { first: 1, last: 3 }, 3)
+        };
+        let missing = |folder: &str, force| {
+            let missing = of(folder, force).missing(|_| Ok(key.clone()));
+            missing.map_err(|error| error.to_string())
+        };
+        for folder in ["frames", "still"] {
+            std::fs::create_dir(parent.path().join(folder)).unwrap();
+        }
+        assert_eq!(missing("frames", false), Ok(vec![1, 2, 3]));
+        of("frames", false).save(2, &key, &image, display).unwrap();
+        assert_eq!(missing("frames", false), Ok(vec![1, 3]));
+        of("frames", false).save(1, &another, &image, display).unwrap();
+        let error = missing("frames", false).unwrap_err();
+        assert!(error.contains("a-0001.png' exists and is not frame 1 as"), "{error}");
+        assert_eq!(missing("frames", true), Ok(vec![1, 3]));
+        let may_replace = [("frames", true), ("frames", false), ("still", true)];
+        assert_eq!(may_replace.map(|(folder, force)| of(folder, force).may_replace()), [true, false, false]);
+        // A still picture of raycl has the name of a frame.
+        save(&image, display, &of("still", false).target(2)).unwrap();
+        let error = missing("still", false).unwrap_err();
+        assert!(error.contains("a-0002.png' exists and is not a frame"), "{error}");
+        assert_eq!(missing("still", true), Ok(vec![1, 2, 3]));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::scene::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, PoisonError};
+use std::thread::Builder;
 
 /// The help in the error message about a file name that moving pictures cannot have.
 const NAMES: &str =
@@ -99,9 +100,12 @@ impl Sink {
     /// Writes frames as they arrive from `frames`, up to the last.
     pub fn write(self, size: [u32; 2], frames: Receiver<(Cast, Display)>) -> Result<()> {
         match self {
-            Self::Numbered(numbered) => each_of(frames, writers(size), |((number, key, image), display)| {
-                numbered.save(number, &key, &image, display)
-            }),
+            Self::Numbered(numbered) => {
+                let others = (1..writers(size)).map(|_| Builder::new());
+                each_of(frames, others, |((number, key, image), display)| {
+                    numbered.save(number, &key, &image, display)
+                })
+            }
             Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
         }
     }
@@ -150,15 +154,17 @@ impl Drop for StopsOthers<'_> {
     }
 }
 
-/// Calls `work` for every item that is received, on `threads` threads, until one call fails. Returns one of the errors.
+/// Calls `work` for every item that is received, until one call fails. Returns one of the errors. The calls are made on
+/// this thread and on the threads that `others` start. If the system refuses one of these threads, fewer calls are made
+/// at the same time.
 fn each_of<T: Send>(
     received: Receiver<T>,
-    threads: usize,
+    others: impl Iterator<Item = Builder>,
     work: impl Fn(T) -> Result<()> + Sync,
 ) -> Result<()> {
     let (received, failed) = (Mutex::new(received), AtomicBool::new(false));
     let next = || received.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
-    let on_thread = || {
+    let on_thread = || -> Result<()> {
         let _stops = StopsOthers(&failed);
         while let Some(next) = next() {
             if failed.load(Ordering::Relaxed) {
@@ -169,10 +175,12 @@ fn each_of<T: Send>(
         Ok(())
     };
     std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(on_thread)).collect();
-        threads.into_iter().try_for_each(|thread| {
+        let others: Vec<_> = others.filter_map(|other| other.spawn_scoped(scope, on_thread).ok()).collect();
+        let own = on_thread();
+        let ended = others.into_iter().try_for_each(|thread| {
             thread.join().map_err(|_| Error::fault("writing the frames panicked")).and_then(|result| result)
-        })
+        });
+        own.and(ended)
     })
 }
 
@@ -191,7 +199,7 @@ mod tests {
             let (sender, receiver) = sync_channel(1);
             std::thread::scope(|scope| {
                 let writers = scope.spawn(|| {
-                    each_of(receiver, 3, |number: usize| {
+                    each_of(receiver, (0..2).map(|_| Builder::new()), |number: usize| {
                         if number == wrong {
                             return Err(Error::run("full"));
                         }
@@ -212,6 +220,22 @@ mod tests {
         // 10 tells them to stop.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
+    }
+
+    #[test]
+    fn frames_are_written_even_if_the_system_refuses_further_threads() {
+        // No address space can hold such a stack.
+        let refused = (0..3).map(|_| Builder::new().stack_size(1 << (usize::BITS - 1)));
+        let (sender, receiver) = sync_channel(10);
+        (0..10_usize).for_each(|number| sender.send(number).unwrap());
+        drop(sender);
+        let written = Mutex::new(Vec::new());
+        let write = |number: usize| {
+            written.lock().unwrap().push(number);
+            Ok(())
+        };
+        assert!(each_of(receiver, refused, write).is_ok());
+        assert_eq!(written.into_inner().unwrap(), (0..10).collect::<Vec<_>>());
     }
 
     #[derive(clap::Parser)]

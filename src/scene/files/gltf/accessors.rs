@@ -132,7 +132,7 @@ impl<'a> Numbers<'a> {
     /// 2.0, 3.6.2.3). If the accessor is sparse, some of these zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         if count > self.most {
-            return Err(format!("{} elements without data: more than raycl accepts", accessor.count.0));
+            return Err(format!("{} elements without data, more than raycl accepts", accessor.count.0));
         }
         Ok(vec![[0.0; N]; count])
     }
@@ -224,7 +224,7 @@ mod tests {
                 .map(|values| values.iter().filter(|value| **value == [0.0]).count())
         };
         let refused =
-            |count: usize| Err(format!("accessor 0: {count} elements without data: more than raycl accepts"));
+            |count: usize| Err(format!("accessor 0: {count} elements without data, more than raycl accepts"));
         assert_eq!([zeros(3, 4), zeros(65_536, 4)], [Ok(3), Ok(65_536)]);
         assert_eq!([zeros(65_537, 4), zeros(70_001, 70_000)], [refused(65_537), refused(70_001)]);
         assert_eq!(zeros(70_000, 70_000), Ok(70_000));

@@ -41,8 +41,8 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Adds the counts of a primitive (a part of a mesh): its empty accessors, its triangles that name a position that
-    /// does not exist, its corners after the last whole triangle, and its texture coordinates that are not finite.
+    /// Adds the counts of a primitive (a part of a mesh): empty accessors, triangles with a position that
+    /// does not exist, corners after the last whole triangle, and texture coordinates that are not finite.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.empty += part.empty;
@@ -54,7 +54,7 @@ impl LeftOut {
     pub fn check(&self, triangles: usize) -> Parsed<()> {
         if triangles == 0 && self.dangling > 0 {
             let triangles = counted_are(self.dangling, "triangle with a position that does not exist");
-            return Err(format!("no triangle remains: {triangles} left out"));
+            return Err(format!("no triangle remains; {triangles} left out"));
         }
         Ok(())
     }

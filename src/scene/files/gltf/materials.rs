@@ -78,9 +78,9 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a surface
-/// without holes, with one exception: if the surface is blended and the factor of its texture's alpha is above 0, the
-/// alpha of its texture alone decides which points are holes.
+/// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a
+/// surface without holes. There is one exception: if the surface is blended and the factor of its texture's
+/// alpha is above 0, this alpha alone decides which points are holes.
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }

@@ -470,7 +470,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         (
             "\"count\": 3, \"type\": \"VEC3\"",
             "\"count\": 2, \"type\": \"VEC3\"",
-            "no triangle remains: 1 triangle with a position that does not exist is left out",
+            "no triangle remains; 1 triangle with a position that does not exist is left out",
         ),
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
@@ -517,6 +517,27 @@ fn without_scenes_the_nodes_that_are_no_children_are_shown() {
     let text = triangle().replace(r#""nodes": [{"mesh": 0, "translation": [0, 0, 5]}]"#, nested);
     let text = text.replace("\"scenes\": [{\"nodes\": [0]}],\n", "");
     assert_eq!(corners(&read(&text).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+}
+
+/// Node 0 has the triangle, and nodes 1 and 2 have cameras at x = 1 and x = 2.
+#[test]
+fn of_several_cameras_that_of_the_first_node_in_the_scenes_order_is_used() {
+    let x_of_camera = |scenes: &str, fourth_node: &str| {
+        let top = r#"{"cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}], "#;
+        let camera = |x: u32| format!(r#"{{"camera": 0, "translation": [{x}, 0, 9]}}"#);
+        let nodes = format!("[0, 0, 5]}}, {}, {}{fourth_node}", camera(1), camera(2));
+        let text = triangle()
+            .replacen('{', top, 1)
+            .replace("[0, 0, 5]}", &nodes)
+            .replace("\"scenes\": [{\"nodes\": [0]}],\n", scenes);
+        read(&text).unwrap().camera.unwrap().position.x
+    };
+    let scene = |nodes: &str| format!("\"scenes\": [{{\"nodes\": {nodes}}}],\n");
+    assert_eq!([scene("[0, 1, 2]"), scene("[2, 0, 1]")].map(|scene| x_of_camera(&scene, "")), [1.0, 2.0]);
+    // Without scenes, the nodes that are no children are shown, in the file's order.
+    assert_eq!(x_of_camera("", ""), 1.0);
+    // The cameras are in children of node 3.
+    assert_eq!(x_of_camera(&scene("[3]"), r#", {"children": [2, 0, 1]}"#), 2.0);
 }
 
 #[test]

@@ -30,9 +30,9 @@ pub(super) struct Tidied<'a> {
     pub elements: HashMap<String, String>,
 }
 
-/// Brings a file's header into the form that PLY defines: in UTF-8, without a byte order mark, with line feeds as its
-/// only line ends, without blanks before a line, with a different name for each property, and with the names of colour
-/// channels in lower case. Fails if the header is longer than [`MAX_BYTES`].
+/// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as
+/// its only line ends, and without blanks before a line. In this form, each property has a different name,
+/// and the names of colour channels are in lower case. Fails if the header is longer than [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };

@@ -1,0 +1,216 @@
+//! Calls functions of OpenCL without the crate `ocl`. This crate panics at a status that it does not know, takes a
+//! build without messages for a success, and loses messages that are not UTF-8.
+
+use super::errors::{CallError, compiler_log};
+use ocl::enums::Status;
+use ocl::ffi;
+use ocl::{Device, Platform, Program};
+use std::ffi::{CStr, c_void};
+use std::ptr;
+
+/// The largest answer to a query that is accepted, in bytes. A driver that announces a larger one is broken.
+const LARGEST_BYTES: usize = 1 << 30;
+
+/// The reason of a rejection if the compiler prints no messages.
+const UNEXPLAINED: &str = "the compiler rejects the program, and says nothing about the reason";
+
+/// The statuses that raycl's messages name. Other statuses appear as numbers.
+const NAMED: [Status; 24] = [
+    Status::CL_DEVICE_NOT_FOUND,
+    Status::CL_DEVICE_NOT_AVAILABLE,
+    Status::CL_COMPILER_NOT_AVAILABLE,
+    Status::CL_MEM_OBJECT_ALLOCATION_FAILURE,
+    Status::CL_OUT_OF_RESOURCES,
+    Status::CL_OUT_OF_HOST_MEMORY,
+    Status::CL_BUILD_PROGRAM_FAILURE,
+    Status::CL_COMPILE_PROGRAM_FAILURE,
+    Status::CL_LINKER_NOT_AVAILABLE,
+    Status::CL_LINK_PROGRAM_FAILURE,
+    Status::CL_INVALID_VALUE,
+    Status::CL_INVALID_DEVICE_TYPE,
+    Status::CL_INVALID_PLATFORM,
+    Status::CL_INVALID_DEVICE,
+    Status::CL_INVALID_CONTEXT,
+    Status::CL_INVALID_QUEUE_PROPERTIES,
+    Status::CL_INVALID_COMMAND_QUEUE,
+    Status::CL_INVALID_BINARY,
+    Status::CL_INVALID_BUILD_OPTIONS,
+    Status::CL_INVALID_PROGRAM,
+    Status::CL_INVALID_PROGRAM_EXECUTABLE,
+    Status::CL_INVALID_OPERATION,
+    Status::CL_INVALID_COMPILER_OPTIONS,
+    Status::CL_INVALID_LINKER_OPTIONS,
+];
+
+/// Returns a sentence about a call that failed: the function and its status.
+pub fn returned(function: &str, status: i32) -> String {
+    match named(status) {
+        Some(name) => format!("{function} returned {name:?} ({status})"),
+        None => format!("{function} returned the unknown status {status}"),
+    }
+}
+
+/// Returns a status that has a name in `NAMED`.
+fn named(status: i32) -> Option<Status> {
+    NAMED.into_iter().find(|known| *known as i32 == status)
+}
+
+/// Returns the devices of a platform; none if the platform has none.
+///
+/// # Errors
+///
+/// Fails if the driver cannot list its devices. The error names the status.
+pub fn devices(platform: Platform) -> Result<Vec<Device>, String> {
+    let (mut count, platform) = (0, platform.as_core().as_ptr());
+    let list = |entries, devices, count: *mut u32| {
+        // SAFETY: `devices` has room for `entries` devices, or is null if `entries` is 0. `count` is null or points to a
+        // number that outlives the call.
+        unsafe { ffi::clGetDeviceIDs(platform, ffi::CL_DEVICE_TYPE_ALL, entries, devices, count) }
+    };
+    let status = list(0, ptr::null_mut(), &mut count);
+    if status == Status::CL_DEVICE_NOT_FOUND as i32 || status == 0 && count == 0 {
+        return Ok(Vec::new());
+    }
+    let mut devices = vec![ptr::null_mut(); count as usize];
+    let status = if status == 0 { list(count, devices.as_mut_ptr(), ptr::null_mut()) } else { status };
+    if status != 0 {
+        return Err(returned("clGetDeviceIDs", status));
+    }
+    devices.retain(|device| !device.is_null());
+    // SAFETY: the driver returned these devices.
+    let core = devices.into_iter().map(|device| unsafe { ocl::core::DeviceId::from_raw(device) });
+    Ok(core.map(Device::from).collect())
+}
+
+/// Returns a device's answer to a query, as bytes. The error names the status.
+pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
+    let device = device.as_core().as_raw();
+    // SAFETY: `answer` passes memory of the size that it states.
+    let ask = |size, value, needed| unsafe { ffi::clGetDeviceInfo(device, query, size, value, needed) };
+    answer(ask).map_err(|status| returned("clGetDeviceInfo", status))
+}
+
+/// Returns a platform's answer to a query for a text. The error names the status.
+pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
+    let platform = platform.as_core().as_ptr();
+    // SAFETY: `answer` passes memory of the size that it states.
+    let ask = |size, value, needed| unsafe { ffi::clGetPlatformInfo(platform, query, size, value, needed) };
+    answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
+}
+
+/// Returns a text of a driver, such as a name, as one line: line breaks and tabs become blanks.
+pub fn one_line(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+    text.chars().map(|c| if c.is_whitespace() { ' ' } else { c }).collect()
+}
+
+/// Builds a program for a device. The compiler's messages are in the error.
+pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Result<Program, CallError> {
+    let devices = [device.as_core().as_raw()];
+    // SAFETY: the list has one device, `options` ends with a zero, and there is no callback.
+    let status = unsafe {
+        ffi::clBuildProgram(program.as_ptr(), 1, devices.as_ptr(), options.as_ptr(), None, ptr::null_mut())
+    };
+    // Some drivers return success although the compiler has rejected the program. The build's own status then tells.
+    let is_rejected = status == Status::CL_BUILD_PROGRAM_FAILURE as i32
+        || status == 0 && build_status(&program, device) == Some(ffi::CL_BUILD_ERROR);
+    if is_rejected {
+        return Err(CallError::new(rejection(&build_log(&program, device))));
+    }
+    match status {
+        0 => Ok(Program::from(program)),
+        _ => Err(CallError { status: named(status), ..CallError::new(returned("clBuildProgram", status)) }),
+    }
+}
+
+/// Returns the compiler's messages, or a sentence if there are none.
+fn rejection(log: &[u8]) -> String {
+    let log = compiler_log(&String::from_utf8_lossy(log));
+    if log.is_empty() { UNEXPLAINED.to_owned() } else { log }
+}
+
+/// Returns the status of a build, such as CL_BUILD_ERROR; `None` if the driver does not tell it.
+fn build_status(program: &ocl::core::Program, device: Device) -> Option<i32> {
+    let bytes = build_answer(program, device, ffi::CL_PROGRAM_BUILD_STATUS)?;
+    Some(i32::from_ne_bytes(bytes.try_into().ok()?))
+}
+
+/// Returns the compiler's messages without the zero at their end; none if the driver does not return them.
+fn build_log(program: &ocl::core::Program, device: Device) -> Vec<u8> {
+    let mut log = build_answer(program, device, ffi::CL_PROGRAM_BUILD_LOG).unwrap_or_default();
+    log.retain(|&byte| byte != 0);
+    log
+}
+
+fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Option<Vec<u8>> {
+    let (program, device) = (program.as_ptr(), device.as_core().as_raw());
+    answer(|size, value, needed| {
+        // SAFETY: `answer` passes memory of the size that it states.
+        unsafe { ffi::clGetProgramBuildInfo(program, device, query, size, value, needed) }
+    })
+    .ok()
+}
+
+/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL with the size of the memory
+/// for the answer in bytes, this memory, and the place for the size of the answer; either may be null.
+fn answer(ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, i32> {
+    let checked = |status| if status == 0 { Ok(()) } else { Err(status) };
+    let mut size = 0;
+    checked(ask(0, ptr::null_mut(), &mut size))?;
+    if size > LARGEST_BYTES {
+        return Err(Status::CL_OUT_OF_HOST_MEMORY as i32);
+    }
+    let mut bytes = vec![0_u8; size];
+    if size > 0 {
+        checked(ask(size, bytes.as_mut_ptr().cast(), ptr::null_mut()))?;
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_without_a_name_is_a_number() {
+        assert_eq!(returned("clFinish", -5), "clFinish returned CL_OUT_OF_RESOURCES (-5)");
+        assert_eq!(returned("clFinish", -1108), "clFinish returned the unknown status -1108");
+    }
+
+    #[test]
+    fn names_of_drivers_are_one_line() {
+        assert_eq!(one_line(b" a\nb\t c\0"), "a b  c");
+        assert_eq!(one_line(b"\xe9 x"), "\u{fffd} x");
+        assert_eq!(one_line(b"\0 \n"), "");
+    }
+
+    #[test]
+    fn an_answer_is_read_in_two_calls_and_a_status_or_an_impossible_size_is_an_error() {
+        let text = |size: usize, value: *mut c_void, needed: *mut usize| {
+            if !needed.is_null() {
+                // SAFETY: `answer` passes a place for the size.
+                unsafe { *needed = 3 };
+            }
+            if size >= 3 {
+                // SAFETY: `answer` passes memory of `size` bytes.
+                unsafe { value.cast::<[u8; 3]>().write_unaligned(*b"abc") };
+            }
+            0
+        };
+        assert_eq!(answer(text), Ok(b"abc".to_vec()));
+        assert_eq!(answer(|_, _, _| -1108), Err(-1108));
+        let endless = |_: usize, _: *mut c_void, needed: *mut usize| {
+            // SAFETY: `answer` passes a place for the size in its first call, and makes no second one.
+            unsafe { *needed = 1 << 46 };
+            0
+        };
+        assert_eq!(answer(endless), Err(-6));
+    }
+
+    #[test]
+    fn a_rejection_without_messages_or_with_messages_that_are_no_utf_8_says_what_is_known() {
+        assert!(rejection(b" \n").ends_with("says nothing about the reason"));
+        assert_eq!(rejection(b"a.cl:1: \xe9\n"), "a.cl:1: \u{fffd}");
+    }
+}

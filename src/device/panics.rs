@@ -1,0 +1,187 @@
+//! Turns panics of the crate `ocl` into errors of the command. This crate panics at a status that it does not know, and
+//! if an object of OpenCL cannot be freed. After a driver's breakdown, nothing can be freed, so without this module, such
+//! a panic would hide the error that broke the driver, and a second panic would abort the process.
+
+use super::DeviceInfo;
+use super::errors::{EXECUTING, without_frame};
+use crate::error::Error;
+use crate::printer;
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// The remedy if a driver breaks down.
+const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists other devices, and --device chooses one";
+
+/// What this process knows about a driver that breaks down.
+struct Known {
+    /// The devices that were opened.
+    devices: Vec<String>,
+    /// The latest error of OpenCL; `None` if there was none.
+    failure: Option<String>,
+}
+
+static KNOWN: Mutex<Known> = Mutex::new(Known { devices: Vec::new(), failure: None });
+/// The function that a process calls with the reason before it ends, because another process waits for it.
+static TOLD: OnceLock<fn(&str)> = OnceLock::new();
+
+thread_local! {
+    /// The message of a panic that [`caught`] catches in this thread; the outer value is `None` outside `caught`.
+    static CAUGHT: RefCell<Option<Option<String>>> = const { RefCell::new(None) };
+}
+
+/// Lets a panic of the crate `ocl` end this process with a message and the exit code of a run that failed. The process
+/// ends at once, without freeing objects of OpenCL. Other panics stay as they are.
+pub fn report_panics() {
+    let usual = take_hook();
+    set_hook(Box::new(move |panic: &PanicHookInfo<'_>| match of_ocl(panic) {
+        Some(message) if is_caught(&message) => {}
+        Some(message) => end(&message),
+        None => usual(panic),
+    }));
+}
+
+/// Sets the function that is called with the reason before a panic of the crate `ocl` ends this process.
+pub(crate) fn tell_panics(told: fn(&str)) {
+    // A second function would be ignored, but a process sets only one.
+    let _ = TOLD.set(told);
+}
+
+/// Stores that this process uses a device.
+pub(crate) fn note_device(info: &DeviceInfo) {
+    let name = format!("{} ({}, driver {})", info.common_name(), info.platform, info.driver);
+    let mut known = known();
+    if !known.devices.contains(&name) {
+        known.devices.push(name);
+    }
+}
+
+/// Stores the latest error of OpenCL. If a panic follows, this error is its cause.
+pub(crate) fn note_failure(message: &str) {
+    known().failure = Some(message.to_owned());
+}
+
+/// Forgets the latest error of OpenCL, since the work went on after it.
+pub(crate) fn forget_failures() {
+    known().failure = None;
+}
+
+fn known() -> MutexGuard<'static, Known> {
+    KNOWN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Calls `work`. Returns the message of a panic of the crate `ocl`, if [`report_panics`] was called before.
+pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    CAUGHT.set(Some(None));
+    let result = catch_unwind(AssertUnwindSafe(work));
+    let message = CAUGHT.take().flatten();
+    result.map_err(|panic| message.unwrap_or_else(|| resume_unwind(panic)))
+}
+
+/// Stores the message of a panic if [`caught`] catches the panic. Returns false outside `caught`, and for the second
+/// panic inside it: this panic happens while the first one frees objects, and would abort the process.
+fn is_caught(message: &str) -> bool {
+    CAUGHT.with_borrow_mut(|caught| match caught {
+        Some(first @ None) => {
+            *first = Some(message.to_owned());
+            true
+        }
+        _ => false,
+    })
+}
+
+/// Returns the message of a panic of the crate `ocl`; `None` for other panics.
+fn of_ocl(panic: &PanicHookInfo<'_>) -> Option<String> {
+    let payload = panic.payload();
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or_default();
+    is_in_ocl(panic.location()?.file()).then(|| meaning(text))
+}
+
+/// Returns whether a source file belongs to the crate `ocl` or to one of its parts. The folder before `src` has the
+/// crate's name, and usually its version.
+fn is_in_ocl(file: &str) -> bool {
+    let parts: Vec<&str> = file.split(['/', '\\']).collect();
+    let src = parts.iter().rposition(|part| *part == "src");
+    let folder = src.and_then(|src| parts.get(src.checked_sub(1)?)).copied().unwrap_or_default();
+    ["ocl", "ocl-core"].contains(&folder) || folder.starts_with("ocl-core-") || folder.starts_with("ocl-0.")
+}
+
+/// Returns what a panic's message says about the driver.
+fn meaning(text: &str) -> String {
+    let unknown = text.split_once("Invalid error code: '").and_then(|(_, rest)| rest.split_once('\''));
+    match (unknown, text.find(EXECUTING)) {
+        (Some((status, _)), _) => format!("a function of OpenCL returned the unknown status {status}"),
+        (None, Some(start)) => without_frame(&text[start..]),
+        _ if text.contains("`None` value") => "a function of OpenCL returned an unknown status".to_owned(),
+        _ => format!("the crate `ocl` stopped: {}", text.lines().next().unwrap_or_default()),
+    }
+}
+
+/// Returns the reason for the user: the error that broke the driver, the panic after it, and the devices in use.
+fn reason(message: &str, Known { devices, failure }: &Known) -> String {
+    let first = failure.as_ref().map(|failure| format!("{failure}; after that, ")).unwrap_or_default();
+    let used = if devices.is_empty() { String::new() } else { format!(", on {}", devices.join(" or ")) };
+    format!("the OpenCL driver failed{used}: {first}{message}")
+}
+
+/// Ends this process with a message. No destructor runs, since the crate `ocl` would panic again.
+fn end(message: &str) -> ! {
+    let error = Error::run(reason(message, &known())).with_help(BROKEN);
+    if let Some(told) = TOLD.get() {
+        told(&error.to_string());
+    }
+    let code = i32::from(error.exit_code());
+    // If standard error is closed, the message is lost.
+    printer::tell(format!("{:?}", miette::Report::new(error)));
+    signal_hook::low_level::exit(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_of_the_crate_ocl_are_told_from_others_by_their_file() {
+        for file in [
+            "/root/.cargo/registry/src/index.crates.io-1949cf8c6b5b557f/ocl-core-0.11.5/src/types/abs.rs",
+            "/a/registry/src/x/ocl-0.19.7/src/standard/queue.rs",
+            "C:\\a\\ocl-core-0.11.5\\src\\functions.rs",
+            "vendor/ocl/src/lib.rs",
+        ] {
+            assert!(is_in_ocl(file), "{file}");
+        }
+        for file in ["src/device/panics.rs", "/a/ocl-0.19.7/x/rayon-1.12.0/src/lib.rs", "src/lib.rs", ""] {
+            assert!(!is_in_ocl(file), "{file}");
+        }
+    }
+
+    #[test]
+    fn a_panics_message_is_the_function_and_its_status_as_far_as_they_are_known() {
+        let unknown = "ocl_core::Error::err_status: Invalid error code: '-1108'. Aborting.";
+        assert_eq!(meaning(unknown), "a function of OpenCL returned the unknown status -1108");
+        let dropped = "called `Result::unwrap()` on an `Err` value: Api(\n\n#### OPENCL ERROR ####\n\n\
+            Error executing function: clReleaseEvent  \n\nStatus error code: CL_OUT_OF_RESOURCES (-5)  \n\n####)";
+        assert_eq!(meaning(dropped), "clReleaseEvent returned CL_OUT_OF_RESOURCES (-5)");
+        let none = "called `Option::unwrap()` on a `None` value";
+        assert_eq!(meaning(none), "a function of OpenCL returned an unknown status");
+        assert_eq!(meaning("a text\nb"), "the crate `ocl` stopped: a text");
+    }
+
+    #[test]
+    fn the_reason_begins_with_the_error_that_broke_the_driver() {
+        let known = Known { devices: vec!["gpu".into()], failure: Some("clFinish returned -36".into()) };
+        let expected = "the OpenCL driver failed, on gpu: clFinish returned -36; after that, clX returned -5";
+        assert_eq!(reason("clX returned -5", &known), expected);
+        let nothing = Known { devices: Vec::new(), failure: None };
+        assert_eq!(reason("clX returned -5", &nothing), "the OpenCL driver failed: clX returned -5");
+    }
+
+    #[test]
+    fn only_the_first_panic_is_caught() {
+        assert!(!is_caught("a"), "nothing is to be caught");
+        let inside = caught(|| [is_caught("b"), is_caught("c")]);
+        assert_eq!(inside, Ok([true, false]));
+        assert!(!is_caught("d"), "nothing is to be caught any more");
+    }
+}

@@ -1,0 +1,69 @@
+//! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts them by itself
+//! when they are first needed, but panics if the system refuses a thread: `ulimit -u` or a control group's limit may
+//! allow no more. The code of raycl starts single threads with `std::thread::Builder`, which returns an error, and not
+//! with `std::thread::spawn` or a scope's `spawn`, which panic.
+
+use crate::error::{Error, Result};
+use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
+use std::error::Error as _;
+
+/// Starts rayon's threads. Call this function once, before the first parallel iterator.
+///
+/// # Errors
+///
+/// Fails if the system refuses a thread. The process must then end, since rayon does not try again.
+pub fn start_pool() -> Result<()> {
+    no_thread_of(ThreadPoolBuilder::new().build_global().err().as_ref()).map_or(Ok(()), Err)
+}
+
+/// Returns the error for the user if the system refused a thread; `None` if the threads have been started, now or
+/// before.
+fn no_thread_of(error: Option<&ThreadPoolBuildError>) -> Option<Error> {
+    error?.source()?.downcast_ref::<std::io::Error>().map(Error::no_thread)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::{Path, PathBuf};
+
+    #[test]
+    fn a_thread_that_the_system_refuses_is_an_error_and_threads_that_run_already_are_none() {
+        // No address space can hold such a stack.
+        let refused = ThreadPoolBuilder::new().num_threads(1).stack_size(1 << (usize::BITS - 1)).build();
+        let error = no_thread_of(refused.err().as_ref()).expect("an error");
+        assert_eq!(error.exit_code(), 1);
+        assert!(error.to_string().starts_with("a thread could not be started: "), "{error}");
+        assert!(error.remedy().contains("`ulimit -u`"), "{}", error.remedy());
+        rayon::current_num_threads();
+        assert!(start_pool().is_ok());
+    }
+
+    /// Returns all Rust files of a folder and its subfolders, except files of tests.
+    fn files(folder: &Path) -> Vec<PathBuf> {
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+            let path = entry.path();
+            match path.file_name().and_then(|name| name.to_str()) {
+                Some("tests" | "tests.rs") => {}
+                _ if path.is_dir() => found.extend(files(&path)),
+                _ => found.push(path),
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn no_thread_is_started_by_a_function_that_panics() {
+        let all = files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+        assert!(all.len() > 100, "{}", all.len());
+        for path in all {
+            // Some folders contain other files than Rust's.
+            let text = std::fs::read_to_string(&path).unwrap_or_default();
+            let code = text.split("\nmod tests {").next().unwrap_or_default();
+            for spawn in ["thread::spawn(", "scope.spawn("] {
+                assert!(!code.contains(spawn), "{} calls {spawn})", path.display());
+            }
+        }
+    }
+}

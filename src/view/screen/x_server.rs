@@ -1,0 +1,31 @@
+//! Asks an X server, before a window opens, how it stores pixels. minifb is the library that opens windows. If the
+//! pixels of the display do not have 32 bits, minifb frees memory twice, and this ends the process.
+
+use x11rb::connection::Connection as _;
+use x11rb::rust_connection::RustConnection;
+
+/// The largest width and height of a window in pixels. The protocol stores positions in a window as signed 16-bit
+/// numbers, and sizes as unsigned 16-bit numbers, so a server cannot draw the pixels of a larger window.
+pub const MOST_PIXELS: u32 = i16::MAX as u32;
+
+/// A connection to an X server that has said how it stores pixels. A server without any connection may start again, and
+/// then ends new connections, so the connection must stay open until the window's connection is open.
+pub struct XServer {
+    /// Bits of a pixel's colour.
+    pub depth: u8,
+    /// Bits that a pixel takes in memory.
+    pub bits: u8,
+    _connection: RustConnection,
+}
+
+impl XServer {
+    /// Connects to the server of a display, such as `:0` or `localhost:10.0`. Returns `None` if the server does not
+    /// answer, or does not let this program in; nothing is known about its pixels then.
+    pub fn of(display: &str) -> Option<Self> {
+        let (connection, screen) = RustConnection::connect(Some(display)).ok()?;
+        let setup = connection.setup();
+        let depth = setup.roots.get(screen)?.root_depth;
+        let bits = setup.pixmap_formats.iter().find(|format| format.depth == depth)?.bits_per_pixel;
+        Some(Self { depth, bits, _connection: connection })
+    }
+}
