@@ -5,6 +5,7 @@
 #[cfg(unix)]
 mod terminal;
 
+use crate::cache::Cache;
 use crate::device::drivers::{Driver, crash_advice, installed, only};
 use crate::device::full_disk_advice;
 use crate::device::patience::{GUARDED, HUNG};
@@ -13,6 +14,7 @@ use crate::experiment::lists_devices;
 use crate::memory::{address_space_limit, readable};
 use crate::own_program::own_program;
 use crate::printer;
+use crate::program::AFRESH;
 use crate::sources::{Sources, some_of};
 use std::ffi::OsString;
 use std::path::Path;
@@ -100,8 +102,14 @@ fn without_broken(
         if good.len() > 1 && lists_devices(&[])?.is_some() {
             return Err(not_together(&cause, &good));
         }
-        return Err(kernels_doing(status, cl_dir, opens_window)
-            .unwrap_or_else(|| no_driver_alone(status, &cause, opens_window, &good)));
+        if let Some(error) = kernels_doing(status, cl_dir, opens_window) {
+            return Err(error);
+        }
+        let may_run_again = !reads_standard_input && !opens_window && terminal.is_none();
+        if may_run_again && crash(status).is_some() && works_afresh(&cause)? {
+            return Ok(ExitStatus::default());
+        }
+        return Err(no_driver_alone(status, &cause, opens_window, &good));
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -120,6 +128,19 @@ fn without_broken(
         Some(cause) => Err(kernels_doing(status, cl_dir, opens_window)
             .unwrap_or_else(|| still_failing(status, &cause, opens_window, &good))),
     }
+}
+
+/// Runs the command again without the compiled programs in raycl's cache, since one of them may have crashed the driver,
+/// and removes these programs. Returns whether the command succeeded. Returns false at once if the cache is not in use.
+/// `cause` says how the first process ended.
+fn works_afresh(cause: &str) -> Result<bool> {
+    if !Cache::of_user().is_usable() {
+        return Ok(false);
+    }
+    printer::tell(format!(
+        "note: {cause}; a compiled program in raycl's cache may be the cause, so it is removed, and the command runs again"
+    ));
+    Ok(attempt(&[(AFRESH, "1".into())], None)?.success())
 }
 
 /// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the user added or

@@ -2,7 +2,7 @@
 
 use crate::experiment::Observer;
 use crate::printer::{self, tell};
-use crate::record::{Outcome, Record};
+use crate::record::{Outcome, Record, ms};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::time::{Duration, Instant};
 
@@ -416,6 +416,8 @@ mod tests {
             ..Record::default()
         };
         assert_eq!(line(&record), "teapot 8x5 gpu naive 16x4: 1.250 ms, n = 7");
+        let short = Record { median_ms: Some(0.001_51), ..record.clone() };
+        assert!(line(&short).ends_with(": 0.001510 ms, n = 7"), "{}", line(&short));
         let reason = Some("line 1\nline 2".to_owned());
         let failed =
             Record { outcome: Outcome::BuildFailed, median_ms: None, local_size: None, reason, ..record };

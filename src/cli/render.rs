@@ -222,7 +222,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes,
+        notes: with_wrong_times(notes, &cast, &device.info),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info, wrong)
@@ -270,6 +270,12 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>)
         super::end_at_once();
     }
     Ok(())
+}
+
+/// Adds a note if the driver's times cannot be right.
+fn with_wrong_times(mut notes: Vec<String>, cast: &Cast, device: &DeviceInfo) -> Vec<String> {
+    notes.extend(cast.times.why_impossible(device.hardware.timer_resolution_ns));
+    notes
 }
 
 /// Returns the notes for the user that do not come from the scene's file.

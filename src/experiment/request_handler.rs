@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::launch::{FrameTimes, Refused};
 use crate::load::processor_time;
 use crate::measure::batch_size;
+use crate::record::Outcome;
 use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
@@ -155,22 +156,26 @@ impl<'a> RequestHandler<'a> {
         let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
         // A caster on the host is timed by the host's clock, even if its worker has a device.
         let device = point.device.and(self.checker.device());
+        let timer_ns = device.and_then(|device| device.hardware.timer_resolution_ns);
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
-                let timer_ns = device.and_then(|device| device.hardware.timer_resolution_ns);
                 // If the timer is coarse, a sample may be a batch of frames. The time of one frame is needed
                 // to choose the batch's size, so at least one frame is cast before the sample.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
-                let shortest_ms = warm_up(|| frame(1), frames, timing.time_limit_ms);
-                batch_size(shortest_ms, timer_ns)
+                let warmed = warm_up(|| frame(1), frames, timing.time_limit_ms);
+                warmed.batch(timer_ns, timing.time_limit_ms)
             }
         };
         entry.batch = Some(batch);
         let start = Instant::now();
-        let (sample, used_ms) = with_processor_ms(device, || frame(batch));
+        let why = |times: &FrameTimes| times.why_impossible(timer_ns);
+        let (sample, used_ms) = possible(why, || with_processor_ms(device, || frame(batch)));
         let processor_ms = used_ms.map(|used_ms| used_ms / f64::from(batch));
         let sense = |ms| self.watch.as_ref()?.sense(start, Instant::now(), ms);
+        if let Some(reason) = sample.as_ref().ok().and_then(why) {
+            return Ok(Reply::Refused(PointFailure::new(Outcome::LaunchFailed, reason)));
+        }
         Ok(match sample {
             Ok(times) if point.device.is_some() => {
                 Reply::Sample(FrameTimes { processor_ms, sensed: sense(times.frame_ms), ..times })
@@ -192,24 +197,66 @@ fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -
     (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
+/// How often a sample is taken whose times are impossible. The host's clock may have been set during the first one.
+const ATTEMPTS: usize = 3;
+
+/// Takes a sample with `take`. If `why` says that its times are impossible, takes it again; the last attempt's sample is
+/// returned in any case.
+fn possible<T>(
+    why: impl Fn(&FrameTimes) -> Option<String>,
+    mut take: impl FnMut() -> (std::result::Result<FrameTimes, Refused>, T),
+) -> (std::result::Result<FrameTimes, Refused>, T) {
+    let mut taken = take();
+    for _ in 1..ATTEMPTS {
+        if taken.0.as_ref().ok().and_then(&why).is_none() {
+            break;
+        }
+        taken = take();
+    }
+    taken
+}
+
+/// The shortest times of the frames of a warm-up, in milliseconds; infinity if there was no frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Warmed {
+    /// The time of a pass on the device's clock.
+    pass_ms: f64,
+    /// The time of a frame on the host's clock.
+    host_ms: f64,
+}
+
+impl Warmed {
+    /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If the timer reports no
+    /// time, nothing is known about the frames but the host's times; the sample then takes at most a tenth of the time
+    /// limit, or it is a single frame.
+    fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
+        let batch = batch_size(self.pass_ms, timer_ns);
+        if self.pass_ms > 0.0 {
+            return batch;
+        }
+        batch.min((0.1 * time_limit_ms / self.host_ms) as u32).max(1)
+    }
+}
+
 /// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit, since the
 /// check has already cast one frame. If a frame fails here, it will fail again when it is timed, and the failure is
-/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
+/// reported then.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,
     time_limit_ms: f64,
-) -> f64 {
-    let (mut spent_ms, mut shortest_ms) = (0.0, f64::INFINITY);
+) -> Warmed {
+    let (mut spent_ms, mut warmed) = (0.0, Warmed { pass_ms: f64::INFINITY, host_ms: f64::INFINITY });
     for _ in 0..frames {
         let Ok(times) = frame() else { break };
         spent_ms += times.host_ms;
-        shortest_ms = shortest_ms.min(times.shortest_ms());
+        warmed.pass_ms = warmed.pass_ms.min(times.shortest_ms());
+        warmed.host_ms = warmed.host_ms.min(times.host_ms);
         if spent_ms > 0.1 * time_limit_ms {
             break;
         }
     }
-    shortest_ms
+    warmed
 }
 
 /// Returns the error for a request about a point that is not in the plan.
@@ -284,11 +331,34 @@ mod tests {
         };
         let warmed = |frames, time_limit_ms| {
             cast.set(0);
-            (warm_up(frame, frames, time_limit_ms), cast.get())
+            (warm_up(frame, frames, time_limit_ms).pass_ms, cast.get())
         };
         assert_eq!(warmed(3, 1000.0), (6.0, 3));
         assert_eq!(warmed(3, 150.0), (7.0, 2), "two frames take more than a tenth of the limit");
         assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
+    }
+
+    #[test]
+    fn where_the_timer_reports_nothing_a_sample_is_no_longer_than_a_tenth_of_the_time_limit() {
+        let batch = |pass_ms, host_ms| Warmed { pass_ms, host_ms }.batch(Some(1000), 1000.0);
+        assert_eq!([0.1, 10.0, 3000.0, 0.0].map(|host_ms| batch(0.0, host_ms)), [256, 10, 1, 256]);
+        assert_eq!([batch(0.004, 3000.0), batch(f64::INFINITY, f64::INFINITY)], [13, 1]);
+    }
+
+    #[test]
+    fn a_sample_with_impossible_times_is_taken_again_until_there_is_a_possible_one() {
+        let sample = |impossible: u32| {
+            let taken = Cell::new(0_u32);
+            let take = || {
+                taken.set(taken.get() + 1);
+                let frame_ms = if taken.get() > impossible { 1.0 } else { 1000.0 };
+                (Ok(FrameTimes::whole(frame_ms, 1.5)), ())
+            };
+            let (times, ()) = possible(|times| times.why_impossible(None), take);
+            (times.map_err(|refused| refused.reason()).unwrap().frame_ms, taken.get())
+        };
+        assert_eq!([sample(0), sample(1), sample(2)], [(1.0, 1), (1.0, 2), (1.0, 3)]);
+        assert_eq!(sample(5), (1000.0, 3));
     }
 
     /// Checks the first point of an experiment and casts a frame of it, in a worker of this machine's first device.

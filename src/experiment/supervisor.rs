@@ -24,8 +24,8 @@ pub trait Spawner {
     /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
     /// kernels. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
-    /// Lets the worker that `spawn` starts next compile its programs again, and replace the stored ones: a worker died
-    /// that may have loaded a stored program that crashes the driver.
+    /// Lets the worker that `spawn` starts next compile its programs again, and remove the stored ones, since a stored
+    /// program may have crashed the driver of a worker that died.
     fn compile_afresh(&mut self) {}
 }
 

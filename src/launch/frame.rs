@@ -1,6 +1,7 @@
 //! The device times of one frame.
 
 use crate::measure::median_of;
+use crate::record::significant;
 use crate::sensor::SensorReading;
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
@@ -45,6 +46,13 @@ pub struct FrameTimes {
     pub sensed: Option<SensorReading>,
 }
 
+/// A frame's time on the device's clock is impossible if it is more than this many times the time on the host's clock.
+const IMPOSSIBLY_LONG: f64 = 1.5;
+/// Times on the two clocks may always differ by this many milliseconds per sample.
+const TOLERANCE_MS: f64 = 1.0;
+/// A sample that takes this many steps of the device's timer on the host's clock cannot take no time on the device's.
+const MANY_STEPS: f64 = 1000.0;
+
 /// Returns the duration of a finished command in milliseconds, on the device's clock.
 pub(crate) fn duration_ms(event: &Event) -> ocl::Result<f64> {
     let read = |info| match event.profiling_info(info)? {
@@ -84,6 +92,29 @@ impl FrameTimes {
     /// frames of the sample's batch.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
+    }
+
+    /// Returns why the driver's times cannot be right; `None` if they can. The host's time contains the device's time.
+    /// `timer_ns` is a step of the device's timer, if it is known.
+    pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {
+        let (device_ms, host_ms, frames) = (self.frame_ms, self.host_ms, f64::from(self.batch.unwrap_or(1)));
+        if device_ms > IMPOSSIBLY_LONG * host_ms && (device_ms - host_ms) * frames > TOLERANCE_MS {
+            return Some(format!(
+                "the driver's times are wrong: by the driver's profiling, a frame takes {} ms, but by the host's clock, \
+                 it takes {} ms",
+                significant(device_ms, 3),
+                significant(host_ms, 3)
+            ));
+        }
+        let many_ms = timer_ns.map(|step_ns| (MANY_STEPS * step_ns as f64 * 1e-6).max(TOLERANCE_MS));
+        let has_no_time = device_ms <= 0.0 && many_ms.is_some_and(|many_ms| self.elapsed_ms() > many_ms);
+        has_no_time.then(|| {
+            format!(
+                "the driver reports no times: by its profiling, a frame takes 0 ms, but by the host's clock, it takes \
+                 {} ms",
+                significant(host_ms, 3)
+            )
+        })
     }
 
     /// Returns the time of the shortest pass, or of the whole frame if it has no separate passes.
@@ -133,6 +164,24 @@ mod tests {
         };
         assert_eq!(first.and(&second), both);
         assert_eq!(FrameTimes::default().and(&first), first);
+    }
+
+    #[test]
+    fn a_frame_cannot_take_longer_on_the_device_than_on_the_host_nor_no_time_at_all() {
+        let why =
+            |device_ms, host_ms, timer_ns| FrameTimes::whole(device_ms, host_ms).why_impossible(timer_ns);
+        for possible in [(1.0, 1.2), (1.4, 1.0), (0.9, 0.1), (0.01, 50.0), (0.0, 0.9)] {
+            assert_eq!(why(possible.0, possible.1, Some(1)), None, "{possible:?}");
+        }
+        let long = why(1208.0, 1.25, None).expect("it is impossible");
+        assert!(long.contains("a frame takes 1208 ms, but by the host's clock, it takes 1.25 ms"), "{long}");
+        let none = why(0.0, 2.0, Some(1)).expect("it is impossible");
+        assert!(none.starts_with("the driver reports no times: ") && none.ends_with(" 2.00 ms"), "{none}");
+        // A timer with steps of 10 us may report 0 for a frame of 2 ms, most of which is the start of its kernels.
+        assert_eq!(why(0.0, 2.0, Some(10_000)), None);
+        assert_eq!(why(0.0, 2.0, None), None);
+        let batch = FrameTimes { batch: Some(256), ..FrameTimes::whole(0.0, 0.05) };
+        assert!(batch.why_impossible(Some(1)).is_some());
     }
 
     #[test]

@@ -8,10 +8,12 @@ use super::setup::{Setup, sees_sky};
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue, preprocess_for};
 use crate::error::Result as OrError;
 use crate::program::preprocess::Preprocessed;
-use crate::program::{BuildError, BuiltProgram, CompiledKernel, ProgramCache, ProgramSpec};
+use crate::program::{BuildError, BuiltProgram, CompiledKernel, ProgramCache, ProgramSpec, frame_kernels};
 use crate::scene::{Light, Sampling, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use ocl::Kernel;
+use ocl::core::{create_kernel, get_kernel_work_group_info};
+use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use std::sync::Arc;
 
 /// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
@@ -115,6 +117,20 @@ impl Prepared {
             }
         };
         caster.kernels().map(made).collect()
+    }
+
+    /// Returns the largest number of work-items in a work-group that every kernel of a frame supports; `None` if the
+    /// driver does not tell it.
+    pub(super) fn most_work_items(&self) -> Option<usize> {
+        let most = |name: &&str| {
+            let kernel = create_kernel(self.program.program.as_core(), *name).ok()?;
+            let query = KernelWorkGroupInfo::WorkGroupSize;
+            match get_kernel_work_group_info(&kernel, self.queue.device, query).ok()? {
+                KernelWorkGroupInfoResult::WorkGroupSize(most) => Some(most),
+                _ => None,
+            }
+        };
+        frame_kernels(&self.strategy, &self.workload).iter().filter_map(most).min()
     }
 
     /// Returns the program after preprocessing, as the device's compiler sees it.

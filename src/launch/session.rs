@@ -162,17 +162,27 @@ impl Session {
     }
 
     /// Prepares a strategy like [`Self::prepare`], at a local size that the user did not choose. If work-items share
-    /// tiles, the number of tiles in a work-group is halved until the work-group fits on the device.
+    /// tiles, the number of tiles in a work-group is halved until the work-group fits on the device. The work-group is
+    /// also halved while a compiled kernel supports fewer work-items.
     pub fn prepare_fitting(
         &mut self,
         strategy: &Strategy,
         image_size: [u32; 2],
-        [across, mut down]: [u32; 2],
+        mut local_size: [u32; 2],
     ) -> std::result::Result<Prepared, Refused> {
         loop {
-            match self.prepare(strategy, image_size, [across, down]) {
-                Err(Refused::Device(_)) if strategy.shares_tiles() && down > 1 => down /= 2,
-                other => return other,
+            let [across, down] = local_size;
+            let prepared = match self.prepare(strategy, image_size, local_size) {
+                Err(Refused::Device(_)) if strategy.shares_tiles() && down > 1 => {
+                    local_size = [across, down / 2];
+                    continue;
+                }
+                other => other?,
+            };
+            let most = prepared.most_work_items();
+            match most.and_then(|most| smaller(strategy.shares_tiles(), local_size, most)) {
+                Some(smaller) => local_size = smaller,
+                None => return Ok(prepared),
             }
         }
     }
@@ -324,6 +334,17 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     Infeasible::beyond(format!("{}, in addition to {held_bytes} B {others}", refused.reason))
 }
 
+/// Returns half a local size if it has more than `most` work-items; `None` if it has not, or if the strategy supports
+/// no smaller one. If work-items share tiles, a row of the local size is a tile, which cannot be halved.
+fn smaller(shares_tiles: bool, [across, down]: [u32; 2], most: usize) -> Option<[u32; 2]> {
+    let is_too_large = across as usize * down as usize > most;
+    match is_too_large {
+        true if across > down && !shares_tiles => Some([across / 2, down]),
+        true if down > 1 => Some([across, down / 2]),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -333,6 +354,32 @@ mod tests {
     use crate::strategy::{Layout, LeafSize, preset};
     use glam::Vec3;
     use std::path::Path;
+
+    #[test]
+    fn a_work_group_is_halved_until_the_kernel_supports_it() {
+        let sizes = |shares_tiles, local_size, most| {
+            let mut sizes = vec![local_size];
+            while let Some(next) = smaller(shares_tiles, sizes[sizes.len() - 1], most) {
+                sizes.push(next);
+            }
+            sizes
+        };
+        assert_eq!(sizes(false, [8, 8], 64), [[8, 8]]);
+        assert_eq!(sizes(false, [16, 8], 16), [[16, 8], [8, 8], [8, 4], [4, 4]]);
+        assert_eq!(sizes(false, [2, 1], 0), [[2, 1], [1, 1]]);
+        assert_eq!(sizes(true, [32, 4], 64), [[32, 4], [32, 2]]);
+        assert_eq!(sizes(true, [32, 2], 16), [[32, 2], [32, 1]]);
+    }
+
+    #[test]
+    fn the_kernels_of_a_prepared_strategy_support_some_work_items() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let scene = Arc::new(fixtures::single_triangle());
+        let mut session = Session::open(&device, &Sources::Embedded, scene).unwrap();
+        let strategy = preset("deferred").unwrap().strategy;
+        let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        assert!(prepared.most_work_items().is_some_and(|most| most >= 1));
+    }
 
     #[test]
     fn twins_run_programs_of_their_own_and_a_single_device_the_ordinary_one() {

@@ -72,8 +72,8 @@ impl Modes {
     }
 }
 
-/// Returns whether the gap between two groups of sorted times is wider than each of the groups. Otherwise, launches that
-/// all differ a little from each other would be taken for launches of two speeds.
+/// Returns whether the gap between two groups of sorted times is wider than each of the groups. Otherwise, launches
+/// that all differ a little from each other would be taken for launches of two speeds.
 fn is_gap_wide(fast: &[f64], slow: &[f64]) -> bool {
     let width = |group: &[f64]| group.first().zip(group.last()).map_or(0.0, |(first, last)| last - first);
     let gap = fast.last().zip(slow.first()).map_or(0.0, |(below, above)| above - below);

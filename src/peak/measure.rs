@@ -1,7 +1,7 @@
 //! Measures the peak rates, one per function. Each function checks the kernel's result, which shows that the kernel did
 //! the work.
 
-use super::rig::{PeakProgram, Rig, failed, failed_because, repeat};
+use super::rig::{NO_TIMES, PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
 use crate::device::Device;
 use crate::error::Result;
@@ -65,7 +65,7 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
 fn rates(work: f64, seconds: &[f64]) -> Result<Figure> {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     match rates.is_empty() {
-        true => Err(failed_because("by the device's clock, the kernels take no time")),
+        true => Err(failed_because(NO_TIMES)),
         false => Ok(Figure::of(&rates)),
     }
 }
@@ -102,17 +102,28 @@ fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
 }
 
 /// Returns the size in bytes of a large buffer that fits easily into the device's memory: a whole number of mebibytes.
-fn large_bytes(rig: &Rig<'_>) -> usize {
+///
+/// # Errors
+///
+/// Fails if the device allows no buffer of one mebibyte.
+fn large_bytes(rig: &Rig<'_>) -> Result<usize> {
     let limits = &rig.device.info.limits;
+    if limits.allocation_bytes < 1 << 20 {
+        let most = limits.allocation_bytes;
+        return Err(failed_because(&format!(
+            "a buffer of {} B is needed, but the device's limit is {most} B",
+            1 << 20
+        )));
+    }
     let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
-    (bytes as usize / (1 << 20)).max(1) << 20
+    Ok((bytes as usize / (1 << 20)).max(1) << 20)
 }
 
 fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let width = rig.width(4);
     let group = rig.large_group();
     let program = rig.program("peak/copy.cl", &[("WIDTH", u64::from(width)), ("GROUP", group as u64)])?;
-    let floats = large_bytes(rig) / 4;
+    let floats = large_bytes(rig)? / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
     // The buffer's size is a whole number of mebibytes, so the buffer's vectors fill whole work-groups.
@@ -134,8 +145,14 @@ fn copied(floats: usize, seconds: &[f64]) -> Result<Figure> {
 
 fn local(rig: &Rig<'_>) -> Result<Figure> {
     let width = u64::from(rig.width(4));
-    let fits = rig.device.info.limits.local_bytes / (2 * SLOTS * width * 4);
-    let group = rig.group().min(fits as usize).max(1);
+    let item_bytes = 2 * SLOTS * width * 4;
+    let local_bytes = rig.device.info.limits.local_bytes;
+    if local_bytes < item_bytes {
+        return Err(failed_because(&format!(
+            "{item_bytes} B of __local memory are needed, but the device's limit is {local_bytes} B"
+        )));
+    }
+    let group = rig.group().min((local_bytes / item_bytes) as usize);
     let items = rig.items() / group * group;
     let program = rig.program("peak/local.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
     let out = rig.buffer::<f32>(items)?;
@@ -239,7 +256,7 @@ fn chase(rig: &Rig<'_>, program: &PeakProgram, name: &'static str) -> Result<Fig
 /// previous one ended.
 fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     let stride = LINE_BYTES / 4;
-    let lines = large_bytes(rig) / LINE_BYTES;
+    let lines = large_bytes(rig)? / LINE_BYTES;
     let next = cycle(lines, stride);
     let buffer = rig.buffer::<i32>(next.len())?;
     buffer.write(&next).enq().map_err(failed)?;
@@ -361,13 +378,25 @@ mod tests {
     }
 
     #[test]
+    fn a_limit_of_the_device_that_is_too_small_is_named() {
+        let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let own = device.info.limits;
+        device.info.limits = DeviceLimits { local_bytes: 7, allocation_bytes: 1024, ..own };
+        let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+        let message = copy(&rig).unwrap_err().to_string();
+        assert!(message.ends_with("1048576 B is needed, but the device's limit is 1024 B"), "{message}");
+        let message = local(&rig).unwrap_err().to_string();
+        assert!(message.ends_with("memory are needed, but the device's limit is 7 B"), "{message}");
+    }
+
+    #[test]
     fn work_fits_the_device_that_is_measured() {
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let own = device.info.limits;
         let mut sizes = |limits: DeviceLimits| {
             device.info.limits = limits;
             let rig = Rig::open(&device, &Sources::Embedded).unwrap();
-            (rig.group(), rig.items(), rig.width(4), large_bytes(&rig))
+            (rig.group(), rig.items(), rig.width(4), large_bytes(&rig).unwrap())
         };
         let gpu = DeviceLimits {
             is_cpu: false,

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::launch::{LaunchError, Queue, Refused};
 use crate::program::{BuiltProgram, ProgramCache, ProgramSpec, Sources};
 use ocl::builders::KernelBuilder;
-use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
+use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult, ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
 use std::time::Instant;
 
@@ -30,6 +30,10 @@ const REPEATS: usize = 9;
 /// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and the cost of the
 /// launch are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
+/// If a launch takes this long by the host's clock, but no time by the device's, the device's clock does not run.
+const WITHOUT_TIMES_MS: f64 = 1000.0;
+/// The reason of a failure if the device's clock does not run.
+pub const NO_TIMES: &str = "by the device's clock, the kernels take no time";
 /// The largest number of loops in a kernel launch.
 const MOST_LOOPS: i32 = 1 << 24;
 
@@ -119,12 +123,18 @@ impl<'a> Rig<'a> {
         // it does not support pointers to vectors.
         unsafe { kernel.disable_arg_type_check() };
         add(&mut kernel);
-        kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
+        let kernel = kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
             error @ LaunchError::OwnKernel(_) => {
                 Refused::at("making a kernel")(error).into_error(&self.device.info)
             }
             error => failed(error),
-        })
+        })?;
+        match kernel.wg_info(self.queue.device, KernelWorkGroupInfo::WorkGroupSize) {
+            Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) if most < group => {
+                Err(failed_because(&too_many(name, [group, most])))
+            }
+            _ => Ok(kernel),
+        }
     }
 
     /// Makes a buffer of `len` zeros.
@@ -166,21 +176,33 @@ impl<'a> Rig<'a> {
         looped(|loops| {
             before(loops)?;
             kernel.set_arg(0, loops).map_err(failed)?;
-            self.launch(kernel).map(|(device_ms, _)| device_ms)
+            self.launch(kernel)
         })
     }
 }
 
+/// Returns the message about a kernel that supports only `most` work-items per work-group, not `group`.
+fn too_many(name: &str, [group, most]: [usize; 2]) -> String {
+    format!("the measurement needs work-groups of {group} work-items; the compiled kernel {name} supports at most {most}")
+}
+
 /// Returns the seconds per loop, one value per repeat, and the number of loops. `timed_ms` takes a number of loops and
-/// returns their time.
-fn looped(mut timed_ms: impl FnMut(i32) -> Result<f64>) -> Result<(Vec<f64>, i32)> {
+/// returns their time on the device's clock and on the host's.
+fn looped(mut timed_ms: impl FnMut(i32) -> Result<(f64, f64)>) -> Result<(Vec<f64>, i32)> {
     let mut loops = 256;
     // This launch is not counted, since the first launch of a kernel may include its compilation.
     timed_ms(loops)?;
-    while timed_ms(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
+    loop {
+        let (device_ms, host_ms) = timed_ms(loops)?;
+        if device_ms <= 0.0 && host_ms > WITHOUT_TIMES_MS {
+            return Err(failed_because(NO_TIMES));
+        }
+        if device_ms >= LONG_ENOUGH_MS || loops >= MOST_LOOPS {
+            break;
+        }
         loops *= 2;
     }
-    let seconds = repeat(|| timed_ms(loops).map(|ms| ms * 1e-3 / f64::from(loops)))?;
+    let seconds = repeat(|| timed_ms(loops).map(|(ms, _)| ms * 1e-3 / f64::from(loops)))?;
     Ok((seconds, loops))
 }
 
@@ -199,7 +221,8 @@ mod tests {
         let mut launches = Vec::new();
         let looped_run = looped(|loops| {
             launches.push(loops);
-            Ok(if launches.len() == 1 { 1000.0 } else { 1e-3 * f64::from(loops) })
+            let device_ms = if launches.len() == 1 { 1000.0 } else { 1e-3 * f64::from(loops) };
+            Ok((device_ms, device_ms))
         });
         let (seconds, loops) = looped_run.expect("it is measured");
         // The loops must take `LONG_ENOUGH_MS` (20,000 loops do); 2^15 is the first power of two that is larger than
@@ -207,7 +230,24 @@ mod tests {
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
         // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.
-        assert_eq!(looped(|_| Ok(0.0)).expect("it is measured").1, 1 << 24);
+        assert_eq!(looped(|_| Ok((0.0, 0.0))).expect("it is measured").1, 1 << 24);
+    }
+
+    #[test]
+    fn a_device_whose_clock_does_not_run_is_given_up_after_a_launch_of_a_second() {
+        let mut longest_ms = 0.0;
+        let error = looped(|loops| {
+            longest_ms = f64::from(loops);
+            Ok((0.0, longest_ms))
+        });
+        let message = error.expect_err("it has no times").to_string();
+        assert!(message.ends_with(NO_TIMES) && longest_ms == 1024.0, "{message} {longest_ms}");
+    }
+
+    #[test]
+    fn the_limit_of_a_kernel_is_named() {
+        let expected = "the measurement needs work-groups of 256 work-items; the compiled kernel copy supports at most 16";
+        assert_eq!(too_many("copy", [256, 16]), expected);
     }
 
     #[test]

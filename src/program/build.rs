@@ -78,6 +78,7 @@ impl BuiltProgram {
         let verbose = prints_resources(device);
         let options = options(device, spec);
         let key = programs.key(&spec.source, &options);
+        programs.distrust(&key);
         let cached =
             programs.find(&key).and_then(|stored| Some((load(context, device, &stored, &options)?, stored)));
         let (program, cached_log) = match cached {

@@ -11,7 +11,7 @@ const KIND: &str = "program";
 const NAME_KIND: &str = "name";
 
 /// The environment variable with which raycl starts a process again after a crash that a stored program may have caused.
-/// The process compiles its programs again, and replaces the stored ones.
+/// The process compiles its programs again, and removes the stored ones.
 pub const AFRESH: &str = "RAYCL_COMPILE_AFRESH";
 
 /// The cache for a device's programs; by default nothing is stored.
@@ -21,7 +21,7 @@ pub struct ProgramCache {
     /// Everything besides a program's source and options that affects the compiled code.
     compiler: String,
     at_hand: bool,
-    /// True if stored programs are not read, but replaced.
+    /// True if stored programs are removed instead of loaded.
     afresh: bool,
 }
 
@@ -61,6 +61,14 @@ impl ProgramCache {
             return None;
         }
         StoredProgram::from_bytes(&self.cache.get(KIND, key)?)
+    }
+
+    /// Removes the program stored under a key, if a process before this one may have crashed because of it.
+    pub fn distrust(&self, key: &str) {
+        if self.afresh && self.cache.get(KIND, key).is_some() {
+            // An entry without content is no program.
+            self.cache.put(KIND, key, &[]);
+        }
     }
 
     /// Stores the key of a program under the program's name.
@@ -137,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_crash_a_stored_program_is_not_read_but_replaced() {
+    fn after_a_crash_a_stored_program_is_removed() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(folder.path(), 1 << 20);
         let programs = programs_of(&cache, &example("PoCL", "cpu", DeviceKind::Cpu, 2));
@@ -145,6 +153,10 @@ mod tests {
         assert!(programs.store("key", &program(1)));
         let afresh = ProgramCache { afresh: true, ..programs.clone() };
         assert!(afresh.find("key").is_none());
+        programs.distrust("key");
+        assert!(programs.find("key").is_some(), "no process has crashed");
+        afresh.distrust("key");
+        assert!(programs.find("key").is_none());
         assert!(afresh.store("key", &program(2)));
         assert_eq!(programs.find("key").unwrap().binary, [2]);
     }

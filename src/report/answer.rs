@@ -226,8 +226,8 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as serial-f32, 1.04 to
-/// 7.82 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner, the
-/// number of these groups follows. Returns an empty text if no speed-up is known.
+/// 7.82 times as fast as the best naive point". If a speed-up is known only in some of the groups that have a winner,
+/// the number of these groups follows. Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

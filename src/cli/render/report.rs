@@ -248,7 +248,8 @@ impl Report {
         for (part, ms) in shown.chain([("total", self.total_ms), ("kernel", self.frame_ms)]) {
             lines.push(format!("{part:<8}{ms:11.2} ms{}", self.remark(part)));
         }
-        lines.push(format!("speed     {}", self.speeds().join(", ")));
+        let speeds = self.speeds();
+        lines.extend((!speeds.is_empty()).then(|| format!("speed     {}", speeds.join(", "))));
         lines.push(format!("memory    {}", self.memory()));
         lines.extend(self.verified.iter().map(Verification::text));
         lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
@@ -286,12 +287,17 @@ impl Report {
         format!("host {host} predicted{peak}; device {device} predicted")
     }
 
+    /// Returns the rates as texts. A rate whose time is 0 by the device's clock is left out.
     fn speeds(&self) -> Vec<String> {
-        let frame = format!("{} of the frame", rate(self.frame_rays_per_s, "rays"));
-        let primary = self.primary_rays_per_s.map(|value| format!("{} primary", rate(value, "rays")));
-        let shadow = self.shadow_rays_per_s.map(|value| format!("{} shadow", rate(value, "rays")));
-        let tests = self.tests_per_s.map(|value| rate(value, "tests"));
-        std::iter::once(frame).chain(primary).chain(shadow).chain(tests).collect()
+        let rates = [
+            (Some(self.frame_rays_per_s), "rays", " of the frame"),
+            (self.primary_rays_per_s, "rays", " primary"),
+            (self.shadow_rays_per_s, "rays", " shadow"),
+            (self.tests_per_s, "tests", ""),
+        ];
+        let known = rates.into_iter().filter_map(|(value, what, of)| Some((value?, what, of)));
+        let finite = known.filter(|(value, ..)| value.is_finite());
+        finite.map(|(value, what, of)| rate(value, what) + of).collect()
     }
 }
 
@@ -352,6 +358,9 @@ mod tests {
         let speeds =
             ["1.00 krays/s of the frame", "2.00 krays/s primary", "3.00 krays/s shadow", "4.00 ktests/s"];
         assert_eq!(report.speeds(), speeds);
+        let timeless =
+            Report { frame_rays_per_s: f64::INFINITY, tests_per_s: Some(f64::NAN), ..Report::default() };
+        assert!(timeless.speeds().is_empty(), "{:?}", timeless.speeds());
     }
 
     #[test]

@@ -25,6 +25,8 @@ struct Noting {
     limits: Rc<RefCell<Vec<Duration>>>,
     /// How long a wait takes that ends without a reply.
     silence: Duration,
+    /// The number of workers that were started before each call of `compile_afresh`.
+    afresh: Rc<RefCell<Vec<usize>>>,
 }
 
 struct Noted {
@@ -37,6 +39,10 @@ impl Spawner for Noting {
         self.jobs.borrow_mut().push(job);
         let next = self.at_start.take().unwrap_or(Wait::Reply(Reply::Started));
         Ok(Box::new(Noted { of: self.clone(), next }))
+    }
+
+    fn compile_afresh(&mut self) {
+        self.afresh.borrow_mut().push(self.jobs.borrow().len());
     }
 }
 
@@ -210,6 +216,38 @@ fn a_points_failure_says_how_its_worker_was_lost() {
         assert_eq!(attempts(point), (2, format!("on both attempts its {crashed}")));
     }
     assert_eq!(attempts(3), (1, format!("its {crashed}")));
+}
+
+#[test]
+fn after_a_worker_died_the_next_one_of_its_scene_compiles_its_programs_again() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    passes(&mut supervisor, task(0, 0, 0));
+    noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
+    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(None)));
+    passes(&mut supervisor, task(1, 0, 1));
+    assert!(noting.afresh.borrow().is_empty(), "the next worker is that of another scene");
+    passes(&mut supervisor, task(0, 0, 0));
+    supervisor.retire();
+    passes(&mut supervisor, task(0, 0, 0));
+    assert_eq!((noting.afresh.borrow().clone(), noting.jobs.borrow().len()), (vec![2], 4));
+}
+
+#[test]
+fn a_device_that_breaks_down_in_a_check_costs_its_point_only() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let failure = PointFailure::new(Outcome::LaunchFailed, "clFinish returned the unknown status -1108");
+    noting.instead.borrow_mut().push_back(Wait::Reply(Reply::Refused(failure.clone())));
+    assert_eq!(supervisor.check(task(0, 0, 0)).unwrap().unwrap_err(), failure);
+    passes(&mut supervisor, task(1, 0, 0));
+    assert_eq!((noting.jobs.borrow().len(), supervisor.losses()), (2, 1), "a new worker goes on");
+    // A device that breaks down before it is open ends the run.
+    let mut broken = Noting { at_start: Some(Wait::Reply(Reply::Refused(failure))), ..Noting::default() };
+    let error = Supervisor::new(&mut broken, &never, LIMIT).check(task(0, 0, 0)).unwrap_err();
+    assert_eq!(error.to_string(), "clFinish returned the unknown status -1108");
 }
 
 #[test]

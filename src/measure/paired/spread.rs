@@ -8,13 +8,13 @@ use crate::measure::summary::quantile;
 /// The largest weight, in degrees of freedom, of a spread that is borrowed. A point or a pair of points borrows the
 /// spread of all points; a table (of the points and launches of one group) borrows the spread of other tables.
 const BORROWED: usize = 6;
-/// A pair of points borrows only in tables of at least this many rows. With three rows, the spread of all rows would come
-/// from the pair itself and one more row. If this row is noisy, the pair would seem to be noisy too.
+/// A pair of points borrows only in tables of at least this many rows. With three rows, the spread of all rows would
+/// come from the pair itself and one more row. If this row is noisy, the pair would seem to be noisy too.
 const FEWEST_LENDERS: usize = 4;
 /// A variance that is more than this many times the usual variance borrows nothing. The variance of a point that is
 /// unsteadier than the others would otherwise be averaged with variances that are far too small for it. In simulations
-/// (docs/methodology.md), of the 95% intervals of a point that varied eight times as much as the others, 83% contained
-/// the true ratio if the point always borrowed, and 95% with this limit (four launches). Of the points that vary like
+/// (docs/methodology.md), of the 95% intervals of a point that varied eight times as much as the others, 80 to 83%
+/// contained the true ratio if the point always borrowed, and 95% with this limit (four launches). Of the points that vary like
 /// the others, one in nine exceeds the limit by chance.
 const MOST_TIMES_USUAL: f64 = 2.0;
 /// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
@@ -112,8 +112,8 @@ impl Pooled {
         prior.degrees.min(BORROWED.min(others) as f64)
     }
 
-    /// Returns the mean of two variances, weighted by their degrees of freedom, and the sum of these degrees of freedom.
-    /// `own` is the variance of a row or of differences; `usual` is that of all rows, and has `borrowed` degrees of
+    /// Returns the mean of two variances, weighted by their degrees of freedom, and the sum of these degrees of
+    /// freedom. `own` is the variance of a row or of differences; `usual` is that of all rows, and has `borrowed` degrees of
     /// freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]), `usual` has no part in the result.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> (f64, f64) {
         let columns = self.columns as f64 - 1.0;

@@ -248,7 +248,7 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     for sample in samples.iter_mut().filter(|sample| sample.launch == 1) {
         sample.ms *= if sample.point == 6 { 1.5 } else { 1.0 + 0.01 * (sample.point % 3) as f64 };
     }
-    let paired = Paired::with_anchors(&samples, 6, &[true]);
+    let paired = Paired::with_anchors(&samples, &[true; 6], &[true]);
     let ratio = paired.ratio(0, 6).expect("enough samples");
     // Two launches leave one degree of freedom, and the ratio's error is half of the difference of the two launches.
     let expected = 0.5 * 1.5_f64.ln();
@@ -256,9 +256,32 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     // The spread of the points does not include the spread of the anchor.
     let without: Vec<PairedSample> = samples.iter().filter(|sample| sample.point < 6).copied().collect();
     let alone = Paired::of(&without, 6);
-    let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(1, 0).expect("enough samples"));
+    let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(3, 0).expect("enough samples"));
     assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
-    // If the anchor does not run on processors, it is compared like a point.
-    let elsewhere = Paired::with_anchors(&samples, 6, &[false]).ratio(0, 6).expect("enough samples");
-    assert!((elsewhere.degrees - beside.degrees).abs() < 1e-9, "{elsewhere:?} {beside:?}");
+    // If the anchor does not run on processors, it is compared like a point: its own spread alone counts only if it is
+    // far above the usual spread.
+    let elsewhere = Paired::with_anchors(&samples, &[true; 6], &[false]).ratio(0, 6).expect("enough samples");
+    assert!((elsewhere.degrees - 1.0).abs() < 1e-9, "{elsewhere:?}");
+    for sample in samples.iter_mut().filter(|sample| sample.point == 6 && sample.launch == 1) {
+        sample.ms /= 1.5;
+    }
+    let steady = Paired::with_anchors(&samples, &[true; 6], &[false]);
+    let [to_anchor, to_point] = [6, 3].map(|other| steady.ratio(0, other).expect("enough samples"));
+    assert!((to_anchor.degrees - to_point.degrees).abs() < 1e-9, "{to_anchor:?} {to_point:?}");
+    assert!(to_anchor.degrees > 1.1, "{to_anchor:?}");
+}
+
+/// Two kernels take as long in each launch; a third point, which is not typical, takes twice as long in one launch.
+#[test]
+fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
+    let mut samples = steady(3, 3, 9);
+    samples.iter_mut().filter(|one| one.point == 2 && one.launch == 1).for_each(|one| one.ms *= 2.0);
+    let with = |are_typical: [bool; 3]| Paired::with_anchors(&samples, &are_typical, &[]);
+    let resolution = |are_typical: [bool; 3]| with(are_typical).resolution().expect("two points");
+    assert!(resolution([true, true, false]) < 0.01, "{}", resolution([true, true, false]));
+    assert!(resolution([true, false, true]) > 0.5, "{}", resolution([true, false, true]));
+    // Fewer than two typical points show nothing, so all points are rows of the table.
+    assert_eq!(with([true, false, false]), with([true; 3]));
+    let ratio = with([true, true, false]).ratio(2, 0).expect("enough samples");
+    assert!(ratio.high / ratio.low > 2.0, "{ratio:?}");
 }

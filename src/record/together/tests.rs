@@ -322,18 +322,18 @@ fn each_device_is_compared_with_its_own_anchor() {
     assert!(records.iter().all(|record| anchored(record).is_none()), "anchors were not requested");
 }
 
-/// In the second launch, four points take 1.5 times as long as in the first, and the anchor takes as long.
+/// In the second launch, four points take 1.1, 2, 0.5 and 1 times as long as in the first.
 #[test]
-fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_points() {
-    let degrees = |threads: Option<u32>| {
-        let points = ["naive", "wide", "bvh", "tile"];
-        let mut records = points.map(|name| Record { threads, ..launches(name, 10.0, 0.5) });
+fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread_of_points() {
+    let degrees = |threads: Option<u32>, slower: f64| {
+        let points = [("naive", 0.1), ("wide", 1.0), ("bvh", -0.5), ("tile", 0.0)];
+        let mut records = points.map(|(name, slower)| Record { threads, ..launches(name, 10.0, slower) });
         let anchor = |index: u32| AnchorSample {
             anchor: "a".into(),
             device: records[0].device.clone(),
             launch: index / 5,
             at_ms: f64::from(index) + 0.5,
-            ms: 2.0,
+            ms: if index < 5 { 2.0 } else { 2.0 * slower },
             ..AnchorSample::default()
         };
         let anchors: Vec<AnchorSample> = (0..10).map(anchor).collect();
@@ -342,7 +342,59 @@ fn only_an_anchor_that_processors_run_is_compared_without_the_usual_spread_of_po
     };
     // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the points adds
     // two: the number of points, less one for each side of the ratio.
-    assert_eq!((degrees(Some(2)), degrees(None)), (Some(1.0), Some(3.0)));
+    assert_eq!((degrees(Some(2), 1.0), degrees(None, 1.0)), (Some(1.0), Some(3.0)));
+    // If the anchor's time changes far more than the points' times, their usual spread says nothing about it.
+    assert_eq!(degrees(None, 20.0), Some(1.0));
+}
+
+/// The baseline takes 1.4 times as long in one of four launches. The two kernels are equally fast in all launches.
+#[test]
+fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
+    let point = |name: &str, device: &str, ms: f64, slow: f64| {
+        let samples = (0..20).map(move |index| (index / 5, if index < 5 { slow * ms } else { ms }));
+        Record { device: device.into(), key: name.into(), ..sampled(name, samples) }
+    };
+    let kernels = [point("naive", "gpu", 10.0, 1.0), point("wide", "gpu", 11.0, 1.0)];
+    let [alone, with] = [None, Some(point("serial", HOST, 100.0, 1.4))].map(|baseline| {
+        let records: Vec<Record> = kernels.iter().cloned().chain(baseline).collect();
+        judged(records)
+    });
+    assert_eq!(how_sure(&with), how_sure(&alone));
+    let of = |records: &[Record]| ratio(&records[1], &records[0]).expect("enough samples");
+    assert_eq!(of(&with), of(&alone));
+    // The baseline's own times say how sure its ratios are.
+    let to_baseline = ratio(&with[2], &with[0]).expect("enough samples");
+    assert!(to_baseline.high / to_baseline.low > 1.5, "{to_baseline:?}");
+    // A single kernel is compared with the baseline as before.
+    let one = judged([with[0].clone(), with[2].clone()]);
+    assert!(how_sure(&one).len() == 1 && how_sure(&one) != how_sure(&alone), "{:?}", how_sure(&one));
+}
+
+/// In each launch, one sample of the point or of the anchor is 0. The other nine samples would be enough.
+#[test]
+fn a_sample_of_zero_is_no_time_of_a_point_or_an_anchor() {
+    let zero = |index: u32| index.is_multiple_of(10);
+    let some = sampled("wide", (0..20).map(|index| (index / 10, if zero(index) { 0.0 } else { 0.001 })));
+    let whole = |name: &str| sampled(name, (0..20).map(|index| (index / 10, 0.002)));
+    let records = judged([some, whole("naive"), whole("bvh")]);
+    assert_eq!(records.iter().map(is_below_resolution).collect::<Vec<_>>(), [true, false, false]);
+    assert_eq!((interval(&records[0]), ranking(&records).unranked.len()), (None, 1));
+    assert!(ratio(&records[0], &records[1]).is_none() && ratio(&records[2], &records[1]).is_some());
+    let anchored_to = |least: f64| {
+        let mut records = [whole("naive"), whole("bvh")];
+        let anchor = |index: u32| AnchorSample {
+            anchor: "a".into(),
+            device: records[0].device.clone(),
+            launch: index / 10,
+            at_ms: f64::from(index) + 0.5,
+            ms: if zero(index) { least } else { 1.0 },
+            ..AnchorSample::default()
+        };
+        let anchors: Vec<AnchorSample> = (0..20).map(anchor).collect();
+        judge_with_anchors(&mut records, &anchors);
+        anchored(&records[0]).is_some()
+    };
+    assert_eq!([0.0, 0.5].map(anchored_to), [false, true]);
 }
 
 #[test]
