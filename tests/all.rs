@@ -64,6 +64,8 @@ mod settings;
 mod shards;
 mod soft;
 mod split;
+#[cfg(unix)]
+mod statuses;
 mod supervisor;
 mod textures;
 mod torture;

@@ -149,7 +149,7 @@ pub fn chosen_strategy(
     let (best, best_local) = fastest(limits, &task)?;
     let strategy = requested_strategy(text, set, best)?;
     strategy.check().map_err(|error| match text {
-        None if best.check().is_ok() => error.with_help(another_strategy(&best)),
+        None if best.check().is_ok() => error.with_help(another_strategy(&best, set)),
         _ => error,
     })?;
     if strategy == best {
@@ -158,10 +158,11 @@ pub fn chosen_strategy(
     Ok((strategy, strategy.usual_local_size(limits)))
 }
 
-/// Returns the remedy (the advice in the error message) if values of `--set` cannot be combined with `chosen`, the
-/// strategy that raycl chose. `chosen` may differ from every preset, for example in its width, so the remedy names the
-/// most similar preset.
-fn another_strategy(chosen: &Strategy) -> String {
+/// Returns the remedy (the advice in the error message) if the values in `set`, those of `--set`, cannot be combined
+/// with `chosen`, the strategy that raycl chose. `chosen` may differ from every preset, for example in its width, so
+/// the remedy names the most similar preset. The remedy also names a preset that can be combined with these values:
+/// `deferred`, if possible. If there is no such preset, the remedy is to change the values.
+fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let own = chosen.axes();
     let differences =
         |strategy: &Strategy| strategy.axes().into_iter().filter(|axis| !own.contains(axis)).count();
@@ -169,9 +170,18 @@ fn another_strategy(chosen: &Strategy) -> String {
         .iter()
         .min_by_key(|preset| differences(&preset.strategy))
         .map_or("a strategy", |preset| preset.name);
-    format!(
-        "raycl chose {name} for this device; name another strategy with --strategy, such as `--strategy deferred`"
-    )
+    let allows = |name: &&str| {
+        requested_strategy(Some(*name), set, *chosen).is_ok_and(|strategy| strategy.check().is_ok())
+    };
+    let presets = PRESETS.iter().map(|preset| preset.name);
+    match ["deferred"].into_iter().chain(presets).find(allows) {
+        Some(other) => format!(
+            "raycl chose {name} for this device; name another strategy with --strategy, such as `--strategy {other}`"
+        ),
+        None => format!(
+            "raycl chose {name} for this device, and no preset allows these values of --set: change one of these axes; `raycl strategies` lists the values of each"
+        ),
+    }
 }
 
 /// Returns the strategy that `text` names, or `otherwise` if there is no text. Each axis that `set` names gets its
@@ -410,6 +420,44 @@ mod tests {
             assert!(named.remedy().starts_with("change one of these axes"), "{}", named.remedy());
             assert!(chosen_strategy(Some("deferred"), &wide, limits, task).is_ok(), "{name}");
         }
+    }
+
+    #[test]
+    fn the_strategy_that_the_remedy_names_allows_the_value_that_the_chosen_one_does_not() {
+        let usual = crate::device::EXAMPLE_LIMITS;
+        let gpu = DeviceLimits { lane_operations: crate::device::LaneOperations::Ptx, ..usual };
+        let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..usual };
+        let tasks = [12, 1026].map(|triangles| Task::covering(triangles, 1 << 24));
+        let cases = [usual, gpu, cpu].map(|limits| tasks.map(|task| (limits, task))).concat();
+        let values = AXES.iter().flat_map(|axis| {
+            axis.values().into_iter().map(move |(value, _)| (axis.name.to_owned(), value.to_owned()))
+        });
+        let mut named = Vec::new();
+        for set in values.map(|value| [value]) {
+            for (limits, task) in &cases {
+                let Err(error) = chosen_strategy(None, &set, limits, *task) else { continue };
+                let remedy = error.remedy();
+                let name = remedy.split_once("such as `--strategy ").map(|(_, name)| name.replace('`', ""));
+                let name = name.unwrap_or_else(|| panic!("{set:?}: {remedy}"));
+                let other = chosen_strategy(Some(&name), &set, limits, *task);
+                assert!(other.is_ok(), "{set:?}: {remedy}");
+                named.push(name);
+            }
+        }
+        for name in ["deferred", "naive", "tile"] {
+            assert!(named.iter().any(|other| other == name), "{name} is not in {named:?}");
+        }
+    }
+
+    #[test]
+    fn values_that_no_preset_allows_are_to_be_changed() {
+        let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..crate::device::EXAMPLE_LIMITS };
+        let set = [("traversal", "bvh"), ("tile", "8x8")];
+        let set = set.map(|(axis, value)| (axis.to_owned(), value.to_owned()));
+        let task = Task::covering(1026, 1 << 24);
+        let error = chosen_strategy(None, &set, &cpu, task).expect_err("bvh casts no tiles");
+        let words = "raycl chose tile for this device, and no preset allows these values of --set: change";
+        assert!(error.exit_code() == 2 && error.remedy().starts_with(words), "{}", error.remedy());
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Args {
     out: Option<PathBuf>,
     /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote
     /// them
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", conflicts_with = "command")]
     force: bool,
 }
 

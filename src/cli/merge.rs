@@ -38,7 +38,7 @@ pub struct Args {
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
     /// increases once per second. A process whose counter stays the same counts as lost. A network file system may show
     /// old data for some time; choose more SECONDS than that time
-    #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", conflicts_with_all = ["device", "quiet"], value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process
     #[arg(long)]

@@ -110,7 +110,7 @@ enum Command {
         #[arg(long, conflicts_with = "list")]
         keep: bool,
         /// Use the kernels of this folder
-        #[arg(long, requires = "list")]
+        #[arg(long, requires = "list", conflicts_with = "keep")]
         cl_dir: Option<std::path::PathBuf>,
     },
     /// Print a strategy's kernels as the compiler sees them
@@ -342,6 +342,8 @@ fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Err
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::builder::ValueParser;
+    use clap::error::{ContextKind, ContextValue};
 
     #[test]
     fn the_arguments_are_consistent() {
@@ -464,10 +466,87 @@ mod tests {
             "raycl reproduce --page-only --resume",
             "raycl reproduce --page-only --no-wait",
             "raycl reproduce --page-only --verbose",
+            "raycl reproduce --page-only --retry-failed",
             "raycl reproduce --retry-failed",
+            "raycl run a.toml --sbatch 2 --retry-failed",
+            "raycl render a.toml --every-device --device cpu",
+            "raycl render a.toml --every-device --layers a.exr",
+            "raycl render a.toml --every-device --turntable 2",
+            "raycl render a.toml --turntable 2 --no-wait",
+            "raycl man render --force",
+            "raycl merge out --device cpu --between 3",
+            "raycl merge out --quiet --between 3",
         ] {
             assert!(!is_accepted(line), "{line}");
         }
+    }
+
+    /// clap (the library that parses the arguments) does not report that an option's required option is missing if the
+    /// required option conflicts with a given option. The first option would then be accepted, but have no effect, so
+    /// it must itself conflict with the given option.
+    #[test]
+    fn an_option_conflicts_with_all_that_conflicts_with_the_option_that_it_requires() {
+        let mut all = with_any_values(Cli::command());
+        all.build();
+        let seen = inherited_conflicts(&all, &all, &["raycl"]);
+        assert!(seen >= 10, "only {seen} conflicts");
+    }
+
+    /// Checks that each option of `command` and of its subcommands conflicts with everything that conflicts with the
+    /// option that it requires. Returns the number of these conflicts. `all` is the command `raycl`, and `words` are
+    /// the words of a command line that select `command`.
+    fn inherited_conflicts(all: &clap::Command, command: &clap::Command, words: &[&str]) -> usize {
+        let always_missing = missing_options(all, words);
+        let mut seen = 0;
+        for option in command.get_arguments() {
+            let Some(name) = option.get_long() else { continue };
+            let value = if option.get_action().takes_values() { "=1" } else { "" };
+            let typed = format!("--{name}{value}");
+            let missing = missing_options(all, &[words, &[typed.as_str()]].concat());
+            let is_required = |other: &&clap::Arg| {
+                let other = other.to_string();
+                missing.contains(&other) && !always_missing.contains(&other)
+            };
+            for required in command.get_arguments().filter(is_required) {
+                for other in command.get_arguments().filter(|other| conflict(command, required, other)) {
+                    assert!(
+                        conflict(command, option, other),
+                        "{words:?}: {option} needs {required}, and only {required} conflicts with {other}"
+                    );
+                    seen += 1;
+                }
+            }
+        }
+        for inner in command.get_subcommands() {
+            seen += inherited_conflicts(all, inner, &[words, &[inner.get_name()]].concat());
+        }
+        seen
+    }
+
+    /// Returns the options and arguments that are missing in a command line, as clap's message names them.
+    fn missing_options(all: &clap::Command, words: &[&str]) -> Vec<String> {
+        let mistake = all.clone().try_get_matches_from(words).err();
+        match mistake.as_ref().and_then(|mistake| mistake.get(ContextKind::InvalidArg)) {
+            Some(ContextValue::Strings(missing)) => missing.clone(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Returns whether one of two arguments of a command declares a conflict with the other.
+    fn conflict(command: &clap::Command, one: &clap::Arg, other: &clap::Arg) -> bool {
+        let declares = |one: &clap::Arg, other: &clap::Arg| {
+            command.get_arg_conflicts_with(one).iter().any(|named| named.get_id() == other.get_id())
+        };
+        declares(one, other) || declares(other, one)
+    }
+
+    /// Lets every argument have any value, so that a test can give the same value to all options.
+    fn with_any_values(command: clap::Command) -> clap::Command {
+        let any = |arg: clap::Arg| match arg.get_action().takes_values() {
+            true => arg.value_parser(ValueParser::os_string()),
+            false => arg,
+        };
+        command.mut_args(any).mut_subcommands(with_any_values)
     }
 
     #[test]

@@ -74,7 +74,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
-    #[arg(long, requires = "devices")]
+    #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
@@ -94,7 +94,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
-    #[arg(long, requires = "repeat")]
+    #[arg(long, requires = "repeat", conflicts_with = motion::MOVING)]
     no_wait: bool,
     /// Compare the picture with the reference picture, which the host casts in double precision, and exit with code 1
     /// if the picture is wrong. With =N, compare only N random pixels

@@ -55,7 +55,7 @@ pub struct Args {
     no_wait: bool,
     /// Measure nothing; from existing results, generate the page that judges the student paper's claims. Not with
     /// --device, --set, --resume, --no-wait or --verbose
-    #[arg(long, conflicts_with_all = ["device", "set", "resume", "no_wait", "verbose"])]
+    #[arg(long, conflicts_with_all = ["device", "set", "resume", "retry_failed", "no_wait", "verbose"])]
     page_only: bool,
     /// Print neither the progress nor the paths of written files
     #[arg(short, long)]

@@ -135,7 +135,7 @@ pub struct Args {
     /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, 1 to
     /// 100,000, and the second job merges the results. raycl itself submits no job. Not with --shard, --spread,
     /// --dry-run, --resume or two folders of --cl-dir
-    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = whole::<u32>(1..=100_000))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume", "retry_failed"], value_parser = whole::<u32>(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3
     #[arg(long, hide = true)]

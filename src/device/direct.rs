@@ -61,7 +61,7 @@ fn named(status: i32) -> Option<Status> {
 ///
 /// Fails if the driver cannot list its devices. The error names the status.
 pub fn devices(platform: Platform) -> Result<Vec<Device>, String> {
-    let (mut count, platform) = (0, platform.as_core().as_ptr());
+    let (mut count, platform) = (0_u32, platform.as_core().as_ptr());
     let list = |entries, devices, count: *mut u32| {
         // SAFETY: `devices` has room for `entries` devices, or is null if `entries` is 0. `count` is null or points to a
         // number that outlives the call.

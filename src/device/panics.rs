@@ -61,6 +61,13 @@ pub(crate) fn note_failure(message: &str) {
     known().failure = Some(message.to_owned());
 }
 
+/// Stores the latest error of OpenCL, and returns it. Functions that own buffers and return an error of the crate `ocl`
+/// call this function: the buffers are freed before the error becomes another one that is stored.
+pub(crate) fn noted<E: std::fmt::Display>(error: E) -> E {
+    note_failure(&without_frame(&error.to_string()));
+    error
+}
+
 /// Forgets the latest error of OpenCL, since the work went on after it.
 pub(crate) fn forget_failures() {
     known().failure = None;

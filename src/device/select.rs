@@ -120,7 +120,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
 fn listing(infos: &[&DeviceInfo]) -> String {
     let lines: Vec<_> = infos.iter().map(|info| format!("  {}{}", info.describe(), only(info))).collect();
     format!(
-        "Name devices by a part of a device's, platform's or vendor's name, by a kind (cpu, gpu, accelerator), or by 'all'. The devices are:\n{}",
+        "Name devices by a part of a device's, platform's or vendor's name, by a label that `raycl devices` shows, by a kind (cpu, gpu, accelerator), or by 'all'. The devices are:\n{}",
         lines.join("\n")
     )
 }
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn a_misspelt_name_is_answered_with_the_nearest_and_all_there_is() {
         let message = message(&["nvidai"]);
-        for part in ["no device matches 'nvidai'", "did you mean 'nvidia'", "pthread-skylake"] {
+        for part in ["no device matches 'nvidai'", "did you mean 'nvidia'", "by a label", "pthread-skylake"] {
             assert!(message.contains(part), "{message}");
         }
         assert!(indices(&[""]).is_err());

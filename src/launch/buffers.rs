@@ -3,6 +3,7 @@
 //! large transfers use pinned memory.
 
 use super::Queue;
+use crate::device::noted;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -23,6 +24,7 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .len(values.len())
         .copy_host_slice(values)
         .build()
+        .map_err(noted)
 }
 
 /// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into the
@@ -41,14 +43,15 @@ pub fn upload_rows<T: OclPrm>(
         return upload(queue, &values);
     }
     let commands = queue.commands.clone();
-    let buffer = Buffer::builder().queue(commands).flags(MemFlags::READ_ONLY).len(len).build()?;
+    let buffer = Buffer::builder().queue(commands).flags(MemFlags::READ_ONLY).len(len);
+    let buffer = buffer.build().map_err(noted)?;
     if pins {
         queue.staging.write(&queue.commands, &buffer, row, fill)?;
         return Ok(buffer);
     }
     let mut mapped = map(&buffer, MapFlags::new().write_invalidate_region())?;
     fill(0..rows, &mut mapped);
-    mapped.unmap().enq()?;
+    mapped.unmap().enq().map_err(noted)?;
     Ok(buffer)
 }
 
@@ -68,14 +71,14 @@ pub fn read_rows<T: OclPrm>(
     if queue.shares_memory {
         let mut mapped = map(buffer, MapFlags::new().read())?;
         take(rows, &mapped[values]);
-        return mapped.unmap().enq();
+        return mapped.unmap().enq().map_err(noted);
     }
     if queue.pins(values.len() * size_of::<T>()) {
         let made = |rows: Range<usize>| Ok((buffer.clone(), rows.start * row));
         return queue.staging.read(&queue.commands, (rows, row, 1), made, take);
     }
     let mut copy = vec![T::default(); values.len()];
-    buffer.cmd().read(&mut copy[..]).offset(values.start).enq()?;
+    buffer.cmd().read(&mut copy[..]).offset(values.start).enq().map_err(noted)?;
     take(rows, &copy);
     Ok(())
 }
@@ -91,10 +94,11 @@ pub fn copy<T: OclPrm>(from: &[T], to: &mut [T]) {
 fn map<T: OclPrm>(buffer: &Buffer<T>, flags: MapFlags) -> ocl::Result<MemMap<T>> {
     // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped. The
     // buffer is unmapped before anything else is enqueued.
-    unsafe { buffer.map().flags(flags).enq() }
+    unsafe { buffer.map().flags(flags).enq() }.map_err(noted)
 }
 
 /// Makes a buffer of `len` values that kernels read and write.
 pub fn allocate<T: OclPrm>(queue: &Queue, len: usize) -> ocl::Result<Buffer<T>> {
-    Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_WRITE).len(len.max(1)).build()
+    let buffer = Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_WRITE).len(len.max(1));
+    buffer.build().map_err(noted)
 }

@@ -179,11 +179,12 @@ impl Session {
                 }
                 other => other?,
             };
-            let most = prepared.most_work_items();
-            match most.and_then(|most| smaller(strategy.shares_tiles(), local_size, most)) {
-                Some(smaller) => local_size = smaller,
-                None => return Ok(prepared),
+            let most = prepared.most_work_items().unwrap_or(usize::MAX);
+            let fitting = halved(strategy.shares_tiles(), local_size, most);
+            if fitting == local_size {
+                return Ok(prepared);
             }
+            local_size = fitting;
         }
     }
 
@@ -334,15 +335,19 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     Infeasible::beyond(format!("{}, in addition to {held_bytes} B {others}", refused.reason))
 }
 
-/// Returns half a local size if it has more than `most` work-items; `None` if it has not, or if the strategy supports
-/// no smaller one. If work-items share tiles, a row of the local size is a tile, which cannot be halved.
-fn smaller(shares_tiles: bool, [across, down]: [u32; 2], most: usize) -> Option<[u32; 2]> {
-    let is_too_large = across as usize * down as usize > most;
-    match is_too_large {
-        true if across > down && !shares_tiles => Some([across / 2, down]),
-        true if down > 1 => Some([across, down / 2]),
-        _ => None,
+/// Halves the longer side of a local size until it has at most `most` work-items, or until the strategy supports no
+/// smaller size. If work-items share tiles, a row of the local size is a tile, which cannot be halved.
+fn halved(shares_tiles: bool, [mut across, mut down]: [u32; 2], most: usize) -> [u32; 2] {
+    while across as usize * down as usize > most {
+        if across > down && !shares_tiles {
+            across /= 2;
+        } else if down > 1 {
+            down /= 2;
+        } else {
+            break;
+        }
     }
+    [across, down]
 }
 
 #[cfg(test)]
@@ -357,18 +362,10 @@ mod tests {
 
     #[test]
     fn a_work_group_is_halved_until_the_kernel_supports_it() {
-        let sizes = |shares_tiles, local_size, most| {
-            let mut sizes = vec![local_size];
-            while let Some(next) = smaller(shares_tiles, sizes[sizes.len() - 1], most) {
-                sizes.push(next);
-            }
-            sizes
-        };
-        assert_eq!(sizes(false, [8, 8], 64), [[8, 8]]);
-        assert_eq!(sizes(false, [16, 8], 16), [[16, 8], [8, 8], [8, 4], [4, 4]]);
-        assert_eq!(sizes(false, [2, 1], 0), [[2, 1], [1, 1]]);
-        assert_eq!(sizes(true, [32, 4], 64), [[32, 4], [32, 2]]);
-        assert_eq!(sizes(true, [32, 2], 16), [[32, 2], [32, 1]]);
+        let sizes = [64, 63, 16, 2, 1, 0].map(|most| halved(false, [16, 8], most));
+        assert_eq!(sizes, [[8, 8], [8, 4], [4, 4], [2, 1], [1, 1], [1, 1]]);
+        assert_eq!(halved(false, [16, 8], 128), [16, 8]);
+        assert_eq!([64, 16].map(|most| halved(true, [32, 4], most)), [[32, 2], [32, 1]]);
     }
 
     #[test]
@@ -377,7 +374,8 @@ mod tests {
         let scene = Arc::new(fixtures::single_triangle());
         let mut session = Session::open(&device, &Sources::Embedded, scene).unwrap();
         let strategy = preset("deferred").unwrap().strategy;
-        let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        let prepared = session.prepare(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
+        let prepared = prepared.unwrap();
         assert!(prepared.most_work_items().is_some_and(|most| most >= 1));
     }
 

@@ -1,6 +1,7 @@
 //! Pinned memory of the host, which a device with separate memory can access directly, without a copy by the driver.
 //! The pinned memory consists of two pieces: one is filled or emptied while the other is transferred.
 
+use crate::device::noted;
 use ocl::core::{enqueue_read_buffer, enqueue_write_buffer};
 use ocl::{Buffer, Event, MapFlags, MemFlags, MemMap, OclPrm, Queue};
 use std::ops::Range;
@@ -55,7 +56,7 @@ impl Staging {
             for number in 0..cut.count() {
                 let (rows, half) = (cut.rows(number), number % 2);
                 if let Some(event) = in_flight[half].take() {
-                    event.wait_for()?;
+                    event.wait_for().map_err(noted)?;
                 }
                 let values = pieces.values(half, rows.len() * row);
                 fill(rows.clone(), values);
@@ -73,7 +74,7 @@ impl Staging {
                         Some(&mut event),
                     )?;
                 }
-                commands.flush()?;
+                commands.flush().map_err(noted)?;
                 in_flight[half] = Some(event);
             }
             Ok(())
@@ -109,7 +110,7 @@ impl Staging {
                         Some(&mut event),
                     )?;
                 }
-                commands.flush()?;
+                commands.flush().map_err(noted)?;
                 Ok(event)
             };
             let mut coming = (cut.count() > 0).then(|| begin(0, pieces)).transpose()?;
@@ -119,7 +120,7 @@ impl Staging {
                 if number + 1 < cut.count() {
                     coming = Some(begin(number + 1, pieces)?);
                 }
-                event.map_or(Ok(()), |event| event.wait_for())?;
+                event.map_or(Ok(()), |event| event.wait_for().map_err(noted))?;
                 let rows = cut.rows(number);
                 take(rows.clone(), pieces.values(number % 2, rows.len() * row));
             }
@@ -142,7 +143,7 @@ impl Staging {
         };
         let pieces = stored.insert(pieces);
         let done = work(pieces);
-        commands.finish()?;
+        commands.finish().map_err(noted)?;
         done
     }
 }

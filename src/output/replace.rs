@@ -5,6 +5,7 @@ use super::unfinished::Unfinished;
 use crate::error::{Error, Result, cause, limit_advice};
 use crate::existing;
 use crate::reader::{self, may_write, names_a_folder};
+use crate::words::{path_word, quote};
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind, Result as IoResult};
 use std::path::Path;
@@ -218,7 +219,8 @@ pub(super) fn folder_of(path: &Path) -> Result<&Path> {
         return Err(Error::input(message).with_help("give a path whose folder exists"));
     }
     let message = format!("cannot write '{name}': there is no folder '{}'", folder.display());
-    Err(Error::input(message).with_help(format!("create this folder first: mkdir -p '{}'", folder.display())))
+    let command = format!("mkdir -p {}", quote(&path_word(folder)));
+    Err(Error::input(message).with_help(format!("create this folder first: {command}")))
 }
 
 #[cfg(test)]
@@ -265,7 +267,16 @@ mod tests {
         assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
         let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
         assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
-        assert_eq!(error.remedy(), "create this folder first: mkdir -p 'nowhere'");
+        // A shell obeys the remedy's command, whatever the folder's name.
+        for (path, word) in [
+            ("nowhere/a.png", "nowhere"),
+            ("it's/a.png", r"'it'\''s'"),
+            ("-p/a.png", "./-p"),
+            ("a b/a.png", "'a b'"),
+        ] {
+            let remedy = format!("create this folder first: mkdir -p {word}");
+            assert_eq!(folder_of(Path::new(path)).unwrap_err().remedy(), remedy);
+        }
         for path in [name("a.png/b.png"), name("a.png/inner/b.png")] {
             let error = folder_of(&path).unwrap_err();
             let why = format!("'{}' is a file, not a folder", name("a.png").display());

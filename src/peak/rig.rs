@@ -123,12 +123,13 @@ impl<'a> Rig<'a> {
         // it does not support pointers to vectors.
         unsafe { kernel.disable_arg_type_check() };
         add(&mut kernel);
-        let kernel = kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
-            error @ LaunchError::OwnKernel(_) => {
-                Refused::at("making a kernel")(error).into_error(&self.device.info)
-            }
-            error => failed(error),
-        })?;
+        let kernel =
+            kernel.build().map_err(|error| match LaunchError::of_kernel(name, own_files, error) {
+                error @ LaunchError::OwnKernel(_) => {
+                    Refused::at("making a kernel")(error).into_error(&self.device.info)
+                }
+                error => failed(error),
+            })?;
         match kernel.wg_info(self.queue.device, KernelWorkGroupInfo::WorkGroupSize) {
             Ok(KernelWorkGroupInfoResult::WorkGroupSize(most)) if most < group => {
                 Err(failed_because(&too_many(name, [group, most])))
@@ -183,7 +184,9 @@ impl<'a> Rig<'a> {
 
 /// Returns the message about a kernel that supports only `most` work-items per work-group, not `group`.
 fn too_many(name: &str, [group, most]: [usize; 2]) -> String {
-    format!("the measurement needs work-groups of {group} work-items; the compiled kernel {name} supports at most {most}")
+    format!(
+        "the measurement needs work-groups of {group} work-items; the compiled kernel {name} supports at most {most}"
+    )
 }
 
 /// Returns the seconds per loop, one value per repeat, and the number of loops. `timed_ms` takes a number of loops and

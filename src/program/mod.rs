@@ -15,6 +15,6 @@ pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
 pub use compiled::CompiledKernel;
 pub use frame_kernels::frame_kernels;
 pub use spec::ProgramSpec;
-pub use stored::{AFRESH, ProgramCache};
 #[cfg(test)]
 pub(crate) use stored::StoredProgram;
+pub use stored::{AFRESH, ProgramCache};

@@ -69,7 +69,7 @@ mod tests {
     fn a_journal_has_the_intervals_of_the_whole_run_and_nothing_else_changes() {
         let folder = tempfile::tempdir().unwrap();
         let journal = folder.path().join("records.jsonl");
-        let mut records = vec![launches("a", 0, 0.01), launches("b", 3, 0.05)];
+        let mut records = vec![launches("a", 0, 0.04), launches("b", 3, 0.05)];
         for record in &mut records {
             let mut alone = [record.clone()];
             judge(&mut alone);

@@ -10,7 +10,7 @@ use crate::filetype::unpacked_name;
 use crate::launch::ROUNDED_STACK;
 use crate::program::{ProgramSpec, Sources};
 use crate::scene::Sampling;
-use crate::strategy::{Strategy, Task, Workload, preset};
+use crate::strategy::{Requirements, Strategy, Task, Workload, preset};
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
 
@@ -71,6 +71,9 @@ fn spec(
     }
     let image_size = args.subject.size();
     let workload = Workload { image_size, ..known };
+    // If the device cannot cast this workload, for example because the strategy does not allow the work-group, the
+    // program might not compile. The compiler would then print an error before raycl's own message.
+    Requirements::check(strategy, &workload, &device.limits).ok()?;
     ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }
 
@@ -251,6 +254,19 @@ mod tests {
         let (small, large) = (spec(100), spec(1_000_000));
         assert!(!small.options.contains("STACK_SIZE"), "{}", small.options);
         assert!(large.options.contains("STACK_SIZE=128"), "{}", large.options);
+    }
+
+    #[test]
+    fn no_program_is_guessed_for_a_work_group_that_the_strategy_does_not_allow() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let mesh = folder.path().join("mesh.obj");
+        std::fs::write(&mesh, "#").unwrap();
+        let is_guessed = |local_size: &str| {
+            let args = args(&mesh, &["--plain", "--strategy", "tile-group", "--local-size", local_size]);
+            likely(&Cache::none(), &args, &Sources::Embedded, &device).is_some()
+        };
+        assert_eq!(["32x1", "5x5"].map(is_guessed), [true, false]);
     }
 
     /// If the guess for a new mesh were wrong, the first start of raycl with this mesh would compile two programs.
