@@ -155,34 +155,61 @@ fn a_local_size_that_raycl_chose_becomes_smaller_if_the_kernel_supports_fewer_wo
 const CRASHING: &str = "void *clCreateProgramWithBinary() { creat(\"crashed\", 0600); abort(); }";
 
 /// Runs a command with these arguments, after `raycl run` has stored the program that it needs. The driver crashes when
-/// it loads this program, but the command must succeed. Returns the command's folder, and what it said.
+/// it loads this program, and `faults` are further functions that replace functions of OpenCL. The command must end with
+/// this exit code. Returns the command's folder, and what it said.
 #[track_caller]
-fn with_a_bad_stored_program(arguments: &[&str]) -> (WorkFolder, String) {
+fn with_a_bad_stored_program(faults: &str, code: i32, arguments: &[&str]) -> (WorkFolder, String) {
     let device = device();
-    let (folder, mut crashing) = with_faults(CRASHING, &[arguments, &["--device", &device]].concat());
+    let functions = format!("{CRASHING}\n{faults}");
+    let (folder, mut crashing) = with_faults(&functions, &[arguments, &["--device", &device]].concat());
     let mut storing =
         folder.raycl(&["run", "config.toml", "--out", "stored", "--device", &device, "--quiet"]);
     for command in [&mut storing, &mut crashing] {
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", folder.path("cache"));
     }
     storing.assert().success();
-    let said = String::from_utf8(crashing.assert().success().get_output().stderr.clone()).expect("UTF-8");
+    let said = String::from_utf8(crashing.assert().code(code).get_output().stderr.clone()).expect("UTF-8");
     assert!(folder.path("crashed").exists(), "no stored program was loaded: {said}");
     (folder, said)
 }
 
 #[test]
 fn a_run_compiles_a_stored_program_that_crashes_the_driver_again() {
-    let (folder, _) = with_a_bad_stored_program(&["run", "config.toml", "--out", "out", "--quiet"]);
+    let (folder, _) = with_a_bad_stored_program("", 0, &["run", "config.toml", "--out", "out", "--quiet"]);
     let records = folder.json_lines("out/records.jsonl");
     assert_eq!(records[0]["outcome"], "measured", "{}", records[0]);
 }
 
+/// The arguments that cast a picture with the stored program.
+const PICTURE: [&str; 12] = [
+    "render",
+    "scene.toml",
+    "-o",
+    "a.png",
+    "--width",
+    "8",
+    "--height",
+    "5",
+    "--strategy",
+    "deferred",
+    "--local-size",
+    "4",
+];
+
 #[test]
 fn a_picture_is_cast_again_without_a_stored_program_that_crashes_the_driver() {
-    let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5"];
-    let (folder, said) =
-        with_a_bad_stored_program(&[&picture[..], &["--strategy", "deferred", "--local-size", "4"]].concat());
+    let (folder, said) = with_a_bad_stored_program("", 0, &PICTURE);
     has(&said, &["note: ", "a compiled program in raycl's cache may be the cause"]);
     assert!(folder.path("a.png").is_file());
+}
+
+#[test]
+fn if_the_second_attempt_fails_without_a_crash_its_message_is_the_last_one() {
+    let faults = "int clFinish(void *queue) {
+        int (*next)(void *) = dlsym(RTLD_NEXT, \"clFinish\");
+        return getenv(\"RAYCL_COMPILE_AFRESH\") ? -1108 : next(queue);
+    }";
+    let (_folder, said) = with_a_bad_stored_program(faults, 1, &PICTURE);
+    has(&said, &["note: ", UNKNOWN]);
+    assert!(!said.contains("each driver alone"), "{said}");
 }

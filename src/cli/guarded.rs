@@ -106,10 +106,15 @@ fn without_broken(
             return Err(error);
         }
         let may_run_again = !reads_standard_input && !opens_window && terminal.is_none();
-        if may_run_again && crash(status).is_some() && works_afresh(&cause)? {
-            return Ok(ExitStatus::default());
+        if may_run_again
+            && crash(status).is_some()
+            && let Some(status) = ended_afresh(&cause)?
+        {
+            return Ok(status);
         }
-        return Err(no_driver_alone(status, &cause, opens_window, &good));
+        let error = no_driver_alone(status, &cause, opens_window, &good);
+        let may_be_cache = !may_run_again && crash(status).is_some() && Cache::of_user().is_usable();
+        return Err(if may_be_cache { or_clear_cache(error) } else { error });
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -131,16 +136,27 @@ fn without_broken(
 }
 
 /// Runs the command again without the compiled programs in raycl's cache, since one of them may have crashed the driver,
-/// and removes these programs. Returns whether the command succeeded. Returns false at once if the cache is not in use.
-/// `cause` says how the first process ended.
-fn works_afresh(cause: &str) -> Result<bool> {
+/// and removes these programs. Returns the exit status; `None` if a driver ended this process too. Returns `None` at once
+/// if the cache is not in use. `cause` says how the first process ended.
+fn ended_afresh(cause: &str) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
-        return Ok(false);
+        return Ok(None);
     }
     printer::tell(format!(
         "note: {cause}; a compiled program in raycl's cache may be the cause, so it is removed, and the command runs again"
     ));
-    Ok(attempt(&[(AFRESH, "1".into())], None)?.success())
+    let status = attempt(&[(AFRESH, "1".into())], None)?;
+    Ok(drivers_doing(status).is_none().then_some(status))
+}
+
+/// Adds to the remedies after a crash that a compiled program in raycl's cache may be the cause.
+fn or_clear_cache(error: Error) -> Error {
+    let remedies = format!(
+        "{}; or remove the compiled programs from raycl's cache with `raycl cache clear`, since one of them may crash the \
+         driver",
+        error.remedy()
+    );
+    error.with_help(remedies)
 }
 
 /// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the user added or
@@ -415,6 +431,13 @@ mod tests {
             assert!(message.starts_with("a driver did not answer, although each driver alone"), "{message}");
             assert!(!remedy.contains("window") && remedy.contains("--device"), "{remedy}");
         }
+    }
+
+    #[test]
+    fn the_cache_is_named_beside_the_other_remedies() {
+        let error = or_clear_cache(Error::run("it crashed").with_help("try another device"));
+        assert!(error.remedy().starts_with("try another device; or "), "{}", error.remedy());
+        assert!(error.remedy().contains("`raycl cache clear`"), "{}", error.remedy());
     }
 
     #[test]

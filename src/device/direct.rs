@@ -2,6 +2,7 @@
 //! build without messages for a success, and loses messages that are not UTF-8.
 
 use super::errors::{CallError, compiler_log};
+use super::panics::noted;
 use ocl::enums::Status;
 use ocl::ffi;
 use ocl::{Device, Platform, Program};
@@ -120,7 +121,11 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
     match status {
         0 => Ok(Program::from(program)),
-        _ => Err(CallError { status: named(status), ..CallError::new(returned("clBuildProgram", status)) }),
+        // The program is freed before the caller gets the error.
+        _ => Err(CallError {
+            status: named(status),
+            ..CallError::new(noted(returned("clBuildProgram", status)))
+        }),
     }
 }
 

@@ -2,7 +2,7 @@
 //! shows whether an implementation works. On a CPU, raycl always uses barriers, and tests nothing.
 
 use super::errors::CallError;
-use super::panics::caught;
+use super::panics::{caught, forget_failures};
 use super::{DeviceInfo, compile, quieting};
 use crate::error::{Error, Result};
 use crate::manifest::{GROUP_LANES, PROBE_LANES, parameter_macro};
@@ -199,7 +199,9 @@ fn try_out(
     device: ocl::Device,
 ) -> Trial {
     // A driver that fails in this test must not prevent the use of other devices.
-    match caught(|| ask(operations, source, info, platform, device)) {
+    let asked = caught(|| ask(operations, source, info, platform, device));
+    forget_failures();
+    match asked {
         Err(_) => Trial::Unknown,
         Ok(Err(error)) if error.may_pass() => Trial::Unknown,
         Ok(Err(error)) => Trial::Refused(error.message),

@@ -22,7 +22,8 @@ struct Known {
 }
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { devices: Vec::new(), failure: None });
-/// The function that a process calls with the reason before it ends, because another process waits for it.
+/// The function that a process calls with the reason before it ends: another process waits for the reason, or a terminal
+/// must be restored before the message is printed.
 static TOLD: OnceLock<fn(&str)> = OnceLock::new();
 
 thread_local! {

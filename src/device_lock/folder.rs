@@ -121,25 +121,12 @@ fn make_shared(path: &Path) -> std::io::Result<()> {
     }
     let made = tempfile::Builder::new().prefix(TEMPORARY_PREFIX).tempdir_in(folder_of(path))?;
     open_to_all(made.path(), 0o1777)?;
-    match rename_new(made.path(), path) {
+    // A folder can replace only an empty folder, in which no process has a lock yet.
+    match std::fs::rename(made.path(), path) {
         // Another process has made the folder meanwhile.
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
+        Err(_) if path.symlink_metadata().is_ok() => Ok(()),
         renamed => renamed,
     }
-}
-
-/// Renames a folder to a path that nothing else may have.
-#[cfg(target_os = "linux")]
-fn rename_new(folder: &Path, path: &Path) -> std::io::Result<()> {
-    use rustix::fs::{CWD, RenameFlags, renameat_with};
-    renameat_with(CWD, folder, CWD, path, RenameFlags::NOREPLACE)?;
-    Ok(())
-}
-
-/// Renames a folder to a path that nothing but an empty folder may have.
-#[cfg(not(target_os = "linux"))]
-fn rename_new(folder: &Path, path: &Path) -> std::io::Result<()> {
-    std::fs::rename(folder, path)
 }
 
 /// Creates a file that every user can lock. Like the folder, the file gets its name only when every user can open it.

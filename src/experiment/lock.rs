@@ -12,6 +12,9 @@ use std::path::Path;
 
 /// The name of the lock's file.
 const LOCK: &str = ".lock";
+/// The number of attempts to lock a file that is still in its place afterwards. Usually, the first attempt succeeds. On
+/// a file system that does not number its files in a constant way, no file ever seems to be in its place.
+const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
 /// process is killed.
@@ -31,27 +34,32 @@ impl Lock {
     /// Takes the lock of a folder, or returns an error that names the process that holds it.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(LOCK);
+        let mut attempts = 0;
         loop {
+            attempts += 1;
             let file = open(&path).map_err(|error| Error::unwritable(&path, &error))?;
-            if let Some(lock) = Self::of_file(file, &path)? {
+            if let Some(lock) = Self::of_file(file, &path, attempts < ATTEMPTS)? {
                 return Ok(lock);
             }
         }
     }
 
-    /// Locks the open file of a folder's lock. Returns `None` if somebody removed this file after it was opened: the
-    /// lock would not stop other processes, since they lock a new file.
-    fn of_file(mut file: File, path: &Path) -> Result<Option<Self>> {
+    /// Locks the open file of a folder's lock. If `must_be_there` is true, returns `None` if somebody removed this file
+    /// after it was opened: the lock would not stop other processes, since they lock a new file.
+    fn of_file(mut file: File, path: &Path, must_be_there: bool) -> Result<Option<Self>> {
         let failed = |error: std::io::Error| Error::unwritable(path, &error);
-        match file.try_lock() {
-            Ok(()) => {}
+        let is_locked = match file.try_lock() {
+            Ok(()) => true,
             Err(TryLockError::WouldBlock) => return Err(taken(folder_of(path), file)),
             // On a file system without locks, raycl runs without a lock.
-            Err(TryLockError::Error(error)) if lacks_locks(&error) => tell_unlocked(folder_of(path)),
+            Err(TryLockError::Error(error)) if lacks_locks(&error) => false,
             Err(TryLockError::Error(error)) => return Err(failed(error)),
-        }
-        if !existing::still_leads_to(path, &file).map_err(failed)? {
+        };
+        if must_be_there && !existing::still_leads_to(path, &file).map_err(failed)? {
             return Ok(None);
+        }
+        if !is_locked {
+            tell_unlocked(folder_of(path));
         }
         file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(failed)?;
         Ok(Some(Self { file }))
@@ -104,7 +112,8 @@ mod tests {
         let opened = open(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         let other = Lock::take(folder.path()).unwrap();
-        assert!(Lock::of_file(opened, &path).unwrap().is_none(), "another process holds the new file's lock");
+        let lock = Lock::of_file(opened, &path, true).unwrap();
+        assert!(lock.is_none(), "another process holds the new file's lock");
         drop(other);
         assert!(Lock::take(folder.path()).is_ok());
     }

@@ -205,7 +205,8 @@ pub enum Reply {
     },
     /// Reply to a cast.
     Sample(FrameTimes),
-    /// Reply to a cast that failed.
+    /// Reply to a cast that failed, or to any request during which the device broke down; in the second case, the worker
+    /// ends.
     Refused(PointFailure),
     /// Reply to any request: an error. It ends the run, unless it is an error of the anchor.
     Failed {

@@ -197,7 +197,8 @@ fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -
     (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
-/// How often a sample is taken whose times are impossible. The host's clock may have been set during the first one.
+/// How often a sample is taken whose times are impossible. The machine may have been suspended during the first one: the
+/// host's clock stands still then, but the device's clock need not.
 const ATTEMPTS: usize = 3;
 
 /// Takes a sample with `take`. If `why` says that its times are impossible, takes it again; the last attempt's sample is

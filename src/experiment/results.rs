@@ -369,9 +369,13 @@ fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> R
     linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
     write(&path).inspect_err(|_| {
         // The session did not begin, so its predecessor is not an earlier one. If this fails, the file is listed twice.
-        let _ = match path.exists() {
-            true => std::fs::remove_file(&kept),
-            false => std::fs::rename(&kept, &path),
+        // If the new file is in its place (only the folder could not be written to the disk), both files stay.
+        let is_old =
+            || matches!((std::fs::read(&path), std::fs::read(&kept)), (Ok(now), Ok(old)) if now == old);
+        let _ = match existing::exists(&path) {
+            Ok(false) => std::fs::rename(&kept, &path),
+            Ok(true) if is_old() => std::fs::remove_file(&kept),
+            _ => Ok(()),
         };
     })
 }
@@ -443,6 +447,13 @@ mod tests {
         assert_eq!((std::fs::read_to_string(&now).unwrap().as_str(), earlier.exists()), ("first", false));
         write("second").unwrap();
         assert_eq!([&now, &earlier].map(|path| std::fs::read_to_string(path).unwrap()), ["second", "first"]);
+        let replaced = |path: &Path| -> Result<()> {
+            crate::record::write_whole(path, b"third")?;
+            Err(Error::run("the folder cannot be written to the disk"))
+        };
+        assert!(keep_environment(folder.path(), replaced).is_err());
+        let second = folder.path().join("environment-2.json");
+        assert_eq!([&now, &second].map(|path| std::fs::read_to_string(path).unwrap()), ["third", "second"]);
     }
 
     #[cfg(unix)]

@@ -18,6 +18,9 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
+/// The remedy if a worker cannot open its device.
+const STILL_RESPONDS: &str =
+    "`raycl devices` shows whether the device still responds; finished measurements are saved";
 
 /// Starts workers.
 pub trait Spawner {
@@ -323,10 +326,7 @@ impl<'a> Supervisor<'a> {
             Err(Loss::Died(death)) => death.describe(),
             Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
         };
-        let error = Error::run(format!("a worker process could not start: it {why}"));
-        Err(error.with_help(
-            "`raycl devices` shows whether the device still responds; finished measurements are saved",
-        ))
+        Err(Error::run(format!("a worker process could not start: it {why}")).with_help(STILL_RESPONDS))
     }
 
     /// Starts the process of a worker.
@@ -432,7 +432,7 @@ impl Death {
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),
-        Reply::Refused(failure) => Error::run(failure.reason),
+        Reply::Refused(failure) => Error::run(failure.reason).with_help(STILL_RESPONDS),
         _ => Error::fault("a worker process sent a reply that does not match the request"),
     }
 }

@@ -31,7 +31,8 @@ impl Queue {
         device::note_device(info);
         let open = || -> ocl::Result<Self> {
             let context = Context::builder().platform(platform).devices(device).build()?;
-            let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;
+            let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE));
+            let commands = commands.map_err(device::noted)?;
             let shared = device.info(DeviceInfo::HostUnifiedMemory);
             let shares_memory = matches!(shared, Ok(DeviceInfoResult::HostUnifiedMemory(true)));
             let group = info.limits.usual_group();

@@ -72,7 +72,8 @@ impl Staging {
                         values,
                         NO_EVENTS,
                         Some(&mut event),
-                    )?;
+                    )
+                    .map_err(noted)?;
                 }
                 commands.flush().map_err(noted)?;
                 in_flight[half] = Some(event);
@@ -108,7 +109,8 @@ impl Staging {
                         values,
                         NO_EVENTS,
                         Some(&mut event),
-                    )?;
+                    )
+                    .map_err(noted)?;
                 }
                 commands.flush().map_err(noted)?;
                 Ok(event)
@@ -143,8 +145,7 @@ impl Staging {
         };
         let pieces = stored.insert(pieces);
         let done = work(pieces);
-        commands.finish().map_err(noted)?;
-        done
+        done.and(commands.finish().map_err(noted))
     }
 }
 

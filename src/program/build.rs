@@ -3,7 +3,7 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::stored::{ProgramCache, StoredProgram};
-use crate::device::{CallError, build, compile, quieting};
+use crate::device::{CallError, build, compile, forget_failures, quieting};
 use crate::sources::Sources;
 use ocl::core::create_program_with_binary;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
@@ -192,7 +192,8 @@ fn refusal(error: CallError) -> BuildError {
 fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
     let program = create_program_with_binary(context.as_core(), &[device], &[&stored.binary]).ok()?;
-    build(program, device, &options).ok()
+    // After a failure, the program is compiled.
+    build(program, device, &options).inspect_err(|_| forget_failures()).ok()
 }
 
 /// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function

@@ -2,7 +2,9 @@
 //! a crash interrupts a write, only the lines of this write are lost.
 
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead as _, BufReader, ErrorKind, Result as IoResult, Write as _};
+use std::io::{
+    BufRead as _, BufReader, ErrorKind, Read as _, Result as IoResult, Seek as _, SeekFrom, Write as _,
+};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +22,9 @@ use crate::words::counted;
 pub struct JsonLines<T> {
     path: PathBuf,
     file: File,
+    /// True if the path led to the file when it was opened. On a file system that does not number its files in a
+    /// constant way, the path may seem to lead to another file.
+    is_recognised: bool,
     line_type: PhantomData<fn(&T)>,
 }
 
@@ -27,14 +32,20 @@ impl<T: Serialize> JsonLines<T> {
     /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed. The system
     /// puts every write at the file's end, so that two runs that write to the file do not overwrite each other's lines.
     /// (Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have no locks, and a
-    /// user may have removed the lock's file.)
+    /// user may have removed the lock's file. On NFS, runs on two machines can still overwrite each other's lines, since
+    /// each machine has its own knowledge of where the file ends.)
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
         let file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
-        let end = whole_lines(&std::fs::read(path).map_err(fail)?) as u64;
-        file.set_len(end).map_err(fail)?;
-        Ok(Self { path: path.to_path_buf(), file, line_type: PhantomData })
+        let text = std::fs::read(path).map_err(fail)?;
+        let end = whole_lines(&text) as u64;
+        // A file of whole lines is not cut, since another run may have appended lines after they were read.
+        if end < text.len() as u64 {
+            file.set_len(end).map_err(fail)?;
+        }
+        let is_recognised = existing::still_leads_to(path, &file).unwrap_or(false);
+        Ok(Self { path: path.to_path_buf(), file, is_recognised, line_type: PhantomData })
     }
 
     /// Appends one line. When this function returns, the line is on the disk.
@@ -44,7 +55,8 @@ impl<T: Serialize> JsonLines<T> {
 
     /// Appends lines. When this function returns, all of them are on the disk. They are written together, since each
     /// write waits for the disk. After an error, none of the lines is in the file, not even the beginning of one, since
-    /// the results of another device may be appended next.
+    /// the results of another device may be appended next. (If another process has appended lines during the write, some
+    /// of the lines may stay; only whole lines stay.)
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -53,7 +65,8 @@ impl<T: Serialize> JsonLines<T> {
             bytes.push(b'\n');
         }
         let write = |file: &mut File| file.write_all(&bytes).and_then(|()| file.sync_data());
-        append_or_nothing(&mut self.file, write).map_err(|error| Error::unwritable(&self.path, &error))
+        append_or_nothing(&mut self.file, &bytes, write)
+            .map_err(|error| Error::unwritable(&self.path, &error))
     }
 
     /// Returns an error if the file is no longer at its path: somebody has removed or replaced the file or its folder,
@@ -61,23 +74,39 @@ impl<T: Serialize> JsonLines<T> {
     /// error, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
-            Ok(true) | Err(_) => Ok(()),
-            Ok(false) => {
+            Ok(false) if self.is_recognised => {
                 let folder = folder_of(&self.path).display();
                 let what = "was removed or replaced while this run wrote to it";
                 Err(Error::run(format!("the folder {folder} {what}")).with_help(MOVED))
             }
+            _ => Ok(()),
         }
     }
 }
 
-/// Calls `write`, which appends to the file. If `write` fails, removes everything that it appended.
-fn append_or_nothing(file: &mut File, write: impl FnOnce(&mut File) -> IoResult<()>) -> IoResult<()> {
+/// Calls `write`, which appends `bytes` to the file. If `write` fails, removes what it appended. Lines that another
+/// process appended meanwhile stay; then only an incomplete last line is removed.
+fn append_or_nothing(
+    file: &mut File,
+    bytes: &[u8],
+    write: impl FnOnce(&mut File) -> IoResult<()>,
+) -> IoResult<()> {
     let before = file.metadata()?.len();
     write(file).inspect_err(|_| {
         // If this fails too, the beginning of a line stays, and makes the next line a damaged one.
-        let _ = file.set_len(before);
+        let _ = read_from(file, before).and_then(|added| {
+            let kept = if bytes.starts_with(&added) { 0 } else { whole_lines(&added) };
+            file.set_len(before + kept as u64)
+        });
     })
+}
+
+/// Returns the bytes of a file from the position `start` to its end.
+fn read_from(mut file: &File, start: u64) -> IoResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(start))?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// The contents of a file of JSON lines.
@@ -263,7 +292,8 @@ mod tests {
     fn a_line_is_on_the_disk_or_an_error() {
         let (mut reader, writer) = std::io::pipe().unwrap();
         let file = File::from(std::os::fd::OwnedFd::from(writer));
-        let mut journal = JsonLines { path: PathBuf::from("pipe"), file, line_type: PhantomData };
+        let path = PathBuf::from("pipe");
+        let mut journal = JsonLines { path, file, is_recognised: true, line_type: PhantomData };
         assert!(journal.append(&record("a")).is_err());
         // All lines are written first, and then the function waits for the disk once.
         assert!(journal.append_all(&["b", "c", "d"].map(record)).is_err());
@@ -293,7 +323,7 @@ mod tests {
         let path = folder.path().join("records.jsonl");
         let mut journal = JsonLines::append_to(&path).unwrap();
         journal.append(&record("a")).unwrap();
-        let disk_full = append_or_nothing(&mut journal.file, |file| {
+        let disk_full = append_or_nothing(&mut journal.file, b"{\"key\":\"b\",\"scene\":\"c\"}\n", |file| {
             file.write_all(b"{\"key\":\"b\",\"sce")?;
             Err(ErrorKind::StorageFull.into())
         });
@@ -301,6 +331,23 @@ mod tests {
         journal.append(&record("c")).unwrap();
         let read = read_lines::<Record>(&path).unwrap();
         assert_eq!((read.lines, read.damaged), (["a", "c"].map(record).to_vec(), Vec::new()));
+    }
+
+    #[test]
+    fn after_a_failed_write_the_lines_of_another_process_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("records.jsonl");
+        let [mut one, mut other] = [(); 2].map(|()| JsonLines::append_to(&path).unwrap());
+        one.append(&record("a")).unwrap();
+        let disk_full = append_or_nothing(&mut one.file, b"{\"key\":\"b\"}\n", |file| {
+            other.append(&record("c")).unwrap();
+            file.write_all(b"{\"key\":")?;
+            Err(ErrorKind::StorageFull.into())
+        });
+        assert_eq!(disk_full.unwrap_err().kind(), ErrorKind::StorageFull);
+        one.append(&record("d")).unwrap();
+        let read = read_lines::<Record>(&path).unwrap();
+        assert_eq!((read.lines, read.damaged), (["a", "c", "d"].map(record).to_vec(), Vec::new()));
     }
 
     #[cfg(unix)]

@@ -196,7 +196,7 @@ pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
 #[cfg(unix)]
 fn is_unsupported(error: &IoError) -> bool {
     use rustix::io::Errno;
-    let errors = [Errno::INVAL, Errno::NOSYS, Errno::OPNOTSUPP];
+    let errors = [Errno::INVAL, Errno::NOSYS, Errno::NOTSUP, Errno::OPNOTSUPP];
     errors.iter().any(|errno| error.raw_os_error() == Some(errno.raw_os_error()))
 }
 

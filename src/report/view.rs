@@ -85,7 +85,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median. A mark has no bar if its interval is too short to be drawn, or if at least one launch has fewer than five samples of the point.{beside}"
+        "Bars are 95% intervals of the median. A mark has no bar if its interval is too short to be drawn, if at least one launch has fewer than five samples of the point, or if a sample has the time 0.{beside}"
     );
     Some(Plot::of(name, caption, &chart))
 }
@@ -207,7 +207,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Samples: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch have no bars.{shown}"
+        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

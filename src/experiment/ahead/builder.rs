@@ -45,6 +45,10 @@ impl Pool {
         let mut worker = self.workers.remove(&job).or_else(|| self.start(job, patience))?;
         worker.send(&Request::Build { point: order.point });
         let reply = patience.wait(worker.as_mut())?;
+        // A process whose device breaks down ends after this reply.
+        if matches!(reply, Reply::Refused(_)) {
+            return None;
+        }
         self.workers.insert(job, worker);
         match reply {
             Reply::Built(built) => built,

@@ -13,9 +13,9 @@ const BORROWED: usize = 6;
 const FEWEST_LENDERS: usize = 4;
 /// A variance that is more than this many times the usual variance borrows nothing. The variance of a point that is
 /// unsteadier than the others would otherwise be averaged with variances that are far too small for it. In simulations
-/// (docs/methodology.md), of the 95% intervals of a point that varied eight times as much as the others, 80 to 83%
-/// contained the true ratio if the point always borrowed, and 95% with this limit (four launches). Of the points that vary like
-/// the others, one in nine exceeds the limit by chance.
+/// of four launches (docs/methodology.md), one point varied eight times as much as the others. Of the 95% intervals of
+/// its ratios, 80 to 83% contained the true ratio if the point always borrowed, and 94 to 95% with this limit. Of the
+/// pairs of points that vary like the others, one in nine exceeds the limit by chance.
 const MOST_TIMES_USUAL: f64 = 2.0;
 /// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
 /// in this many. The other rows may be far from steady: in a run of the paper's Figure 8 on a CPU, 19 of 37 points took
@@ -113,8 +113,8 @@ impl Pooled {
     }
 
     /// Returns the mean of two variances, weighted by their degrees of freedom, and the sum of these degrees of
-    /// freedom. `own` is the variance of a row or of differences; `usual` is that of all rows, and has `borrowed` degrees of
-    /// freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]), `usual` has no part in the result.
+    /// freedom. `own` is the variance of a row or of differences; `usual` is that of all rows, and has `borrowed`
+    /// degrees of freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]), `usual` has no part in the result.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> (f64, f64) {
         let columns = self.columns as f64 - 1.0;
         let borrowed = if own > MOST_TIMES_USUAL * usual { 0.0 } else { borrowed };

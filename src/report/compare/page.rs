@@ -48,7 +48,7 @@ impl Comparison {
              with `--times`, the times themselves are compared. The change is the second folder's quotient (or time), divided by the first folder's. \
              A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
              interval lies completely within {0}% in both directions, and unclear otherwise. At most one \
-             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch are not judged, \
+             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch, or with a sample of the time 0, are not judged, \
              and neither are points whose times are below the timer's resolution.",
             self.threshold_percent()
         )
@@ -114,7 +114,7 @@ impl Comparison {
             series: series.collect(),
         };
         let caption = format!(
-            "Below the line of equal times, {b} is faster; above this line, {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples in a launch have no bar."
+            "Below the line of equal times, {b} is faster; above this line, {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples in a launch, or with a sample of the time 0, have no bar."
         );
         Plot::of("compare", caption, &chart)
     }

@@ -59,7 +59,7 @@ pub(super) fn curves_of(
     };
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
-        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch are left out.",
+        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch, or with a sample of the time 0, are left out.",
         &drawn(&curves, number, &device, true),
     );
     let times = Plot::of(

@@ -2,6 +2,7 @@
 
 use super::text::{last_line, over};
 use super::{Graphics, Input, Screen};
+use crate::device::tell_panics;
 use crate::error::{Error, Result};
 use crate::view::keys::Key;
 use crossterm::event::{
@@ -107,6 +108,7 @@ impl Terminal {
         // `is_entered` is set before the following steps: even if one of them fails, all steps are undone when the
         // terminal is dropped.
         self.is_entered = true;
+        tell_panics(restore);
         terminal::enable_raw_mode().map_err(failed)?;
         let screen = (terminal::EnterAlternateScreen, cursor::Hide, event::EnableMouseCapture);
         execute!(self.out, screen.0, screen.1, screen.2).map_err(failed)
@@ -232,6 +234,16 @@ impl Drop for Terminal {
 /// Ends the terminal's reports about the mouse, and shows the cursor and the terminal's usual screen again.
 pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
     execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
+}
+
+/// Restores the terminal if it is in raw mode, since the crate `ocl` has panicked and this process ends. The terminal's
+/// usual screen then shows the message.
+fn restore(_reason: &str) {
+    if terminal::is_raw_mode_enabled().unwrap_or(false) {
+        // If this output fails, the failure is ignored, since a message in the same terminal would fail too.
+        let _ = leave_terminal(&mut std::io::stdout());
+        let _ = terminal::disable_raw_mode();
+    }
 }
 
 /// Returns the form in which the terminal can show pictures. The terminal must be in raw mode to be asked; raw mode
