@@ -26,7 +26,7 @@ pub fn is_set_by_raycl(name: &str) -> bool {
 
 /// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may run
 /// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of the
-/// variables in [`COUNTS`], or [`OF_ALL_DRIVERS`].
+/// variables in `COUNTS`, or `OF_ALL_DRIVERS`.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
 }

@@ -25,11 +25,11 @@ fn brightest(image: &Radiance) -> f64 {
 }
 
 /// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by `floor`,
-/// whichever is greater. The result is infinite if a value is not a number.
+/// whichever is greater. The result is infinite if a difference is not finite.
 pub fn relative_difference(actual: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
     let apart = |channel: usize| (f64::from(actual[channel]) - f64::from(expected[channel])).abs();
     let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
-    if largest.is_nan() { f64::INFINITY } else { largest / brightness(expected).max(floor) }
+    if largest.is_finite() { largest / brightness(expected).max(floor) } else { f64::INFINITY }
 }
 
 /// Returns the difference between the alphas of two pixels; infinite if an alpha is not a number. Returns 0 unless both
@@ -111,6 +111,7 @@ mod tests {
         assert!(close(relative_difference([1.0, 0.0, 0.5], [2.0, 0.0, 0.5], 0.1), 0.5));
         assert!(close(relative_difference([0.01, 0.0, 0.0], [0.0, 0.0, 0.0], 0.1), 0.1));
         assert_eq!(relative_difference([f32::NAN, 0.0, 9.0], [0.0; 3], 0.1), f64::INFINITY);
+        assert_eq!(relative_difference([0.0; 3], [f32::INFINITY, 0.0, 0.0], 0.1), f64::INFINITY);
     }
 
     #[test]
