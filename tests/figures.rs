@@ -80,8 +80,9 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
         for (index, at) in numbers.into_iter().enumerate() {
-            // A generated part of a document is compared as a whole, so only some of its numbers need to be
-            // changed.
+            // The check compares a generated part of a document as a whole with the part that it generates from
+            // the records. Any wrong number in the part is then noticed, so the test changes only every 20th
+            // number there.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
             if is_made && index % 20 != 0 {

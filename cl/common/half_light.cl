@@ -102,7 +102,8 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;
-    // The four nearest pixels of the half picture: left and right, above and below.
+    // Sums over the four nearest pixels of the half picture. They form a square: upper left, upper right, lower left,
+    // lower right.
     for (int corner = 0; corner < 4; corner++) {
         const int to_right = corner & 1, below = corner >> 1, row = (int)top + below;
         const varying part = (to_right ? across - left : 1.0f - (across - left)) * (below ? down - top : 1.0f - (down - top));

@@ -120,12 +120,13 @@ impl WideBvh {
     }
 
     /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's children, the
-    /// function starts with the node's binary subtree as the only child. The function then repeatedly replaces the
-    /// child of largest surface area by the two children of this child in the binary tree, until all slots are used.
-    /// Children with more than `leaf_size` triangles are replaced first. If unused slots remain, smaller children are
-    /// replaced too, since testing an unused slot costs as much as testing a used one. Leaves therefore become as small
-    /// as the slots allow, but never smaller than the leaves of the binary tree. The binary tree should therefore be
-    /// built with the leaf size that is fastest.
+    /// function starts with the node's binary subtree as the only child. The function then repeatedly replaces a child
+    /// by the two children of this child in the binary tree, until all slots are used or only leaves of the binary tree
+    /// are left. First, only children with more than `leaf_size` triangles are replaced, the one of largest surface
+    /// area first. If slots are still unused, smaller children are replaced in the same order, since testing an unused
+    /// slot costs as much as testing a used one. Leaves therefore become as small as the slots allow, but never smaller
+    /// than the leaves of the binary tree. The binary tree should therefore be built with the leaf size that is
+    /// fastest.
     ///
     /// # Errors
     ///

@@ -87,7 +87,7 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Number of steps of all points; a step is one launch (worker process) of one point. `taken` is the number of
+    /// Number of steps of all points; a step is one point in one launch (worker process). `taken` is the number of
     /// finished steps.
     steps: usize,
     taken: usize,

@@ -159,7 +159,7 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     super::print(format!("Reproduction: {}", page.display()))
 }
 
-/// Returns those folders of the configs' results that exist.
+/// Each config has a folder of results. Returns the folders that have a file of records.
 fn present(out: &Path) -> Result<Vec<PathBuf>> {
     let mut present = Vec::new();
     for folder in CONFIGS.iter().map(|(name, _)| out.join(name)) {

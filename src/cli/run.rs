@@ -388,7 +388,7 @@ fn choice(args: &Args) -> Choice {
     Choice::new(args.force, "--out DIR")
 }
 
-/// Returns the number of points and of steps in a run; a step is one launch (worker process) of one point.
+/// Returns the number of points and of steps in a run; a step is one point in one launch (worker process).
 pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     let experiment = distinct_scenes(config::load(&args.config, &args.set)?)?;
     let infos = chosen(args, &experiment, devices)?;
@@ -407,8 +407,9 @@ fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Re
     matching_indices(&infos, &words)?.into_iter().map(|index| devices[index].chosen()).collect()
 }
 
-/// Adds the origin of a word that selects devices to an error about this word: the option, the location in the config,
-/// or the user's settings.
+/// Returns an error about a word that selects devices, with the place of this word before the message. The place is the
+/// option `--device`, a location in the config, an environment variable or the settings file. For the default word
+/// `all`, nothing is added.
 fn blamed(error: Error, word: &str, args: &Args, experiment: &Experiment) -> Error {
     let of_config = experiment.devices.iter().find(|device| device.text == word);
     match of_config.map(|device| device.location.as_str()) {

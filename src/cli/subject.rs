@@ -65,10 +65,10 @@ impl Subject {
         [self.width, self.height]
     }
 
-    /// Loads the scene. If the scene is a bare mesh without a camera, or if an azimuth or an elevation is set, raycl
-    /// places the camera so that the whole scene is visible. If `turns` is true, such a camera is so far away that the
-    /// whole scene is visible at every angle of a turntable. If `dressed` is true, a bare mesh without lights gets a
-    /// ground, soft light and a sky.
+    /// Loads the scene. In three cases, raycl places the camera so that the whole scene is visible: if the scene is a
+    /// bare mesh without a camera, if the scene is a bare mesh and `up` is set, and if an azimuth or an elevation is
+    /// set. If `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
+    /// turntable. If `dressed` is true, a bare mesh without lights gets a ground, soft light and a sky.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let aspect = f64::from(self.width) / f64::from(self.height);
         let most_triangles = self.needs_tree().then_some(WideBvh::MAX_INDEX as u64);

@@ -57,7 +57,8 @@ pub struct Order {
     pub program: Program,
     /// The point's index in the plan.
     pub point: usize,
-    /// How many builders (processes that compile programs, and hold the point's scene meanwhile) fit into memory.
+    /// How many builders fit into memory. The processes of a builder compile programs, and hold the point's scene
+    /// meanwhile.
     pub room: Room,
 }
 

@@ -676,7 +676,7 @@ mod tests {
             [again - COMPILE_MS, first - COMPILE_MS],
             [every.sample_ms, 2.0 * every.sample_ms].map(|ms| (COMPILE_MS + ms) - COMPILE_MS)
         );
-        // The estimate uses log2(1023 triangles + 1) = 10 levels for the tree.
+        // 300 rays, with 300 tests each: 30 tests in each of the log2(1023 triangles + 1) = 10 levels of the tree.
         assert!((of("bvh").sample_ms - 300.0 * 300.0 / 1e6).abs() < 1e-9, "{}", of("bvh").sample_ms);
         let host = Record { device: crate::record::HOST.into(), local_size: None, ..draft("serial-f32") };
         assert!((guessed(&host).sample_ms / every.sample_ms - 10.0).abs() < 1e-9);

@@ -539,7 +539,7 @@ mod tests {
         assert_eq!(read_picture(&path).unwrap().0.pixels, [[2.0; 3]]);
         write("0");
         let refused = read_picture(&path).unwrap_err().to_string();
-        let expected = "it has the EXPOSURE 0 in its header; expected a positive number";
+        let expected = "it has the EXPOSURE 0 in its header; expected a positive, finite number";
         assert!(refused.ends_with(expected), "{refused}");
     }
 

@@ -28,8 +28,8 @@ impl HdrExposure {
     ///
     /// # Errors
     ///
-    /// Fails if the header cannot be read, or if a number is not positive. The error's text is written to follow the
-    /// file's name in a message.
+    /// Fails if the header cannot be read, or if a number is not positive and finite. The error's text is written to
+    /// follow the file's name in a message.
     pub fn of(bytes: &[u8]) -> Result<Self, String> {
         if !bytes.starts_with(SIGNATURE) {
             return Ok(Self([1.0; 3]));
@@ -53,7 +53,7 @@ fn positive(key: &str, value: f32) -> Result<f64, String> {
     if value > 0.0 && value.is_finite() {
         return Ok(f64::from(value));
     }
-    Err(format!("has the {key} {value} in its header; expected a positive number"))
+    Err(format!("has the {key} {value} in its header; expected a positive, finite number"))
 }
 
 #[cfg(test)]
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn an_exposure_that_is_not_positive_is_refused() {
         for (lines, expected) in [
-            ("EXPOSURE=0\n", "has the EXPOSURE 0 in its header; expected a positive number"),
+            ("EXPOSURE=0\n", "has the EXPOSURE 0 in its header; expected a positive, finite number"),
             ("EXPOSURE=-1\n", "EXPOSURE -1 "),
             ("EXPOSURE=nan\n", "EXPOSURE NaN "),
             ("EXPOSURE=inf\n", "EXPOSURE inf "),

@@ -128,7 +128,8 @@ fn cell(record: &Record, wins: bool) -> Cell {
     }
 }
 
-/// Returns a mark for a time with too few samples: " n=3". The mark of times of 0 is " <timer".
+/// Returns why a time has no rank: " n=3" if there are too few samples, and " <timer" if some samples are 0. Returns an
+/// empty text for all other times.
 fn few(record: &Record) -> String {
     match is_below_resolution(record) {
         true => " <timer".to_owned(),
@@ -141,8 +142,10 @@ fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Returns a short text that says why a record has no time. The text is the record's outcome. If the outcome is
-/// "infeasible", the text is the beginning of the reason, such as "local" for "__local memory: ...".
+/// Returns a short text that says why a record has no time. The text is the name of the record's outcome. If the
+/// outcome is "infeasible", the text is instead the part of the reason before the first colon, without underscores at
+/// its beginning and " memory" at its end: "local" for "__local memory: ...". If the host has too little memory, the
+/// text is "host". If the reason has no colon, or if the text would be longer than 16 bytes, the text is "infeasible".
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
@@ -162,7 +165,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; if several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest; this follows from samples that were taken close together, not from the medians in the table\n");
+        text.push_str("* fastest. If several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest. This follows from samples that were taken close together, not from the medians in the table\n");
     }
     let (below, few): (Vec<&Record>, Vec<&Record>) = rankings
         .iter()

@@ -20,7 +20,8 @@ const NEAREST_RADII: f64 = 0.3;
 /// origin. This radius is eight to sixteen times the difference between neighbouring numbers of type f32 at this
 /// distance.
 const LEAST_RADIUS: f64 = 1e-6;
-/// A mesh is open if the sum of its area vectors (normal times area) is longer than this fraction of its area.
+/// A mesh is open if the sum of its area vectors (normal times area) has a horizontal part that is longer than this
+/// fraction of the mesh's area.
 const OPEN_PART: f64 = 0.1;
 /// A surface is a wall if it is no farther from a side of the bounding box than this fraction of the box's extent.
 /// Walls are rarely exactly parallel to the box's sides.
@@ -274,11 +275,13 @@ impl Areas {
         is_room.then(|| away.reject_from_normalized(up))
     }
 
-    /// Returns the horizontal direction from which an open mesh is seen; `None` for a closed mesh. A room is
-    /// seen through the side that has no wall. If its walls face outwards, a mesh is a room only if there are
-    /// bodies between the walls; otherwise it is a shell, such as the housing of a device without its back.
-    /// The shape of a shell does not tell which side is to be seen. A shell, and any other mesh, such as the
-    /// scan of a face, is therefore seen from the direction that its front sides face on average.
+    /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is not open;
+    /// only the horizontal part of the sum of its area vectors counts for this (see [`OPEN_PART`]). A room is seen
+    /// through the side that has no wall. If each of its upright walls has a wall on the opposite side, the result is
+    /// `None`. If its walls face outwards, a mesh is a room only if there are bodies between the walls; otherwise it is
+    /// a shell, such as the housing of a device without its back. The shape of a shell does not tell which side is to
+    /// be seen. A shell, and any other mesh, such as the scan of a face, is therefore seen from the direction that its
+    /// front sides face on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;

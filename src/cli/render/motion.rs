@@ -126,7 +126,8 @@ fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     }
 }
 
-/// The report at the end of the command. With `--json`, raycl prints an object with these fields.
+/// The report at the end of the command. With `--json`, raycl prints an object with these fields. If this process has
+/// no frame to render, [`nothing_to_do`] prints another object instead.
 #[derive(Serialize)]
 struct Report {
     scene: String,

@@ -7,7 +7,8 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// A builder: starts the processes that build one program after another.
+/// The two spawners from which a builder starts its child processes. A thread of the run uses them, and lets these
+/// processes build one program after another.
 pub struct Builder {
     /// Starts the usual processes, which use the driver's cache of programs. The processes store machine code in this
     /// cache, so that the workers that measure do not generate the code again.

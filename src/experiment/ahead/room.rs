@@ -3,7 +3,7 @@
 use crate::device::DeviceLimits;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 
-/// How many builders (processes that compile programs, and hold a point's scene meanwhile) fit into memory.
+/// How many builders fit into memory. The processes of a builder compile programs, and hold a point's scene meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// The largest number of builders that may build programs for the scene at the same time. It is at least 1.

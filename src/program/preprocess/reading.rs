@@ -1,7 +1,8 @@
-//! Lays out a preprocessed program for reading from top to bottom. Consecutive lines of one file form a part, under a
-//! comment with the file's name and the number of the part's first line. Functions, types and variables that are used
-//! by none of the chosen kernels are left out, and their lines are counted. Parts that contain only comments are left
-//! out too, but not counted.
+//! Lays out a preprocessed program for reading from top to bottom. Functions, types and variables that are used by none
+//! of the chosen kernels are left out, and their lines are counted. The remaining lines form parts: all lines of one
+//! file up to the first line of another file. A part begins with a comment that has the file's name and the number of
+//! the part's first line. Lines of the file may be missing within a part. Parts that contain only comments are left out
+//! too, but not counted.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -17,7 +18,8 @@ pub struct Reading {
     pub left_out: usize,
 }
 
-/// Lays out the parts of a program that `kernels` use, or the whole program if `kernels` is `None`.
+/// Lays out the functions, types and variables of a program that `kernels` use, or all of them if `kernels` is `None`.
+/// Parts that contain only comments are left out in both cases.
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));

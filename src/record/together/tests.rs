@@ -218,7 +218,8 @@ fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     for (host, device) in [(Some("n2"), "gpu"), (Some("n1"), "cpu"), (Some("n1"), HOST), (None, "gpu")] {
         assert_eq!(width(&[of(Some("n1"), "gpu"), other(host, device)]), alone, "{host:?} {device}");
     }
-    // Devices of the same model that share the points of a run have one name.
+    // With `--spread`, the points of a run are distributed over devices of the same model. The records of all these
+    // devices have the same `device`; only `measured_on` tells which device measured the point.
     let on = |measured_on: &str, record: Record| Record { measured_on: Some(measured_on.into()), ..record };
     let [one, same, another] =
         [on("a", of(None, "gpu")), on("a", other(None, "gpu")), on("b", other(None, "gpu"))];

@@ -65,7 +65,9 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     }
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
     if strategy.needs_tree() && triangles > most {
-        return Err(Infeasible::beyond(format!("a tree's leaves: {triangles} triangles > {most}")));
+        return Err(Infeasible::beyond(format!(
+            "a tree's leaves: {triangles} triangles > {most}, the most they can index"
+        )));
     }
     Ok(())
 }
@@ -95,7 +97,10 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
         return Ok(());
     }
     let (has, remedy) = match workload.sky {
-        true => ("a sky", "a scene without [sky], or a bare mesh with --plain, can be cast"),
+        true => (
+            "a sky",
+            "remove [sky] and any `radius` of a light from the scene, or render a bare mesh with --plain",
+        ),
         false => ("lights with a radius", "--samples 1 treats these lights as points"),
     };
     Err(Infeasible::lacking(format!(

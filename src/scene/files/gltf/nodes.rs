@@ -257,7 +257,8 @@ impl<'a> Walk<'a> {
         if let Some((eye, camera, far)) = self.cameras.first() {
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
             let is_beyond = |end: f32| self.positions.iter().any(|position| depth(position) > f64::from(end));
-            let unseen = "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own instead";
+            let unseen =
+                "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own camera instead";
             notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));
             let note = |far| format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
             notes.extend(far.filter(|far| is_beyond(*far)).map(note));

@@ -211,7 +211,7 @@ fn the_end_of_a_cameras_sight_is_noted_if_the_mesh_reaches_beyond_it() {
 
 #[test]
 fn a_camera_that_sees_no_part_of_the_mesh_is_noted() {
-    let expected = "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own instead";
+    let expected = "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own camera instead";
     assert_eq!(camera_notes(r#""znear": 0.1"#, 5), [expected], "the mesh is behind the camera");
     assert_eq!(camera_notes(r#""znear": 5.5"#, -5), [expected], "the mesh is too near");
     assert_eq!(camera_notes(r#""znear": 4.5"#, -5), [""; 0]);
