@@ -95,7 +95,7 @@ impl Picker {
 #[cfg(test)]
 mod tests {
     use super::super::Pose;
-    use super::super::tests::live_of;
+    use super::super::tests::{back_face_in, live_of};
     use super::*;
     use crate::reference::fixtures;
     use crate::reference::layers::{NOTHING, layers};
@@ -138,12 +138,8 @@ mod tests {
 
     #[test]
     fn a_back_face_is_picked_only_if_the_strategy_shows_it() {
-        let own = include_str!("../../scenes/triangle.toml");
-        let turned = own.replace("faces = [[0, 1, 2]]", "faces = [[0, 2, 1]]");
-        assert_ne!(turned, own);
         let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("scene.toml");
-        std::fs::write(&path, turned).expect("a file");
+        let path = back_face_in(folder.path());
         let mut live = live_of(&path, ["40", "20"], &["--set", "culling=back"], 1);
         let mut picker = Picker::default();
         assert_eq!(in_the_middle(&mut picker, &live), None);

@@ -6,7 +6,7 @@ use crate::error::Error;
 use clap::Parser as _;
 use keys::Key;
 use std::collections::VecDeque;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 #[derive(clap::Parser)]
 struct Command {
@@ -31,6 +31,16 @@ pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str]
     let strategy: &[&str] = if options.contains(&"--strategy") { &[] } else { &["--strategy", "naive"] };
     let command = Command::parse_from([&usual[..], strategy, options].concat());
     Live::open(command.subject, samples).expect("it can be cast")
+}
+
+/// Writes scenes/triangle.toml into a folder, with the triangle's back towards the camera. Returns the file.
+pub(super) fn back_face_in(folder: &Path) -> PathBuf {
+    let own = include_str!("../../scenes/triangle.toml");
+    let turned = own.replace("faces = [[0, 1, 2]]", "faces = [[0, 2, 1]]");
+    assert_ne!(turned, own);
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, turned).expect("a file");
+    path
 }
 
 /// A screen whose user follows a script. It stores the pictures and the lines that it shows.

@@ -593,14 +593,19 @@ mod tests {
         assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [0, 1]);
     }
 
-    #[test]
-    fn a_merge_without_a_kinds_file_leaves_the_results_of_an_earlier_merge() {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path();
+    /// Merges an attempt that has one record.
+    fn merge_one_record(out: &Path) {
         one_shard(out, ShardPlan::default());
         write_kind(out, "gpu", "x", 0);
         write_attempt(out, "n1", "x 0", "gpu");
         assert_eq!(merge(out, &[]).unwrap().records, 1);
+    }
+
+    #[test]
+    fn a_merge_without_a_kinds_file_leaves_the_results_of_an_earlier_merge() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        merge_one_record(out);
         std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
         // A merge that fails changes nothing: it does not even remove the unfinished file of an earlier merge that was
         // killed.
@@ -621,10 +626,7 @@ mod tests {
         use std::os::unix::fs::symlink;
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
-        one_shard(out, ShardPlan::default());
-        write_kind(out, "gpu", "x", 0);
-        write_attempt(out, "n1", "x 0", "gpu");
-        assert_eq!(merge(out, &[]).unwrap().records, 1);
+        merge_one_record(out);
         let attempt = Attempt::all(out).unwrap().remove(0).folder;
         let aside = folder.path().join("aside");
         let journals = [RECORDS, SAMPLES, CONTROLS, ROUNDS, ANCHORS].map(|name| attempt.join(name));
