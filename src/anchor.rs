@@ -95,7 +95,7 @@ impl Anchor {
         Ok(anchor)
     }
 
-    /// Runs the kernel once and waits for it.
+    /// Runs the kernel once, waits until it has ended, and returns its times.
     pub fn run(&self) -> Result<FrameTimes> {
         let start = Instant::now();
         let mut event = Event::empty();
@@ -162,7 +162,7 @@ fn check(distances: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     }
 }
 
-/// Returns the distance that the kernel should find for one ray.
+/// Returns the distance that the kernel should find for one ray: that of the nearest sphere, or [`MISS`].
 fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
     let at = |index: usize| (index % 64) as f32 / 32.0 - 1.0;
     let direction = [at(ray), at(ray / 64), 1.0];

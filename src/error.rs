@@ -73,7 +73,8 @@ const AFRESH: &str = "the file may be cut off or damaged; pack it or download it
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
 
-/// Returns whether this process may not write in a folder, so that free space would not help.
+/// Returns true if `error` says that this process may not write at this place. More free space would not
+/// help.
 pub fn is_forbidden(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
     matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
@@ -197,7 +198,8 @@ impl Error {
             .with_help(limit_advice(error).unwrap_or(usual))
     }
 
-    /// Returns an error for a process or a thread that could not be started; `what` names it.
+    /// Returns an error for a process or a thread that could not be started; `what` is its name in the
+    /// message.
     pub fn not_started(what: &str, error: &std::io::Error) -> Self {
         Self::run(format!("{what} could not be started: {error}"))
             .with_help(limit_advice(error).unwrap_or(MORE_PROCESSES))
@@ -233,9 +235,9 @@ impl Error {
         self
     }
 
-    /// Adds to the remedy how the command can be continued. A failed run keeps its own remedy, which then precedes this
-    /// text. For an interruption, the text replaces the remedy. A mistake in the input is returned unchanged, since the
-    /// command can only be continued when the mistake is corrected.
+    /// Adds `how`, a text that says how to continue the command, to the remedy. For a failed run, `how`
+    /// follows the run's own remedy. For an interruption, `how` replaces the remedy. A mistake in the input
+    /// is returned unchanged, since the command can only be continued when the mistake is corrected.
     #[must_use]
     pub fn to_be_continued(self, how: String) -> Self {
         match &self {
@@ -289,9 +291,9 @@ impl Error {
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
-    /// Returns the message in a form for places that show one line, and no lines of files, such as a window's title. If
-    /// the mistake is in a file, the message begins with the file's name and the line's number. Of a message of several
-    /// lines, only the first line is returned, with the number of the others.
+    /// Returns the message as one line, for places that cannot show an excerpt of a file, such as a window's
+    /// title. If the mistake is in a file, the returned line begins with the file's name and the line's
+    /// number. If the message has several lines, returns its first line and the number of the other lines.
     pub fn in_a_line(&self) -> String {
         let message = first_line(&self.to_string());
         let Self::Input(error) = self else { return message };
@@ -301,8 +303,9 @@ impl Error {
         if message.starts_with(&location) { message } else { location + &message }
     }
 
-    /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error keeps
-    /// the old error's remedy, unless the old error has the default remedy.
+    /// Replaces an input error without a location by one with a location, which `at` makes from the old
+    /// error's message. The new error gets the old error's remedy, unless this is the default remedy. Returns
+    /// all other errors unchanged.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -321,7 +324,7 @@ impl Error {
     }
 }
 
-/// Returns the first line of a message that is not empty and, if there are others, their number.
+/// Returns the first non-empty line of `message` and, if there are more non-empty lines, their number.
 fn first_line(message: &str) -> String {
     let mut lines = message.lines().map(str::trim_end).filter(|line| !line.is_empty());
     let first = lines.next().unwrap_or_default();

@@ -1,6 +1,7 @@
-//! Finds out whether files and folders exist. Only the system's answer "not found" means that nothing is there. After
-//! any other error, for example of a network disk or of a folder that this user may not open, it is unknown what is
-//! there, so the functions of this module return the error: otherwise, raycl would ignore results that exist.
+//! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a
+//! path ([`is_missing`]). After any other error, such as that of a network disk that does not answer, it is
+//! unknown whether something is at the path. The functions of this module then return the error: otherwise,
+//! raycl would ignore results that exist.
 
 use crate::error::{Error, Result, limit_advice};
 use crate::reader;
@@ -13,9 +14,10 @@ const FORBIDDEN: &str = "run the command as a user who may read this path, chang
 /// The remedy if a disk does not answer, or answers with an error.
 const FAILED: &str = "check that the disk with this path works and is mounted, and run the command again";
 
-/// Returns whether an error means that nothing is at a path.
+/// Returns true if an error means that nothing is at a path.
 fn is_missing(error: &IoError) -> bool {
-    // Nothing can have a name that is too long, or be inside an ordinary file.
+    // The errors say that the path is not found, that a part of the path is an ordinary file instead of a
+    // folder, or that a name is too long.
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename)
 }
 
@@ -32,21 +34,21 @@ fn if_any<T>(result: IoResult<T>) -> IoResult<Option<T>> {
 ///
 /// # Errors
 ///
-/// Returns the system's error if it does not mean that nothing is there.
+/// Returns the system's error, unless the error means that nothing is at the path.
 pub fn metadata(path: &Path) -> IoResult<Option<Metadata>> {
     if_any(path.metadata())
 }
 
-/// Returns whether a path leads to a file or folder.
+/// Returns true if a path leads to a file or folder.
 ///
 /// # Errors
 ///
-/// Fails if the system does not answer this question.
+/// Fails if the system's answer does not show whether something is at the path.
 pub fn exists(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some())
 }
 
-/// Returns whether a path leads to an ordinary file.
+/// Returns true if a path leads to an ordinary file.
 ///
 /// # Errors
 ///
@@ -55,7 +57,7 @@ pub fn is_file(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some_and(|metadata| metadata.is_file()))
 }
 
-/// Returns whether a path leads to a folder.
+/// Returns true if a path leads to a folder.
 ///
 /// # Errors
 ///
@@ -90,11 +92,12 @@ pub fn bytes(path: &Path) -> Result<Option<Vec<u8>>> {
     if_any(reader::bytes(path, reader::Kind::Results)).map_err(|error| unreadable(path, &error))
 }
 
-/// Returns whether a path still leads to this open file: whether nobody has removed or replaced the file.
+/// Returns true if a path still leads to this open file. Returns false if somebody has removed or replaced
+/// the file.
 ///
 /// # Errors
 ///
-/// Returns the system's error if it does not mean that nothing is there.
+/// Returns the system's error, unless the error means that nothing is at the path.
 #[cfg(unix)]
 pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     use std::os::unix::fs::MetadataExt as _;
@@ -103,17 +106,18 @@ pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     Ok(named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino()))
 }
 
-/// Returns whether a path leads to a file. On this system, two files cannot be told apart.
+/// Returns true if a path leads to a file or folder, even to another one than this open file: on this system,
+/// raycl cannot tell two files apart.
 ///
 /// # Errors
 ///
-/// Returns the system's error if it does not mean that nothing is there.
+/// Returns the system's error, unless the error means that nothing is at the path.
 #[cfg(not(unix))]
 pub fn still_leads_to(path: &Path, _file: &File) -> IoResult<bool> {
     Ok(metadata(path)?.is_some())
 }
 
-/// Returns the error for a file or folder that exists, or may exist, and cannot be read.
+/// Returns the error for a file or folder that cannot be read, and that exists or may exist.
 pub fn unreadable(path: &Path, error: &IoError) -> Error {
     failed(format!("cannot read {}: {error}", path.display()), error)
 }

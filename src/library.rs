@@ -38,11 +38,12 @@ pub struct Picture {
 }
 
 impl Raycaster {
-    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
-    /// `gpu`, or the label that `raycl devices` shows for one of several devices with the same name. The
-    /// first device that matches is used. If `device` is `None`, the device that the environment variable
-    /// `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used if there is one, else an
-    /// accelerator, else a CPU. Of several such devices, the one with the most compute units is used.
+    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, a kind of
+    /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
+    /// devices with the same name. The first device that matches is used. If `device` is `None`, the device
+    /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used
+    /// if there is one, else an accelerator, else a CPU. Of several such devices, the one with the most
+    /// compute units is used.
     ///
     /// # Errors
     ///

@@ -54,7 +54,8 @@ pub fn address_space_limit() -> Option<u64> {
     address_space(&read_text(Path::new(LIMITS))?)
 }
 
-/// Returns how many more bytes of address space this process may use; `None` if there is no limit.
+/// Returns how many more bytes of address space this process may use; `None` if there is no limit, or if the
+/// system does not report the limit or the use.
 fn address_space_left() -> Option<u64> {
     let used = kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmSize:")?;
     Some(address_space_limit()?.saturating_sub(used))
@@ -159,7 +160,8 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
     Some(Available { bytes, source: folder.join(files.limit).display().to_string() })
 }
 
-/// Returns how many more bytes a control group's limit allows. File pages that the kernel can reclaim count as free.
+/// Returns how many more bytes a control group's limit allows; `None` if there is no limit. File pages that
+/// the kernel can reclaim count as free.
 fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<u64> {
     let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;

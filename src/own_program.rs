@@ -1,5 +1,5 @@
-//! Starts the running program once more: as a worker, to list devices, or to compile a program and store it in the
-//! cache.
+//! Starts the running program once more: as a worker, to list devices, or to compile an OpenCL program and
+//! store this program in the cache.
 
 use crate::device::drivers::LIBRARIES;
 use crate::error::{Error, Result};
@@ -21,13 +21,13 @@ pub fn remember_libraries() {
 /// The environment variable that is set for the workers that raycl starts.
 const WORKER: &str = "RAYCL_WORKER";
 
-/// Returns whether raycl started this process as a worker.
+/// Returns true if raycl started this process as a worker.
 pub fn is_worker() -> bool {
     std::env::var_os(WORKER).is_some()
 }
 
-/// Returns a command that starts this program as a worker. The variable [`WORKER`] tells a worker of raycl from a
-/// program whose own first argument happens to be `worker`.
+/// Returns a command that starts this program as a worker. The variable [`WORKER`] distinguishes a worker of
+/// raycl from a program that uses raycl as a library and has `worker` as its first argument.
 pub fn own_worker() -> Result<Command> {
     let mut command = own_program()?;
     command.arg("worker").env(WORKER, "1");

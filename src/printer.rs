@@ -1,21 +1,21 @@
-//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and Markdown. All
-//! text that raycl did not write itself must pass through this module. Control characters could move a terminal's
-//! cursor, rename its window or forge lines of a log, and invisible characters could hide a mistake. Both are printed
-//! as escapes such as `\u001b`, which are also valid JSON.
+//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
+//! Markdown. All text that raycl did not write itself must pass through this module. Control characters could
+//! move a terminal's cursor, rename its window or forge lines of a log, and invisible characters could hide a
+//! mistake. Characters of both kinds are printed as escapes such as `\u001b`, which are also valid JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Returns whether a character could control a terminal or mislead a reader. Such characters are control characters
-/// other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that change the direction
-/// of text, and invisible characters.
+/// Returns true if a character could control a terminal or mislead a reader. Such characters are control
+/// characters other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that
+/// change the direction of text, and invisible characters.
 pub fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || formats(c)
 }
 
-/// Returns whether a character only formats text: Unicode's separators of lines and paragraphs, its format characters
-/// (general category Cf), and letters without a shape.
+/// Returns true if a character only formats text. Such characters are Unicode's separators of lines and
+/// paragraphs, its format characters (general category Cf), and letters without a shape.
 fn formats(c: char) -> bool {
     matches!(
         c,
@@ -48,7 +48,7 @@ fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Escapes text for a single line: like [`plain`], but line breaks and tabs are replaced too.
+/// Returns the text for a single line: like [`plain`], but with line breaks and tabs replaced too.
 pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }

@@ -46,7 +46,8 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Shown, "a picture of results", Some(64)),
 ];
 
-/// Opens an ordinary file. Refuses pipes and devices without reading them, since a read may never end.
+/// Opens an ordinary file. Returns an error for pipes and devices without reading them, since a read may
+/// never end.
 ///
 /// # Errors
 ///
@@ -123,13 +124,13 @@ impl NotUtf8 {
 pub struct Damaged(Error);
 
 impl Damaged {
-    /// Returns whether a damaged packed file caused an error.
+    /// Returns true if a damaged packed file caused `error`.
     pub fn caused(error: &Error) -> bool {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
 
-    /// Marks an error as caused by a damaged packed file, unless the error comes from the operating system or means
-    /// that memory ran out.
+    /// Returns `error`, marked as caused by a damaged packed file. Returns it unchanged if it comes from the
+    /// operating system or means that memory ran out.
     pub fn mark(error: Error) -> Error {
         if error.raw_os_error().is_some() || error.kind() == ErrorKind::OutOfMemory {
             return error;
@@ -156,8 +157,8 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     within(read_on(file, head, limit + 1)?, kind)
 }
 
-/// Checks bytes that are already in memory, such as those of standard input or of an unpacked file, against the limit
-/// of their kind.
+/// Returns `bytes` unless there are more of them than the limit of `kind` allows. The bytes are already in
+/// memory, such as those of standard input or of an unpacked file.
 ///
 /// # Errors
 ///
@@ -192,7 +193,7 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Returns whether a path can only mean a folder, such as `a/`, `a/.` or `..`.
+/// Returns true if a path can only mean a folder, such as `a/`, `a/.` or `..`.
 pub fn names_a_folder(path: &Path) -> bool {
     let text = path.as_os_str().as_encoded_bytes();
     path.file_name().is_none_or(|name| !text.ends_with(name.as_encoded_bytes()))
@@ -218,8 +219,8 @@ pub fn may_write(_path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a file lies in a folder or its subfolders, after following links. If a scene names a file
-/// outside the scene's folder, messages must not show that file's text.
+/// Returns true if a file lies in a folder or its subfolders, after following links. Messages must not show
+/// the text of a file that a scene names and that lies outside the scene's folder.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))

@@ -70,7 +70,8 @@ pub fn load() -> Result<()> {
     device_lock::check_folder()
 }
 
-/// Refuses the value of an environment variable if it is not UTF-8, since it would otherwise be ignored.
+/// Returns an error if the value of an environment variable is not UTF-8: without the error, raycl would
+/// ignore the value.
 fn refuse_other_than_utf8(name: &str, value: Option<OsString>) -> Result<()> {
     let Some(value) = value.filter(|value| value.to_str().is_none()) else { return Ok(()) };
     let message = format!("{name}: the value '{}' is not UTF-8", value.to_string_lossy());
@@ -107,11 +108,11 @@ fn read(path: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Returns whether `error`, from opening the settings file, means that this user has no settings file. This
-/// is the case if the file does not exist, or if a part of its path is a file instead of a folder: services
-/// often have the home folder /dev/null. It is also the case if the file lies in a folder in which this user
-/// may look up no file, such as another user's home folder. `metadata` is the file's metadata, or the error
-/// from reading it.
+/// Returns true if `error`, from opening the settings file, means that this user has no settings file. In the
+/// first case, the file does not exist. In the second case, a part of its path is a file instead of a folder:
+/// services often have the home folder /dev/null. In the third case, the file is in a folder in which this
+/// user may not look up files, such as another user's home folder. `metadata` is the settings file's
+/// metadata, or the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
@@ -158,13 +159,15 @@ pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
-/// Returns what names the default device: the environment variable or the settings file; `None` if neither does.
+/// Returns the place that names the default device: the environment variable or the settings file. Returns
+/// `None` if neither names a device.
 pub fn device_origin() -> Option<&'static str> {
     let of_file = || user().wire.device.is_some().then_some("your settings file");
     variable(DEVICE).map(|_| DEVICE).or_else(of_file)
 }
 
-/// Adds the origin of the device's name (a variable or the settings file) to an error about the default device.
+/// Returns `error`, an error about the default device, with the place that names this device: the environment
+/// variable or the settings file.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {
         (None, Some(word)) => user().error(word, message),

@@ -17,7 +17,7 @@ static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
 /// The origin of kernel source files.
 #[derive(Clone, Debug, Default)]
 pub enum Sources {
-    /// The files this binary was built with.
+    /// The files that are built into this binary.
     #[default]
     Embedded,
     /// A folder laid out like `cl/`, for users who edit kernels. Files that are not in the folder come from
@@ -57,8 +57,8 @@ impl Sources {
         error.placed(|message| Error::input(format!("{file}, line {line}, #include \"{path}\": {message}")))
     }
 
-    /// Returns a file's text with its includes inserted, and the names of the files that this text consists of, each
-    /// once. This function is for files whose includes do not depend on a strategy.
+    /// Returns a file's text with its includes inserted, and the names of the files of which this text
+    /// consists, each once. This function is for files whose includes do not depend on a strategy.
     pub fn read_joined(&self, name: &str) -> Result<(String, Vec<String>)> {
         let (mut text, mut files) = (String::new(), Vec::new());
         self.join((name, &self.read(name)?), &mut Chain::default(), &mut text, &mut files)?;
@@ -105,7 +105,7 @@ impl Sources {
         Ok(files)
     }
 
-    /// Returns the sorted names of all files: those built in and those that a folder adds.
+    /// Returns the sorted names of all files: the built-in files and the files that a folder adds.
     pub fn files(&self) -> Result<Vec<String>> {
         let mut files = self.own_files()?;
         files.extend(Self::names().into_iter().map(str::to_owned));
@@ -119,9 +119,9 @@ impl Sources {
         self.own_path(name).unwrap_or_else(|| format!("cl/{name}"))
     }
 
-    /// Returns the paths of the files, among `files`, that the user added or changed: they come from the user's folder,
-    /// and no built-in file has the same name and the same text. An unchanged copy of a built-in file is left out,
-    /// since it is not to blame for an error.
+    /// Returns the paths of the files, among `files`, that the user added or changed: they come from the
+    /// user's folder, and no built-in file has the same name and the same text. An unchanged copy of a
+    /// built-in file is left out, since an unchanged copy is not to blame for an error.
     pub fn changed_paths(&self, files: &[String]) -> Vec<String> {
         let changed = |name: &String| {
             let path = self.own_path(name)?;
@@ -138,12 +138,13 @@ impl Sources {
     }
 
     /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
-    /// instead of their names, and whether the mistake is the user's. Built-in files compile by themselves.
-    /// The mistake is therefore the user's if the program contains a file that the user added or changed.
-    /// This holds even if the compiler finds the error in a built-in file, for example where that file calls
-    /// a function of the user with other arguments. If no error is in a file of the user, the messages begin
-    /// with the names of these files. The program's text, `text`, consists of the files `files`. The compiler
-    /// names them relative to `cl/` or to the folder, or names lines of the whole text.
+    /// instead of their names. Also returns true if the mistake is the user's. Built-in files compile by
+    /// themselves, so the mistake is the user's if the program contains a file that the user added or
+    /// changed. This holds even if the compiler finds the error in a built-in file, for example where that
+    /// file calls a function of the user with other arguments. If no error is in a file of the user, the
+    /// messages begin with the names of the user's files. The program's text, `text`, consists of the files
+    /// `files`. The compiler names a file relative to `cl/` or to the folder, or only states a line number in
+    /// the whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -156,8 +157,8 @@ impl Sources {
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
-    /// Returns an error of the preprocessor, whose message begins with a file's name, with the file's path in place of
-    /// this name. `files` are the names of the program's files.
+    /// Returns an error of the preprocessor with a file's path in place of the file's name, with which the
+    /// error's message begins. `files` are the names of the program's files.
     pub fn with_path(&self, error: Error, files: &[String]) -> Error {
         error.placed(|message| {
             let located = files.iter().find_map(|file| {
@@ -195,8 +196,8 @@ pub fn some_of(files: &[String]) -> String {
     }
 }
 
-/// Returns the file that is most probably meant by a wrong path: a file of the same name in another folder, or else a
-/// file with a similar name.
+/// Returns the file that is most probably meant by a wrong path: a file of the same name in another folder,
+/// or else a file with a similar name. Returns `None` if there is no such file.
 pub fn meant_file<'a>(path: &str, files: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let files: Vec<&str> = files.into_iter().filter(|file| *file != path).collect();
     let same: Vec<&str> = files.iter().copied().filter(|file| stem(file) == stem(path)).collect();

@@ -3,9 +3,9 @@
 use crate::error::{Error, or_meant};
 use std::ops::Range;
 
-/// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which value was
-/// expected; `None` if the message has no such part. This part contains no text of the document, so a message that must
-/// not quote the document may contain it.
+/// Returns the part of a message of serde (the library that converts TOML to Rust's types) that states which
+/// value was expected; `None` if the message has no such part. This part quotes nothing of the document, so
+/// even a message that must not quote the document may contain this part.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let kinds =
@@ -17,7 +17,8 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
         .map(|(_, expected)| type_in_words(expected.trim_end()))
 }
 
-/// The keys that have two names. The first one is the name of the field of the Rust type, which serde's messages state.
+/// The keys that have two names. The first name is that of the Rust type's field; serde's messages use this
+/// name.
 const TWO_NAMES: [[&str; 2]; 1] = [["obj", "mesh"]];
 
 /// A mistake in a document, in words for a user.
@@ -74,8 +75,8 @@ pub fn mistake(error: &toml::de::Error) -> Mistake {
     }
 }
 
-/// Returns the mistake if serde's message says that a table sets a key by both of its names; `None` for any other
-/// message. If a table repeats one name, the message is another one: the text is then not TOML.
+/// Returns the mistake if serde's message says that a table sets a key by both of its names; `None` for any
+/// other message. (A table that repeats one name is not TOML, and causes another message.)
 fn both_names(message: &str) -> Option<Mistake> {
     let field = message.strip_prefix("duplicate field `")?.strip_suffix('`')?;
     let [_, name] = TWO_NAMES.into_iter().find(|[known, _]| *known == field)?;
@@ -93,8 +94,8 @@ pub fn in_plain_words(message: &str) -> String {
         return match message.as_str() {
             // These are the words of the crate `toml` if it expects one of several names.
             "wanted string or table" => "wrong type: expected a string".to_owned(),
-            // Instead of a string, the crate also accepts a table with a single key, which is then the name. It sends
-            // this message for a table that has no key, or several.
+            // Instead of a string, the crate `toml` also accepts a table with a single key, which it takes as
+            // the name. For a table with no key or several keys, the crate sends this message.
             _ if message.starts_with("wanted exactly 1 element") => {
                 "wrong type: table, expected a string".to_owned()
             }
@@ -109,7 +110,7 @@ pub fn in_plain_words(message: &str) -> String {
     format!("{actual}, expected {}", type_in_words(expected))
 }
 
-/// Returns the meaning of the name of a Rust type; any other text stays as it is.
+/// Returns words for the name of a Rust type; returns any other text unchanged.
 fn type_in_words(name: &str) -> &str {
     match name {
         // serde writes the name of a Rust type after `struct`.

@@ -27,9 +27,9 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
     format!("{} {}", counted_of(part, all, what), if part == 1 { "was" } else { "were" })
 }
 
-/// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if its number is
-/// one. Identities and states have the plural after every number. They are corrected only where they are shown, since
-/// keys of records depend on their text.
+/// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if its
+/// number is one. Identities and states have the plural after every number. raycl corrects the plural only
+/// where it shows the text, since keys of records depend on the text.
 pub fn in_singular(part: &str) -> String {
     match part.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
         Some(noun) => format!("1 {noun}"),
@@ -37,7 +37,7 @@ pub fn in_singular(part: &str) -> String {
     }
 }
 
-/// Groups digits by thousands from 10,000 on.
+/// Returns a number as text. From 10,000 on, commas separate groups of three digits.
 fn grouped(count: usize) -> String {
     let digits = count.to_string();
     if digits.len() < 5 {
@@ -58,7 +58,8 @@ pub fn rate(per_s: f64, what: &str) -> String {
     format!("{:.2} {prefix}{what}/s", per_s * scale)
 }
 
-/// Quotes an argument, unless it has only characters that every shell reads unchanged.
+/// Returns an argument as a word for a shell: with quotes, unless it has only characters that every shell
+/// reads unchanged.
 pub fn quote(argument: &str) -> String {
     let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !argument.is_empty() && argument.chars().all(harmless) {
@@ -70,7 +71,8 @@ pub fn quote(argument: &str) -> String {
     format!("'{}'", argument.replace('\'', r"'\''"))
 }
 
-/// Returns whether messages show another text in place of a character, or may break their lines at it.
+/// Returns true if messages show another text in place of the character, or may break their lines at the
+/// character.
 fn is_hidden(c: char) -> bool {
     c == '\n' || c == '\t' || steers(c)
 }

@@ -14,7 +14,7 @@ pub fn file_name(kind: &str, key: &str) -> String {
     format!("{kind}-{}", &hash[..NAME_DIGITS])
 }
 
-/// Returns whether a name has the form of an entry's file name.
+/// Returns true if a name has the form of an entry's file name.
 pub fn is_name(name: &str) -> bool {
     let digits = |hash: &str| hash.len() == NAME_DIGITS && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
     name.rsplit_once('-').is_some_and(|(kind, hash)| !kind.is_empty() && digits(hash))

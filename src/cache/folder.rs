@@ -1,5 +1,5 @@
-//! Finds the cache's folder, and checks who owns it. raycl runs programs from the cache, so only the user may write
-//! there.
+//! Finds the cache's folder, and checks who owns it. raycl runs programs from the cache, so only the user may
+//! write to this folder.
 
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// Returns the limit of the cache's size in bytes, from the environment. If the variable's value is not a whole number
-/// of MiB, raycl's commands refuse it ([`check_limit`]); programs that use raycl as a library get the default limit.
+/// Returns the limit of the cache's size in bytes, from the environment. If the variable's value is not a
+/// whole number of MiB, this function returns the default limit. raycl's commands refuse such a value
+/// ([`check_limit`]).
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
@@ -39,8 +40,9 @@ pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
-/// Makes a private folder among the temporary files. Later processes of this user get the same folder. Returns `None`
-/// if the folder cannot be made, if it is a link, or if somebody else owns it or may write into it.
+/// Makes a private folder among the temporary files. Later processes of this user get the same folder.
+/// Returns `None` if the folder cannot be made, if the path is a link, or if somebody else owns the folder or
+/// may write into it.
 #[cfg(unix)]
 pub fn temporary() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();
@@ -67,7 +69,7 @@ pub fn make(folder: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)
 }
 
-/// Returns the folder if it belongs to the user and nobody else may write into it.
+/// Returns the folder if it belongs to the user and nobody else may write into it; otherwise `None`.
 pub fn trusted(folder: &Path) -> Option<&Path> {
     let metadata = folder.metadata().ok()?;
     (metadata.is_dir() && is_own(&metadata)).then_some(folder)
@@ -94,10 +96,10 @@ pub fn files(folder: &Path) -> std::io::Result<Option<ReadDir>> {
     }
 }
 
-/// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
-/// this by creating a temporary file in the folder or, if the folder does not exist, in its nearest ancestor that
-/// exists. Permission bits are no sufficient test: they permit the superuser to write even if the file system is
-/// read-only.
+/// Returns true if this process can write into a folder, or can create the folder if it does not exist. The
+/// function tests this by creating a temporary file in the folder or, if the folder does not exist, in its
+/// nearest ancestor that exists. A test of the permission bits is not sufficient: they permit the superuser
+/// to write even if the file system is read-only.
 pub fn can_be_written(folder: &Path) -> bool {
     let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
     existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())

@@ -12,12 +12,13 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Prefix of the names of unfinished files. A process is writing such a file, or was killed while writing it.
+/// Prefix of the names of unfinished files. A process is writing this file, or was killed while writing.
 const UNFINISHED: &str = ".unfinished-";
 /// The least space that a file takes on most disks: a block. An entry counts as at least this many bytes, so the limit
 /// of the cache's size also limits the number of its entries.
 const BLOCK_BYTES: u64 = 4096;
-/// How far the time of a file may lie in the future, since the clock of a file server can differ from this machine's.
+/// A file's time may lie this far in the future: the clock of a file server can differ from this machine's
+/// clock.
 const CLOCKS_DIFFER_BY: Duration = Duration::from_secs(60);
 
 /// A cache: a folder of entries, and the limit of its size. If there is no folder, nothing is stored.
@@ -73,13 +74,14 @@ impl Cache {
         self.limit_bytes
     }
 
-    /// Returns whether the cache is in use: it has a folder from which later processes of raycl take what this process
-    /// stores.
+    /// Returns true if the cache is in use: it has a folder from which later processes of raycl take what
+    /// this process stores.
     pub fn is_usable(&self) -> bool {
         self.folder.is_some() && self.why_unusable().is_none()
     }
 
-    /// Returns why raycl cannot use the cache's folder; `None` if it can, or if the cache has no folder.
+    /// Returns why raycl cannot use the cache's folder; `None` if raycl can use the folder, or if the cache
+    /// has no folder.
     pub fn why_unusable(&self) -> Option<&'static str> {
         self.folder().and_then(folder::why_unusable)
     }
@@ -96,10 +98,10 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry, and returns whether the cache then holds it. Stores nothing if another user owns the
-    /// folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores nothing if
-    /// the folder cannot be listed, since old entries could then not be removed. If storing fails, for
-    /// example because the disk is full, the next run only takes longer.
+    /// Stores an entry. Returns true if the cache then contains the entry. Stores nothing if another user
+    /// owns the folder or may write into it, since [`get`](Self::get) would ignore the entry. Also stores
+    /// nothing if the folder cannot be listed, since old entries could then not be removed. If storing fails,
+    /// for example because the disk is full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -113,13 +115,15 @@ impl Cache {
         is_stored && path.exists()
     }
 
-    /// Returns all entries, the most recently used entry first; no entry if the folder cannot be listed.
+    /// Returns all entries, the most recently used entry first. Returns no entry if the folder cannot be
+    /// listed.
     pub fn entries(&self) -> Vec<Entry> {
         self.listed().unwrap_or_default()
     }
 
-    /// Removes all entries; returns the number and size of the removed entries. If some entries cannot be removed,
-    /// removes all others, and returns the first error. Also returns an error if the folder cannot be listed.
+    /// Removes all entries. Returns the number of removed entries and their size in bytes. If some entries
+    /// cannot be removed, removes all others, and returns the first error. Also returns an error if the
+    /// folder cannot be listed.
     pub fn clear(&self) -> std::io::Result<(usize, u64)> {
         remove(&self.listed()?)
     }
@@ -151,8 +155,9 @@ fn counted_bytes(bytes: u64) -> u64 {
     bytes.max(BLOCK_BYTES)
 }
 
-/// Removes entries; returns the number and size of the removed entries. An entry that is already gone is no error:
-/// another process may have finished, replaced or removed its file since the entries were listed.
+/// Removes entries. Returns the number of removed entries and their size in bytes. An entry that is already
+/// gone is no error: another process may have finished, replaced or removed its file since the entries were
+/// listed.
 fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
     let (mut count, mut bytes, mut failed) = (0, 0, None);
     for entry in entries {
@@ -172,7 +177,7 @@ fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
 fn write(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
     file.write_all(bytes)?;
-    // A file server dates files by its own clock, which may differ from this machine's.
+    // A file server dates files by its own clock, which may differ from this machine's clock.
     let _ = file.as_file().set_modified(SystemTime::now());
     file.persist(path)?;
     Ok(())
@@ -287,7 +292,8 @@ mod tests {
         assert_eq!(cache.entries().len(), 2);
     }
 
-    /// Here, the clock that dates the files is half a minute ahead of the other entries' clock.
+    /// The files of the first two entries are dated half a minute ahead, so the third entry counts as the
+    /// least recently used.
     #[test]
     fn an_entry_that_is_removed_at_once_counts_as_not_stored() {
         let (_parent, cache) = cache(2 * BLOCK_BYTES);
@@ -340,7 +346,7 @@ mod tests {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         };
         assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
-        // Neither the group nor other users may write; reading is harmless.
+        // Neither the group nor other users may write. Reading is harmless.
         for others in [0o777, 0o720, 0o702] {
             mode(&folder, others);
             assert_eq!(cache.get("program", "key"), None, "a folder of {others:o}");

@@ -33,25 +33,25 @@ enum Action {
     Path,
 }
 
-/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `clear`, `entries` and `bytes` are the
-/// number and the size of the removed entries.
+/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `show`, `entries` and `bytes`
+/// are the number and the size of the cache's entries; with `clear`, those of the removed entries.
 #[derive(Serialize)]
 struct Shown {
     /// The path of the cache's folder. Null if the cache has no folder; raycl then stores nothing between runs.
     folder: Option<String>,
-    /// The reason why raycl cannot use the folder. If there is such a reason, raycl stores nothing between runs. Null
-    /// if raycl can use the folder, or if there is no folder.
+    /// The reason why raycl cannot use the folder, and therefore stores nothing between runs. Null if raycl
+    /// can use the folder, or if there is no folder.
     unusable: Option<&'static str>,
     entries: usize,
     bytes: u64,
-    /// The sum of the entries' sizes that is compared with the cache's limit. Each entry counts as at least 4,096
-    /// bytes. Absent with `clear`.
+    /// The size that raycl compares with the cache's limit: the sum of the entries' sizes, each counted as at
+    /// least 4,096 bytes. Absent with `clear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     counted_bytes: Option<u64>,
     limit_bytes: u64,
 }
 
-/// Shows or clears the cache, or prints its path.
+/// Shows or clears the cache, or prints the path of its folder.
 pub fn run(args: Args) -> Result<()> {
     let cache = Cache::of_user();
     match args.action.unwrap_or(Action::Show) {
@@ -98,8 +98,8 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
 }
 
 impl Shown {
-    /// Returns the output of `raycl cache show`: the folder, the number and the sizes of the entries that the cache has
-    /// now.
+    /// Returns the output of `raycl cache show`: the cache's folder, the number of its entries and their
+    /// sizes.
     fn of(cache: &Cache) -> Self {
         let entries = cache.entries();
         Self {
@@ -112,7 +112,7 @@ impl Shown {
         }
     }
 
-    /// Says how many entries there are, and how much of the limit they take.
+    /// Returns a text with the number of entries, their size and the cache's limit.
     fn size(&self) -> String {
         let counted_bytes = self.counted_bytes.unwrap_or(self.bytes);
         let [taken, limit] = [counted_bytes, self.limit_bytes].map(readable);

@@ -15,7 +15,8 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height.
+/// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height, each from 1 to 4096.
+/// Returns the width and the height.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (across, down) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
@@ -27,8 +28,9 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     Ok([number(across)?, number(down)?])
 }
 
-/// Returns a parser that accepts a whole number in `range`, for clap (the library that parses raycl's arguments). If
-/// the text is not a whole number, the message of clap's own parser does not state the range.
+/// Returns a parser that accepts a whole number in `range`, for clap (the library that parses raycl's
+/// arguments). All error messages of this parser state the range. clap's own parser does not state the range
+/// if the text is not a whole number.
 pub fn whole<T: TryFrom<u32>>(
     range: RangeInclusive<u32>,
 ) -> impl Fn(&str) -> std::result::Result<T, String> + Clone {
@@ -50,7 +52,7 @@ pub fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
 }
 
-/// Parses `key=value`.
+/// Splits `KEY=VALUE` at the first `=`. Returns the key and the value, without the spaces around them.
 pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
@@ -58,8 +60,8 @@ pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), Str
     }
 }
 
-/// A parser for clap that accepts any text, which [`parse_strategy`] parses later. The parser lists the presets, so
-/// that shells can complete their names.
+/// A parser for clap that accepts any text; [`parse_strategy`] parses the text later. This parser also tells
+/// clap the names of the presets, so that shells can complete these names.
 #[derive(Clone)]
 pub struct StrategyText;
 
@@ -80,8 +82,9 @@ impl TypedValueParser for StrategyText {
     }
 }
 
-/// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`. Without a preset, the axes
-/// change the preset `deferred`. Each axis may have only one value.
+/// Parses the text of a strategy: a preset (`naive`), values of axes (`vectors=local`), or both
+/// (`deferred,width=4`). Without a preset, the values of the axes change the preset `deferred`. Returns an
+/// error if an axis has two values.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
     let (named, axes) = match parts.split_first() {
@@ -103,11 +106,11 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// Returns the error for `part`, which is a part of a strategy's text, has no `=`, and is not the preset at the
-/// beginning. `named` is this preset, if there is one, and `axes` are all other parts of the text. The advice depends
-/// on `part`. If `part` is a second preset, the advice says that a strategy has only one. If it is a preset and none is
-/// at the beginning, the advice is to write the preset first. If it is no preset, the advice shows the form of a
-/// strategy.
+/// Returns the error for `part`, a part of a strategy's text that should be the value of an axis but has no
+/// `=`. `named` is the preset at the beginning of the text, if there is one, and `axes` are all parts of the
+/// text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says that
+/// a strategy has only one. If `part` is a preset but the text begins with none, the advice is to write
+/// `part` at the beginning. If `part` is not a preset, the advice shows the form of a strategy.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -115,8 +118,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has one preset, and '{part}' is another one; `raycl compile` compiles several strategies: give --strategy once per strategy, as in --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // The suggestion leaves out the parts without `=`, such as further presets, since a strategy has only one
-            // preset.
+            // The suggestion leaves out all other parts without `=`, because they are further presets or
+            // mistakes.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
@@ -132,11 +135,12 @@ fn no_strategy(text: &str) -> Error {
     )
 }
 
-/// Returns the strategy for `task` (the properties of the scene and the picture that matter for the choice), and its
-/// local size. `text` names the strategy, and `set` has the keys and values of the options `--set`. Without `text`, the
-/// strategy is the fastest one that raycl knows or, if `set` requests the watertight test, the fastest one with this
-/// test. Finally, each axis that `set` names gets its value in `set`. If the fastest strategy cannot be combined with
-/// these values, the error advises the user to name another strategy.
+/// Returns a strategy and its local size. `text` names the strategy, and `set` has the keys and values of the
+/// options `--set`. Without `text`, the function [`fastest`] chooses the strategy for a device with these
+/// `limits` and for `task` (the properties of the scene and the picture that matter for the choice). If `set`
+/// requests the watertight test, the chosen strategy has this test. Finally, each axis that `set` names gets
+/// its value in `set`. If the chosen strategy does not allow these values, the error advises the user to name
+/// another strategy.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -158,10 +162,11 @@ pub fn chosen_strategy(
     Ok((strategy, strategy.usual_local_size(limits)))
 }
 
-/// Returns the remedy (the advice in the error message) if the values in `set`, those of `--set`, cannot be combined
-/// with `chosen`, the strategy that raycl chose. `chosen` may differ from every preset, for example in its width, so
-/// the remedy names the most similar preset. The remedy also names a preset that can be combined with these values:
-/// `deferred`, if possible. If there is no such preset, the remedy is to change the values.
+/// Returns the advice in the error message if `chosen`, the strategy that raycl chose, does not allow the
+/// values in `set` (the values of `--set`). `chosen` may differ from every preset, for example in its width,
+/// so the advice calls `chosen` by the name of the most similar preset. The advice also names a preset that
+/// allows the values in `set`: `deferred`, if possible. If no preset allows them, the advice is to change the
+/// values.
 fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let own = chosen.axes();
     let differences =
@@ -198,13 +203,14 @@ pub fn requested_strategy(
     Ok(strategy)
 }
 
-/// Returns whether a `--set` key is an axis of the strategy.
+/// Returns true if `key` is the name of an axis.
 pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Returns an error if a key of `--set` is not a key of a scene, but names an option that `render` and `view` have,
-/// such as `local_size`. The error's remedy is the option with the value, such as `--local-size 8`.
+/// Returns an error if `key`, a key of `--set`, is the name of an option that both `render` and `view` have,
+/// such as `local_size`, and is not a key of a scene. The error's advice is the option with the value, such
+/// as `--local-size 8`.
 pub fn refuse_option(key: &str, value: &str) -> Result<()> {
     let (all, name) = (Cli::command(), key.replace('_', "-"));
     let of = |command: &str| {
@@ -225,8 +231,8 @@ fn no_key(key: &str) -> Error {
     Error::input(format!("--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"))
 }
 
-/// Returns an error if a key of `--set` is probably a misspelt axis, and suggests that axis. No valid key of a scene is
-/// refused, since none resembles the name of an axis.
+/// Returns an error if `key`, a key of `--set`, resembles the name of an axis; the error suggests this axis.
+/// The valid keys of a scene do not resemble the names of axes.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match meant(key, names.iter().copied()) {
@@ -235,8 +241,9 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     }
 }
 
-/// Returns the device to render on: the first device that matches `pattern`. Without `pattern`, returns the first
-/// device that matches the user's settings; without settings, the most capable device.
+/// Returns the device to render on: the first device that matches `pattern`. Without `pattern`, returns the
+/// first device that matches the user's settings. If the settings name no device either, returns the most
+/// capable device.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
@@ -258,9 +265,9 @@ fn one_device_index(
     }
 }
 
-/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. This is the first
-/// device that matches the user's settings or, without settings, the most capable device. Returns `None` if there are
-/// no settings and no device is usable.
+/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. This is
+/// the first device that matches the user's settings or, if the settings name no device, the most capable
+/// device. Returns `None` if the settings name no device and no device is usable.
 ///
 /// # Errors
 ///
@@ -409,8 +416,8 @@ mod tests {
         };
         let cpu = DeviceLimits { is_cpu: true, native_width: 16, ..crate::device::EXAMPLE_LIMITS };
         let wide = [("width".to_owned(), "4".to_owned())];
-        // For a picture with so many pixels, raycl chooses large tiles and separate passes on a GPU. No preset has this
-        // combination of values.
+        // For a picture of 2^24 pixels on a GPU, raycl chooses large tiles and separate passes. No preset has
+        // this combination of values.
         let task = Task::covering(1026, 1 << 24);
         for (limits, name) in [(&cpu, "tile"), (&gpu, "tile-group")] {
             let error = chosen_strategy(None, &wide, limits, task).expect_err("tiles do not have this width");

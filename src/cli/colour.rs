@@ -1,6 +1,7 @@
-//! `--color`: whether raycl prints in colour. The option takes precedence over the environment variable `NO_COLOR`
-//! (<https://no-color.org>), and this variable over the user's settings. If none of them decides, raycl prints in
-//! colour if the output is a terminal.
+//! `--color`: when raycl prints in colour. The option takes precedence over the environment variable
+//! `NO_COLOR` (<https://no-color.org>), and `NO_COLOR` takes precedence over the user's settings. If none of
+//! the three decides, raycl prints in colour if the output is a terminal and the variable `TERM` is not
+//! `dumb`.
 
 use clap::ColorChoice;
 use std::ffi::OsString;
@@ -43,13 +44,14 @@ pub fn chosen() -> Option<bool> {
     }
 }
 
-/// Returns whether standard output is coloured.
+/// Returns true if raycl prints in colour to standard output.
 pub fn on_output() -> bool {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     chosen().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
 }
 
-/// Returns the choice of colour for the help and the messages that clap (the library that parses the arguments) prints.
+/// Returns the choice of colour for the texts that clap (the library that parses the arguments) prints: the
+/// help and messages about mistakes.
 pub(super) fn of_clap() -> ColorChoice {
     chosen()
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })

@@ -33,11 +33,11 @@ pub struct Args {
     /// machine's speed
     #[arg(long)]
     times: bool,
-    /// Exit with code 1 after a statistically significant slowdown of more than PERCENT: of a single point, of the mean
-    /// of one strategy's points, or of the mean of all points except baselines (ray casters that do not use OpenCL).
-    /// Also exit with code 1 if a point was measured in BEFORE but could not be measured in AFTER. Points of which
-    /// AFTER has no records are not tested; a note names them. If both folders contain times of the same program, at
-    /// most one comparison in 50 exits with code 1 by chance
+    /// Exit with code 1 if a slowdown of more than PERCENT is statistically significant. raycl tests each
+    /// point, the mean of each strategy's points, and the mean of all points except baselines (ray casters
+    /// that do not use OpenCL). Also exit with code 1 if a point was measured in BEFORE but could not be
+    /// measured in AFTER. Points of which AFTER has no records are not tested; a note names them. If both
+    /// folders contain times of the same program, at most one comparison in 50 exits with code 1 by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder
@@ -58,7 +58,7 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Parses a percentage.
+/// Parses a percentage of at least 0, such as `5` or `5%`.
 pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     let number: Option<f64> = text.trim_end_matches('%').parse().ok();
     let fine = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
@@ -79,10 +79,10 @@ pub fn run(args: Args) -> Result<()> {
     if !comparison.has_points_in_common() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "a point of one folder is compared with the point of the other folder whose record has the same key (a \
-             hash that identifies what was measured) or, without such a point, with the point that has the same scene, \
-             image size, device, strategy name and local size; scenes are compared by content, and devices are \
-             compared only if a folder has several devices",
+            "raycl compares two points if their records have the same key (a hash that identifies what was measured) \
+             or, failing that, if they have the same scene, image size, device, strategy name and local size; scenes \
+             are the same if their contents are equal, and different devices count as the same if each folder has only \
+             one device",
         ));
     }
     if let Some(out) = &mut out {
@@ -101,7 +101,8 @@ pub fn run(args: Args) -> Result<()> {
     refuse_regressions(&comparison, args.fail_on_regression, "", remedy(&comparison, &after.path))
 }
 
-/// Returns the remedy if the folder `after` has regressions.
+/// Returns the advice of the error about regressions in the folder `after`. If points of this folder failed,
+/// the advice names the file with the reasons; otherwise, the advice is to repeat both runs.
 fn remedy(comparison: &Comparison, after: &Path) -> String {
     match comparison.broken.is_empty() {
         true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \
@@ -111,8 +112,9 @@ fn remedy(comparison: &Comparison, after: &Path) -> String {
     }
 }
 
-/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Without a limit, there
-/// is no error. `between` is the text that the message has between the number of regressions and their list.
+/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Returns no
+/// error if `limit_percent` is `None`. The error's message has the text `between` between the number of
+/// regressions and their list.
 pub(super) fn refuse_regressions(
     comparison: &Comparison,
     limit_percent: Option<f64>,

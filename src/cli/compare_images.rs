@@ -55,8 +55,9 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest absolute difference between the two pictures in a channel, which may be alpha. The values of 8-bit
-    /// pictures are first divided by 255 (white). Null if this difference is not finite.
+    /// The largest absolute difference between the two pictures in one channel of one pixel; alpha is a
+    /// channel too. The values of 8-bit pictures are first divided by 255 (white). Null if this difference is
+    /// not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
@@ -112,27 +113,29 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns the remedy for pictures of different sizes. One of them may have a colour scale below it.
+/// Returns the advice of the error about pictures of different sizes. The taller picture may have a colour
+/// scale at its bottom.
 fn help_on_sizes([found, expected]: [&Radiance; 2]) -> String {
     let rows = found.height.abs_diff(expected.height);
     let scale = (found.width == expected.width && rows == SCALE_HEIGHT).then(|| {
         format!(
-            "; the last {rows} rows of the taller picture may be a colour scale, as in pictures of differences, tests \
-             and nodes: leave these rows out"
+            "; the last {rows} rows of the taller picture may be a colour scale, as in pictures that show differences \
+             or counts of tests or nodes: leave these rows out"
         )
     });
     format!("render both pictures with the same --width and --height{}", scale.unwrap_or_default())
 }
 
-/// Refuses to replace one of the compared pictures by the picture of their differences, even with `--force`.
+/// Returns an error if `--output` names one of the compared pictures. The picture of their differences never
+/// replaces a compared picture, even with `--force`.
 fn refuse_compared(args: &Args, target: &Target) -> Result<()> {
     let compared = Inputs::new();
     [&args.found, &args.expected].into_iter().for_each(|path| compared.add(path));
     target.check_unread("one of the compared pictures", |path| compared.contains(path))
 }
 
-/// Returns a note if one picture has displayed values and the other one radiance. Such pictures differ in every pixel,
-/// even if they are of the same render.
+/// Returns a note if one picture has displayed values and the other one radiance. The two pictures then
+/// differ even if they show the same render.
 fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> {
     let values_of = |path: &PathBuf, values| {
         let what = match values {
@@ -151,7 +154,7 @@ fn other_values(args: &Args, found: Values, expected: Values) -> Option<String> 
     })
 }
 
-/// If only one of two pictures has alpha, the other one becomes opaque.
+/// If only one of the two pictures has an alpha channel, gives the other picture an opaque one.
 fn share_alpha(a: &mut Radiance, b: &mut Radiance) {
     if a.coverage.len() != b.coverage.len() {
         for picture in [a, b] {
@@ -160,7 +163,7 @@ fn share_alpha(a: &mut Radiance, b: &mut Radiance) {
     }
 }
 
-/// Compares two pictures of the same size, of which both or none have alpha.
+/// Compares two pictures of the same size. Either both pictures have alpha, or neither has.
 fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> Report {
     let mut largest = (0.0, None);
     let (mut squares, mut different, mut relative, mut peak) = (0.0, 0, 0.0f64, 0.0f64);
@@ -201,8 +204,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
     }
 }
 
-/// Returns the report as text; `values` says what the values of the two pictures are. Only an error of displayed values
-/// is also printed as a share of white, since radiance has no largest value.
+/// Returns the report as text. `values` says for each picture whether it has displayed values or radiance. If
+/// both have displayed values, the text also gives the largest error as a number of 255 (white).
 fn text(report: &Report, values: [Values; 2]) -> String {
     let mut lines = Vec::new();
     match (report.psnr_db, report.largest_error_at) {

@@ -76,8 +76,8 @@ struct Compilation {
     microscope: Option<Microscope>,
 }
 
-/// The image size for which the kernels are prepared. The compiled code does not depend on the image size. With PoCL, a
-/// frame is cast; a frame of one pixel takes little time even in a large scene.
+/// The image size for which the kernels are prepared. The compiled code does not depend on the image size.
+/// With PoCL, raycl casts a frame, and a frame of one pixel takes little time even in a large scene.
 const IMAGE_SIZE: [u32; 2] = [1, 1];
 
 /// Builds the program of every strategy. If a program cannot be built, builds the programs of the other strategies, and
@@ -118,8 +118,9 @@ pub fn run(args: Args) -> Result<()> {
     refuse_not_compiled(&failed, strategies.len())
 }
 
-/// Returns an error if programs could not be compiled. For each of these programs, `failed` has the name of its
-/// strategy and the exit code of its error. These errors have been printed.
+/// Returns an error if `failed` is not empty. For each program that could not be compiled, `failed` has the
+/// name of its strategy and the exit code of its error, which has been printed. `all` is the number of all
+/// programs.
 fn refuse_not_compiled(failed: &[(&str, u8)], all: usize) -> Result<()> {
     if failed.is_empty() {
         return Ok(());
@@ -219,7 +220,8 @@ fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: File
     out.remove_listed(|name| FILES.iter().any(|file| path(file) == name) && !is_written(name))
 }
 
-/// Returns the page that shows the source beside the instructions; `None` if the instructions were not read.
+/// Returns the page that shows the source beside the instructions. Returns `None` if `made.microscope` is
+/// `None`.
 fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;

@@ -15,7 +15,7 @@ pub struct Args {
     shell: Shell,
 }
 
-/// The line of a script for bash that stores the word before the cursor's word.
+/// The line of the bash script that stores, in `prev`, the word before the one at the cursor.
 const PREVIOUS_WORD: &str = "    prev=\"$3\"\n";
 
 /// Prints the completion script.
@@ -23,7 +23,6 @@ pub fn run(args: Args) -> Result<()> {
     super::print(script(args.shell)?.trim_end())
 }
 
-/// Returns the completion script for a shell.
 fn script(shell: Shell) -> Result<String> {
     let mut whole = shown(&super::Cli::command()).version(env!("RAYCL_VERSION"));
     let mut script = Vec::new();
@@ -52,9 +51,10 @@ fn shown(command: &Command) -> Command {
         .subcommands(command.get_subcommands().filter(|one| !one.is_hide_set()).map(shown))
 }
 
-/// Lets a script for bash complete the values of options that are written `--option=value`. Bash divides such a word
-/// into three words, `--option`, `=` and `value`, whereas the script expects the option directly before the value. If
-/// an option needs the `=`, the script no longer completes a value after a blank.
+/// Returns the bash script `script`, changed so that it also completes the value in `--option=value`. Bash
+/// divides `--option=value` into three words: `--option`, `=` and `value`. The original script expects the
+/// option directly before the value. For options that require the `=`, the changed script completes no value
+/// after a space. `whole` is the command `raycl`.
 fn with_equals_signs(script: &str, whole: &Command) -> String {
     let options = whole.get_subcommands().flat_map(Command::get_arguments);
     let options = options.filter(|one| one.is_require_equals_set()).filter_map(Arg::get_long);

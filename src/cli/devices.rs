@@ -39,8 +39,8 @@ struct Listing<'a> {
     empty_platforms: &'a [String],
     /// The platforms whose drivers failed to list their devices, each with the reason.
     failed_platforms: &'a [String],
-    /// The slug (the name for use in file names) of the device on which commands cast if no option names a device; null
-    /// if commands then refuse to cast.
+    /// The slug (the name for use in file names) of the device on which commands cast if no option names a
+    /// device. Null if commands refuse to cast without such an option.
     default: Option<String>,
 }
 
@@ -101,8 +101,9 @@ fn text(infos: &[DeviceInfo], [empty_platforms, failed_platforms]: [&[String]; 2
     text
 }
 
-/// Returns the line that says on which device commands cast if no option names a device. `origin` says where the user's
-/// settings name the device: in the environment variable `RAYCL_DEVICE` or in the settings file.
+/// Returns the line that says on which device commands cast if no option names a device. `origin` is the
+/// place where the user's settings name the device: the environment variable `RAYCL_DEVICE` or the settings
+/// file.
 fn by_default(infos: &[DeviceInfo], default: Result<Option<usize>>, origin: Option<&str>) -> String {
     match default {
         Ok(Some(index)) => {

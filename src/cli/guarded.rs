@@ -27,36 +27,38 @@ use terminal::LentTerminal;
 /// it unchanged. glibc 2.35 and later obey these settings; older versions and other C libraries ignore them.
 const ALLOCATOR: &str = "GLIBC_TUNABLES";
 
-/// Returns the settings of the allocator for a machine with this number of processors.
+/// Returns the value of [`ALLOCATOR`] for a machine with this number of processors.
 ///
-/// `hugetlb` lets the allocator ask the system for huge pages. The first access to each page of new memory causes a
-/// page fault, and the faults of small pages took a fifth of the time of a short command. `top_pad` lets the allocator
-/// extend its heaps by 2 MiB at a time. `mmap_threshold` gives an allocation of 4 MiB or more memory of its own, which
-/// the system gets back when the allocation is freed. (By itself, glibc raises this limit to as much as 32 MiB; a
-/// picture of ten million triangles then took 125 MiB more.) `arena_max` limits the number of heaps to the number of
-/// processors. (By itself, glibc makes up to eight times as many. With two heaps instead of five, and steps of 2 MiB
-/// instead of 16 MiB, the picture took 50 MiB less, in the same time.)
+/// `hugetlb` lets the allocator ask the system for huge pages. The first access to each page of new memory
+/// causes a page fault, and the faults of small pages took a fifth of the time of a short command. `top_pad`
+/// lets the allocator extend its heaps by 2 MiB at a time. With `mmap_threshold`, the memory of an allocation
+/// of at least 4 MiB is not part of a heap, and goes back to the system when the allocation is freed. Without
+/// this setting, glibc raises the threshold to as much as 32 MiB, and a picture of ten million triangles took
+/// 125 MiB more memory. `arena_max` limits the number of heaps to the number of processors; without this
+/// setting, glibc makes up to eight times as many heaps. With two heaps instead of five, and a `top_pad` of 2
+/// MiB instead of 16 MiB, the same picture took 50 MiB less memory and the same time.
 fn allocator_settings(processors: usize) -> String {
     let malloc = ["hugetlb=1", "top_pad=2097152", "mmap_threshold=4194304"].map(str::to_owned);
     let settings = malloc.into_iter().chain([format!("arena_max={processors}")]);
     settings.map(|setting| format!("glibc.malloc.{setting}")).collect::<Vec<_>>().join(":")
 }
 
-/// Returns whether this process is the child process that [`run`] starts.
+/// Returns true if this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process. If the child's exit code is 0, returns; otherwise, ends this
-/// process with this exit code. If a driver ends the child process, raycl runs the command line again without the
-/// drivers that fail. A command that reads standard input cannot run again, since its input can be read only once. If
-/// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
-/// unless the user has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes
-/// of `raycl run` do. If `uses_terminal` is true (for `raycl view --terminal`), the terminal is restored after the
-/// child process has ended in any way. This is done only on Unix, and only if standard input and standard output are a
-/// terminal. `opens_window` is true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel
-/// files, if the command uses one: if the child process crashes, a mistake in these files is more likely than one in a
-/// driver.
+/// Runs this process's command line in a child process. If the child's exit code is 0, returns; otherwise,
+/// ends this process with this exit code. If a driver ends the child process, raycl runs the command line
+/// again without the drivers that fail. A command that reads standard input cannot run again, since its input
+/// can be read only once. If `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of
+/// the child process uses huge pages, unless the user has set `GLIBC_TUNABLES`. Commands that only measure
+/// run without huge pages, as the worker processes of `raycl run` do. If `uses_terminal` is true (for `raycl
+/// view --terminal`), the terminal is restored after the child process has ended in any way. The terminal is
+/// restored only on Unix, and only if standard input and standard output are a terminal. `opens_window` is
+/// true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel files, if the
+/// command uses one: if the child process crashes, a mistake in these files is a more likely cause than a
+/// mistake in a driver.
 ///
 /// # Errors
 ///
@@ -80,8 +82,9 @@ pub fn run(
     end_as(without_broken(status, cl_dir, reads_standard_input, opens_window, terminal.as_ref())?)
 }
 
-/// Tries the drivers one by one, and runs the command again without the drivers that fail. `status` is the exit status
-/// of the first attempt.
+/// Tries the drivers one by one. If some of them fail, runs the command again without them. If none fails,
+/// the command may run again without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the
+/// exit status of the second attempt. `status` is the exit status of the first attempt.
 fn without_broken(
     status: ExitStatus,
     cl_dir: Option<&Path>,
@@ -135,9 +138,10 @@ fn without_broken(
     }
 }
 
-/// Runs the command again without the compiled programs in raycl's cache, since one of them may have crashed the driver,
-/// and removes these programs. Returns the exit status; `None` if a driver ended this process too. Returns `None` at once
-/// if the cache is not in use. `cause` says how the first process ended.
+/// Runs the command again in a new child process. The new process compiles its programs again and removes the
+/// stored programs from raycl's cache, since one of them may have crashed the driver. Returns the exit status
+/// of the new process, or `None` if a driver ended the new process too. If raycl cannot use the cache,
+/// returns `None` without running the command. `cause` says how the first process ended.
 fn ended_afresh(cause: &str) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
         return Ok(None);
@@ -149,7 +153,7 @@ fn ended_afresh(cause: &str) -> Result<Option<ExitStatus>> {
     Ok(drivers_doing(status).is_none().then_some(status))
 }
 
-/// Adds to the remedies after a crash that a compiled program in raycl's cache may be the cause.
+/// Returns `error` with one more remedy: to remove the compiled programs from raycl's cache.
 fn or_clear_cache(error: Error) -> Error {
     let remedies = format!(
         "{}; or remove the compiled programs from raycl's cache with `raycl cache clear`, since one of them may crash the \
@@ -159,12 +163,12 @@ fn or_clear_cache(error: Error) -> Error {
     error.with_help(remedies)
 }
 
-/// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the user added or
-/// changed. The message names the first few of these files and the number of the others. It names files even if the
-/// child process's programs do not include them, since this process does not know these programs. Unchanged copies of
-/// built-in files do not count. Returns `None` if the user gave no folder, if the folder contains only unchanged
-/// copies, or if the process did not crash. If the process opens a window, the library that opens the window may have
-/// crashed instead, so the remedy names this cause too.
+/// Returns the error for a process that crashed while the folder `cl_dir` contained kernel files that the
+/// user added or changed. Returns `None` if the process did not crash, if `cl_dir` is `None`, or if all
+/// kernel files in the folder equal built-in files. The message names the first few added or changed files,
+/// and the number of the others. A named file need not be part of the crashed program: this process does not
+/// know which files the program includes. If `opens_window` is true, the library that opens the window may
+/// have crashed instead, so the remedy names this cause too.
 fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
     let sources = Sources::Folder(cl_dir?.to_owned());
@@ -182,8 +186,8 @@ fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) 
     )
 }
 
-/// Returns the error if every one of these drivers lists its devices when it is loaded alone, but not when all drivers
-/// are loaded. `cause` says how the process ended.
+/// Returns the error for drivers that list their devices when each driver is loaded alone, but fail when all
+/// are loaded together. `cause` says how the process ended.
 fn not_together(cause: &str, drivers: &[Driver]) -> Error {
     let names: Vec<_> = drivers.iter().map(ToString::to_string).collect();
     Error::run(format!("{cause}: the drivers {} cannot be loaded together", names.join(", "))).with_help(
@@ -191,10 +195,11 @@ fn not_together(cause: &str, drivers: &[Driver]) -> Error {
     )
 }
 
-/// Returns the error if every one of these drivers works when it is loaded alone. `cause` says how the process ended.
-/// If the process crashed and opens a window, the window's library may have crashed: the crate minifb frees memory
-/// twice if it finds that a display's pixels do not have 32 bits. raycl opens no window on such a display, but cannot
-/// ask every display how many bits its pixels have.
+/// Returns the error if every one of these drivers lists its devices when it is loaded alone. `cause` says
+/// how the process ended. If the process crashed and `opens_window` is true, the library that opens the
+/// window (the crate minifb) may have crashed: it frees memory twice on a display whose pixels do not have 32
+/// bits. raycl opens no window on a display if it knows that the display's pixels do not have 32 bits, but
+/// raycl cannot ask every display.
 fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = advice_for(drivers, full_disk_advice());
     match crash(status).filter(|_| opens_window) {
@@ -207,8 +212,9 @@ fn no_driver_alone(status: ExitStatus, cause: &str, opens_window: bool, drivers:
     }
 }
 
-/// Returns the error if the process failed again, although it used only these drivers. Each of them lists its devices
-/// when it is loaded alone, so it is not known which of them failed. `cause` says how the process ended.
+/// Returns the error for a process that failed again, although it used only these drivers. Each of these
+/// drivers lists its devices when it is loaded alone, so raycl does not know which driver failed. `cause`
+/// says how the process ended.
 fn still_failing(status: ExitStatus, cause: &str, opens_window: bool, drivers: &[Driver]) -> Error {
     let advice = format!(
         "each of the other drivers lists its devices when it is loaded alone: {}",
@@ -224,16 +230,18 @@ fn window_or(advice: &str) -> String {
     format!("{WINDOW}; if the window opened, {advice}")
 }
 
-/// Returns the advice for the user if every one of these drivers works when it is loaded alone. `full_disk` is the
-/// advice for the case that the disk of PoCL's folder for compiled kernels is full. It is left out if PoCL is not among
-/// the drivers, since a full disk disturbs no other driver.
+/// Returns the advice for the user if every one of these drivers lists its devices when it is loaded alone.
+/// `full_disk` is the advice about a full disk, given if the disk with PoCL's folder for compiled kernels is
+/// full. A full disk disturbs no other driver than PoCL, so this advice is left out if PoCL is not among the
+/// drivers.
 fn advice_for(drivers: &[Driver], full_disk: Option<String>) -> String {
     let of_pocl = full_disk.filter(|_| drivers.iter().any(Driver::is_pocl));
     of_pocl.into_iter().chain([otherwise(address_space_limit())]).collect::<Vec<_>>().join("; or ")
 }
 
-/// Returns the advice for the user if every driver works when it is loaded alone. In a small address space, drivers can
-/// fail to start their threads. So if the user has limited the address space of processes, the advice names this limit.
+/// Returns the advice for the user if every driver lists its devices when it is loaded alone.
+/// `address_space_bytes` is the limit that the user has set on the address space of processes; the advice
+/// names this limit, because drivers can fail to start their threads in a small address space.
 fn otherwise(address_space_bytes: Option<u64>) -> String {
     let another = "try another device (`raycl devices` lists all devices, --device chooses one), another --strategy or a smaller --local-size";
     match address_space_bytes {
@@ -245,8 +253,9 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
     }
 }
 
-/// Runs the command line of this process once, in a child process with these environment variables. If `terminal` is
-/// given (for `raycl view --terminal`), the terminal is restored after the child process has ended.
+/// Runs the command line of this process once, in a child process that also has the environment variables
+/// `variables`. Returns the exit status of the child process. If `terminal` is given (for `raycl view
+/// --terminal`), the terminal is restored after the child process has ended.
 fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
     let own_number = std::process::id().to_string();
@@ -293,7 +302,7 @@ const OUT_OF_MEMORY: &str = "the system sends this signal if memory runs out (`d
 const FROM_OUTSIDE: &str =
     "another process sent this signal, or a limit was reached (`ulimit -a` shows the limits)";
 
-/// On systems other than Unix, a terminal stays as the child process leaves it.
+/// On systems other than Unix, raycl does not restore the terminal, so this type has no values.
 #[cfg(not(unix))]
 enum LentTerminal {}
 
@@ -339,8 +348,8 @@ fn end_as(status: ExitStatus) -> Result<()> {
     }
 }
 
-/// Returns the message for the user if a signal ended the process. After SIGINT, there is no message, since SIGINT
-/// comes from the user's Ctrl-C.
+/// Returns an error that names the signal that ended the process. Returns `None` if no signal ended the
+/// process, and after SIGINT, which comes from the user's Ctrl-C.
 fn ended_by_signal(status: ExitStatus) -> Option<Error> {
     let (signal, name) = signal(status).filter(|(_, name)| *name != "SIGINT")?;
     let error = Error::run(format!("raycl's child process was ended by {name} (signal {signal})"));
@@ -352,7 +361,8 @@ fn exit_code(status: ExitStatus) -> i32 {
     status.code().unwrap_or_else(|| 128 + signal(status).map_or(0, |(signal, _)| signal))
 }
 
-/// Makes the system end this process when its parent ends. Ends the process now if its parent has ended before.
+/// Makes the system end this process when its parent process ends. If the parent has ended already, ends this
+/// process at once.
 #[cfg(target_os = "linux")]
 pub fn ends_with_its_parent() {
     use rustix::process::{Signal, set_parent_process_death_signal};
@@ -363,8 +373,9 @@ pub fn ends_with_its_parent() {
     }
 }
 
-/// Returns whether a process has lost its parent. `guarded` is the value of the variable [`GUARDED`], which the parent
-/// has set to its own number, and `parent` is the number of the present parent.
+/// Returns true if the process that started this one has ended. `guarded` is the value of the variable
+/// [`GUARDED`]: the number of the process that started this one. `parent` is the number of the present parent
+/// process.
 #[cfg(target_os = "linux")]
 fn is_orphan(guarded: Option<&str>, parent: u32) -> bool {
     guarded.and_then(|number| number.parse::<u32>().ok()).is_some_and(|number| number != parent)
@@ -388,7 +399,7 @@ fn not_awaited(error: impl std::fmt::Display) -> Error {
 
 fn not_lent(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the terminal could not be prepared for the child process: {error}"))
-        .with_help("run the command again, or in a window, without --terminal")
+        .with_help("run the command again, or leave out --terminal to open a window")
 }
 
 fn no_list(error: impl std::fmt::Display) -> Error {

@@ -45,9 +45,9 @@ pub struct Args {
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only the text that affects compilation: comments are removed, macros are replaced by their expansions, and
-    /// all blanks are written in the same way. Two sources that differ only in comments, in blanks, or in the macros
-    /// that produce the same text give the same output. Not with --all
+    /// Print only the text that affects compilation: comments are removed, macros are replaced by their
+    /// expansions, and white space is made uniform. Two sources that differ only in comments, in white space,
+    /// or in the macros that produce the same text give the same output. Not with --all
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
@@ -57,7 +57,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Returns whether the command starts a device's driver.
+    /// Returns true if the command starts a device's driver.
     pub(super) fn asks_a_device(&self) -> bool {
         self.device.is_some()
     }
@@ -87,8 +87,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
-/// Returns the program as the device's compiler sees it; an error if the device does not support the
-/// strategy.
+/// Returns the program as the device's compiler sees it. Returns an error if the device does not support the
+/// strategy with the sizes in `workload`.
 fn on_device(
     device: &Device,
     strategy: &Strategy,

@@ -31,8 +31,8 @@ pub struct Args {
 
 /// The beginning of a page's first section, in roff (the markup language of man pages).
 const FIRST_SECTION: &str = "\n.SH NAME\n";
-/// Text in roff that stops man from hyphenating words and, on terminals, from spreading blanks. Otherwise, a file name
-/// or an option might not be what the user has to type.
+/// Text in roff that stops man from hyphenating words and, on terminals, from stretching the spaces of a
+/// line. A hyphenated file name or option would not be what the user has to type.
 const AS_WRITTEN: &str = "\n.if n .ad l\n.nh";
 
 /// A page's name, and its text in roff.
@@ -65,15 +65,15 @@ fn unknown(pages: &[Page], command: &str) -> Error {
     })
 }
 
-/// Returns raycl's page and those of its commands, except hidden ones. The subcommand `help` is disabled first, so it
-/// gets no page, and no other page lists it.
+/// Returns the pages of raycl and of its commands, except hidden commands. The subcommand `help` is disabled
+/// first, so that it has no page and is listed on no other page.
 fn pages() -> Result<Vec<Page>> {
     let mut whole = super::Cli::command().disable_help_subcommand(true);
     whole.build();
     pages_of(&whole)
 }
 
-/// Returns the pages of a command and of the commands under it, except hidden ones.
+/// Returns the pages of a command and of all its subcommands, except hidden ones.
 fn pages_of(command: &Command) -> Result<Vec<Page>> {
     let mut pages = vec![page(command.clone())?];
     for below in command.get_subcommands().filter(|one| !one.is_hide_set()) {
@@ -82,15 +82,16 @@ fn pages_of(command: &Command) -> Result<Vec<Page>> {
     Ok(pages)
 }
 
-/// Returns a command's page. The text after the help is added by `after_help`: `clap_mangen` (the library that
-/// generates man pages) would fill the lines of the examples like prose, in a section EXTRA.
+/// Returns a command's page. The function [`after_help`] formats the text after the help, because
+/// `clap_mangen` (the library that generates man pages) would join the lines of the examples into a paragraph
+/// of a section EXTRA.
 fn page(command: Command) -> Result<Page> {
     let name = command.get_display_name().unwrap_or("raycl").to_owned();
     let after = command.get_after_help().map(|text| after_help(&text.to_string()).render());
     let mut text = Vec::new();
     let page = Man::new(command.after_help(None::<&'static str>));
-    // Pages have no date. Since `clap_mangen` does not quote an empty date, the date is two quotes. Without them, man
-    // would show the version in the place of the date.
+    // Pages have no date. `clap_mangen` does not quote an empty date, so the date is two quotes. Without the
+    // quotes, man would show the version in the place of the date.
     let page = page.title(name.to_uppercase()).date("\"\"").manual("raycl").source(env!("RAYCL_VERSION"));
     page.render(&mut text)
         .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;
@@ -99,8 +100,9 @@ fn page(command: Command) -> Result<Page> {
     Ok((name, [text, after.unwrap_or_default()].concat().into_bytes()))
 }
 
-/// Returns the text after a command's help in roff. Indented lines under a title (`Examples:`) become a section with
-/// this title, and stay as they are. All other paragraphs become sections with the title NOTES.
+/// Converts `text`, the text after a command's help, to roff. Indented lines under a title (`Examples:`)
+/// become a section with this title and keep their line breaks. Other paragraphs that follow one another
+/// become a section with the title NOTES.
 fn after_help(text: &str) -> Roff {
     let (mut roff, mut is_in_notes) = (Roff::new(), false);
     for paragraph in text.split("\n\n") {

@@ -8,22 +8,22 @@ use crate::record::Record;
 use crate::words::counted_of;
 use serde::Serialize;
 
-/// Returns the values before the first error, and this error.
+/// Returns the values before the first error, and this error; all values and `Ok` if there is no error.
 pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, Result<()>) {
     let mut values = Vec::new();
     let end = results.try_for_each(|result| result.map(|value| values.push(value)));
     (values, end)
 }
 
-/// Writes what was measured. If an error ended the measurement and `target` exists already, the existing file is kept
-/// instead, since the earlier measurement in it may be complete.
+/// Writes `measured` to `target`. If the measurement ended with an error (`end`) and the file exists already,
+/// keeps the existing file, because its earlier measurement may be complete.
 pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
     if end.is_ok() || target.is_standard_output() || !target.path().exists() {
         return target.write_json(measured);
     }
     let file = target.path().display();
     printer::tell(format!(
-        "note: '{file}' keeps its earlier measurements, since an error ended the new ones"
+        "note: '{file}' keeps its earlier measurement, since the new measurement ended with an error"
     ));
     Ok(())
 }
@@ -35,7 +35,7 @@ pub fn failures(records: &[Record]) -> Option<String> {
     (failed > 0).then(|| format!("{} failed", counted_of(failed, records.len(), "point")))
 }
 
-/// Returns an error with this remedy if points failed.
+/// Returns an error with this remedy if points failed ([`failures`]).
 pub fn refuse_failed(records: &[Record], remedy: impl Into<String>) -> Result<()> {
     failures(records).map_or(Ok(()), |message| Err(Error::run(message).with_help(remedy)))
 }

@@ -20,7 +20,7 @@ use std::time::Duration;
 
 Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device, or are meant for another kind of device, are not failures), 1 if a point is missing, if a point failed, or if the merge failed for another reason, 2 for a mistake in the arguments or files. With --status, the exit code is 0 even if points are missing or failed.")]
 pub struct Args {
-    /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
+    /// The folder that `raycl run --shard` wrote: the value of its option --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Merge only the results of these devices: part of their description (name, platform, driver and other properties
@@ -56,7 +56,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges the existing results. If points are missing, the error lists them.
+/// Merges the existing results. Returns an error if points are missing or failed.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
@@ -77,9 +77,9 @@ pub fn run(args: Args) -> Result<()> {
     complete(&merged.missing, &folder.records, &args.out)
 }
 
-/// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on all launches
-/// (worker processes), but the process that measured a shard had only the samples of its own launches. So the intervals
-/// are computed again here.
+/// Merges the attempts in the folder `out`, and reads the merged folder. A point's 95% interval depends on
+/// all launches (worker processes), but a process that measured a shard had only the samples of its own
+/// launches. So this function computes the intervals again, from the samples of all launches.
 fn merged(out: &Path, devices: &[String]) -> Result<(Merged, Folder)> {
     let merged = merge(out, devices)?;
     let folder = Folder::read(out)?;
@@ -94,8 +94,8 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// Returns the numbers of attempts, points and samples. There are further samples of control points only if groups of
-/// points were divided among shards.
+/// Returns a text with the numbers of attempts, points and samples. Only if groups of points were divided
+/// among shards, the text also has the number of further samples of control points.
 fn counts(merged: &Merged) -> String {
     let [used, of_controls, others] = merged.samples;
     let of_controls = match of_controls {
@@ -144,7 +144,8 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
 }
 
-/// Describes the missing or failed points of a kind of device, with the command that measures them.
+/// Returns a text about the missing or failed points of a kind of device: how many there are, the first three
+/// of them, and the command that measures them.
 fn command_text(kind: &MissingKind) -> String {
     let first = kind.points.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
     let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
@@ -202,7 +203,8 @@ mod tests {
         assert_eq!(json(&one), expected);
     }
 
-    /// The process that measured the point stored an interval that does not follow from the merged samples.
+    /// In this test, the process that measured the point stored an interval that does not follow from the
+    /// merged samples.
     #[test]
     fn merged_records_have_the_intervals_that_follow_from_all_samples() {
         use crate::record::{JsonLines, PlannedPoint, interval, read_lines};

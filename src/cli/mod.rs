@@ -1,4 +1,5 @@
-//! The command line: one file per subcommand, with its `Args` and its `run`, and files that several subcommands share.
+//! The command line. The file of each subcommand contains the subcommand's arguments (`Args`) and its
+//! function `run`. Other files contain code that several subcommands share.
 
 pub mod cache;
 pub(crate) mod choice;
@@ -57,7 +58,7 @@ use colour::Colour;
   raycl render scenes/teapot.toml            a picture, and a table of its times
   raycl view scenes/teapot.toml              a window to look around in
   raycl run configs/quick.toml               an experiment: pictures, tables, records
-  raycl run configs/figure-8.toml --dry-run  the experiment's points, and which do not fit on a device
+  raycl run configs/figure-8.toml --dry-run  the list of the experiment's points, without measuring
   raycl strategies                           all strategies: axes and presets
   raycl kernel naive                         the source of one strategy
 
@@ -109,7 +110,7 @@ enum Command {
         /// Compile the program that is read from standard input, store it in the cache and end
         #[arg(long, conflicts_with = "list")]
         keep: bool,
-        /// Use the kernels of this folder
+        /// Use the kernel files in this folder
         #[arg(long, requires = "list", conflicts_with = "keep")]
         cl_dir: Option<std::path::PathBuf>,
     },
@@ -142,8 +143,8 @@ enum Command {
 }
 
 impl Command {
-    /// Returns whether the command starts drivers in its own process. For commands that measure the points of an
-    /// experiment, worker processes start the drivers.
+    /// Returns true if the command starts drivers in its own process. Commands that measure an experiment's
+    /// points start worker processes, which start the drivers.
     fn starts_drivers(&self) -> bool {
         match self {
             Self::Render(_) | Self::View(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) => true,
@@ -153,8 +154,8 @@ impl Command {
         }
     }
 
-    /// Returns whether the command may use parallel iterators in its own process, for example to read a mesh. Worker
-    /// processes start the threads of parallel iterators only when they need them.
+    /// Returns true if the command may use parallel iterators in its own process, for example to read a mesh.
+    /// Returns false for workers: a worker starts the threads of parallel iterators only when it needs them.
     fn computes_in_parallel(&self) -> bool {
         let casts = matches!(self, Self::Render(_) | Self::View(_) | Self::Kernel(_) | Self::Compile(_));
         let measures = matches!(self, Self::Run(_) | Self::Noise(_) | Self::Reproduce(_) | Self::Rule(_));
@@ -162,9 +163,9 @@ impl Command {
         casts || measures || writes_pages || matches!(self, Self::CompareImages(_))
     }
 
-    /// Returns whether the command measures times, itself or through workers. If it does, raycl makes PoCL (an OpenCL
-    /// driver for CPUs) pin its threads. Also returns true for workers, unless they only compile a program. Returns
-    /// false for the commands for contributors.
+    /// Returns true if PoCL (an OpenCL driver for CPUs) must pin its threads, because the command measures
+    /// times itself or through workers. Also returns true for workers, unless they only compile a program.
+    /// Returns false for the commands for contributors, even if they measure times.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
@@ -174,7 +175,7 @@ impl Command {
         }
     }
 
-    /// Returns whether the command reads standard input, which can only be read once.
+    /// Returns true if the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         match self {
             Self::Render(args) => args.reads_standard_input(),
@@ -183,8 +184,8 @@ impl Command {
         }
     }
 
-    /// Returns the folder of the user's kernel files, for commands that start drivers in their own process. `None` for
-    /// other commands, and without `--cl-dir`.
+    /// Returns the folder of `--cl-dir` for commands that start drivers in their own process. Returns `None`
+    /// for other commands, and if `--cl-dir` is not given.
     fn cl_dir(&self) -> Option<&Path> {
         match self {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
@@ -198,9 +199,9 @@ impl Command {
     }
 }
 
-/// Installs a handler for SIGXFSZ, the signal that a process gets when a file would become larger than `ulimit -f`
-/// allows. With the handler, only the write fails. Without it, the signal ends the process, so that no message is
-/// printed and temporary files stay.
+/// Installs a handler for SIGXFSZ, the signal that a process gets when a file would become larger than
+/// `ulimit -f` allows. With the handler, only the write fails. Without the handler, the signal ends the
+/// process: no message is printed, and temporary files stay.
 #[cfg(unix)]
 fn outlive_large_files() {
     use std::sync::{Arc, atomic::AtomicBool};
@@ -238,7 +239,8 @@ impl Cli {
         outlive_large_files();
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // The command line's choice of colour also applies to a message about a mistake in the command line.
+        // The value of `--color` also applies to a message about a mistake in the arguments, so it is read
+        // before clap parses the arguments.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words);
         let read = read.or_else(|error| end(&renamed::explain(shown(error, words.into_iter()))))?;
@@ -269,7 +271,7 @@ impl Cli {
             guarded::ends_with_its_parent();
         }
         if self.command.computes_in_parallel() {
-            // No thread can start while a driver's libraries are being loaded, so these threads start before.
+            // The threads start now because no thread can start while a driver's libraries are being loaded.
             start_pool()?;
         }
         match self.command {
@@ -306,10 +308,10 @@ impl Cli {
     }
 }
 
-/// Prepares this process, and the processes that it starts, for drivers: remembers the user's environment variables for
-/// drivers, and sets the environment variables that drivers read. A driver reads its variables when it is loaded, in
-/// this process or in a worker process, which inherits them. If `measures` is true, PoCL (an OpenCL driver for CPUs)
-/// pins its threads. The process must not have loaded a driver or started a thread before.
+/// Prepares this process and its child processes for drivers. First stores the values that the drivers'
+/// environment variables have now, then sets the variables that raycl chooses for drivers. A driver reads its
+/// variables when it is loaded; child processes inherit the variables. If `measures` is true, PoCL (an OpenCL
+/// driver for CPUs) pins its threads. The process must not have loaded a driver or started a thread before.
 pub(crate) fn prepare_for_drivers(measures: bool) {
     remember_libraries();
     variables::of_user();
@@ -321,9 +323,9 @@ pub(crate) fn prepare_for_drivers(measures: bool) {
     }
 }
 
-/// By default, clap (the library that parses the arguments) reports `-3` as an unknown option. This function
-/// lets a negative number be the value of every option that has a value. If the number is out of range,
-/// clap's message therefore says which values are expected.
+/// Returns `command`, changed so that every option with a value accepts a negative number. By default, clap
+/// (the library that parses the arguments) reports the `-3` of `--samples -3` as an unknown option. With this
+/// change, clap's message says which values are expected.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),
@@ -332,8 +334,8 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(allow).mut_subcommands(with_negative_numbers)
 }
 
-/// Returns clap's error message without control characters. Arguments may contain such characters, and clap quotes
-/// arguments unchanged.
+/// Returns clap's error for the arguments `words` with a message that contains no control characters. clap
+/// quotes arguments unchanged, so the message of `error` contains the control characters of the arguments.
 fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Error {
     let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned().into());
     Cli::parse_words(&words.collect::<Vec<OsString>>()).err().unwrap_or(error)
@@ -481,9 +483,9 @@ mod tests {
         }
     }
 
-    /// clap (the library that parses the arguments) does not report that an option's required option is missing if the
-    /// required option conflicts with a given option. The first option would then be accepted, but have no effect, so
-    /// it must itself conflict with the given option.
+    /// If an option A requires an option B, clap (the library that parses the arguments) reports that B is
+    /// missing. clap does not report this if B conflicts with a given option C. Then A would be accepted
+    /// without any effect, so A must itself conflict with C.
     #[test]
     fn an_option_conflicts_with_all_that_conflicts_with_the_option_that_it_requires() {
         let mut all = with_any_values(Cli::command());
@@ -492,9 +494,9 @@ mod tests {
         assert!(seen >= 10, "only {seen} conflicts");
     }
 
-    /// Checks that each option of `command` and of its subcommands conflicts with everything that conflicts with the
-    /// option that it requires. Returns the number of these conflicts. `all` is the command `raycl`, and `words` are
-    /// the words of a command line that select `command`.
+    /// Checks the options of `command` and of its subcommands: if an option A requires an option B, A must
+    /// conflict with every option that conflicts with B. Returns the number of conflicts checked. `all` is
+    /// the command `raycl`, and `words` are the words of a command line that select `command`.
     fn inherited_conflicts(all: &clap::Command, command: &clap::Command, words: &[&str]) -> usize {
         let always_missing = missing_options(all, words);
         let mut seen = 0;
@@ -523,7 +525,8 @@ mod tests {
         seen
     }
 
-    /// Returns the options and arguments that are missing in a command line, as clap's message names them.
+    /// Returns the options and arguments that are missing in the command line `words`, as clap's message
+    /// names them.
     fn missing_options(all: &clap::Command, words: &[&str]) -> Vec<String> {
         let mistake = all.clone().try_get_matches_from(words).err();
         match mistake.as_ref().and_then(|mistake| mistake.get(ContextKind::InvalidArg)) {
@@ -532,7 +535,7 @@ mod tests {
         }
     }
 
-    /// Returns whether one of two arguments of a command declares a conflict with the other.
+    /// Returns true if `one` or `other` (arguments of `command`) declares a conflict between the two.
     fn conflict(command: &clap::Command, one: &clap::Arg, other: &clap::Arg) -> bool {
         let declares = |one: &clap::Arg, other: &clap::Arg| {
             command.get_arg_conflicts_with(one).iter().any(|named| named.get_id() == other.get_id())
@@ -540,7 +543,8 @@ mod tests {
         declares(one, other) || declares(other, one)
     }
 
-    /// Lets every argument have any value, so that a test can give the same value to all options.
+    /// Returns `command`, changed so that every argument accepts any value. A test can then give the same
+    /// value to all options.
     fn with_any_values(command: clap::Command) -> clap::Command {
         let any = |arg: clap::Arg| match arg.get_action().takes_values() {
             true => arg.value_parser(ValueParser::os_string()),

@@ -71,7 +71,7 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns the experiment whose files were unpacked into a folder, with the values that the user sets.
+/// Returns the experiment whose files were unpacked into `folder`, with the values of `set`.
 fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     let (name, text) = FILES[0];
     let experiment = parse_built_in(&folder.join(name), name, text, set)?;
@@ -82,8 +82,8 @@ fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     Ok(experiment)
 }
 
-/// If the user interrupted the measurement, advises the user to repeat it, since the temporary folder with its results
-/// is removed. Returns all other errors unchanged.
+/// If the user interrupted the measurement, returns `error` with the advice to repeat the measurement,
+/// because the temporary folder with the results is removed. Returns all other errors unchanged.
 fn to_be_repeated(error: Error) -> Error {
     match error {
         Error::Interrupted { .. } => error.with_help("run `raycl noise` again; no results were stored"),
@@ -100,7 +100,8 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns the lines about each device. Devices whose common names are the same have different names in the lines.
+/// Returns the lines about each device. If several devices have the same common name, the lines use names
+/// that differ.
 fn texts(all: &[Noise]) -> Vec<String> {
     let names = common_names(all.iter().map(|noise| noise.device.as_str()));
     all.iter().map(|noise| text(noise, &names[noise.device.as_str()])).collect()
@@ -255,7 +256,7 @@ mod tests {
         assert_eq!(remedy_of(Error::run("full").with_help("make room")), "make room");
     }
 
-    /// Returns the experiment with a changed value.
+    /// Returns the experiment with the value `value` for `key`.
     fn with(key: &str, value: &str) -> Result<Experiment> {
         let folder = tempfile::tempdir().expect("a folder");
         unpack(folder.path()).expect("it writes");

@@ -39,10 +39,10 @@ pub struct Args {
     /// this one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// Print how many threads per multiprocessor are predicted by Figure 5 of the student paper that raycl repeats, how
-    /// many the paper's 63 registers per work-item allow, and how many remain if each work-item also needs the 108 B of
-    /// __local memory of the paper's optimisation 1. Of the other options, only --local-sizes and --json can be given
-    /// with this one
+    /// For each local size, print three numbers of threads per multiprocessor: the number that Figure 5 of
+    /// the student paper predicts (raycl repeats this paper), the number that the paper's 63 registers per
+    /// work-item allow, and the number if each work-item also needs the 108 B of __local memory of the
+    /// paper's optimisation 1. Of the other options, only --local-sizes and --json can be given with this one
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

@@ -15,7 +15,8 @@ pub fn print(text: impl std::fmt::Display) -> Result<()> {
     write(&printer::plain(&text.to_string()))
 }
 
-/// Prints a text that contains raycl's colours.
+/// Writes `text` and a newline to standard output. Keeps the colour codes that raycl added, but no other
+/// control characters.
 pub fn print_coloured(text: &str) -> Result<()> {
     write(&printer::coloured(text))
 }
@@ -28,8 +29,9 @@ fn write(text: &str) -> Result<()> {
     }
 }
 
-/// Ends the process with exit code 0, without running destructors. Called after everything is printed: the system frees
-/// the memory and the drivers of an ended process faster than destructors would.
+/// Ends the process with exit code 0, without running destructors. Commands call this function after they
+/// have printed everything: the system frees the memory and the drivers of an ended process faster than
+/// destructors would.
 pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }

@@ -20,7 +20,8 @@ use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// The interval at which a run that waits for its peak rates checks whether the user has interrupted it.
+/// While `raycl run --peak` waits for a child process, it checks at this interval whether the user has
+/// interrupted it.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// Arguments of `raycl peak`.
@@ -83,8 +84,8 @@ pub fn run(args: Args) -> Result<()> {
     end
 }
 
-/// Writes the rates to a file. The user is told which rates of an existing file this replaces, except rates of the same
-/// device in the same state.
+/// Writes the rates `all` to the file `target`. If the file exists already, tells the user which rates the
+/// file loses ([`replaced`]).
 fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
     let replaced = if end.is_ok() { replaced(all, target) } else { Vec::new() };
     store(&all, end, target)?;
@@ -92,9 +93,9 @@ fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
     Ok(())
 }
 
-/// Returns a note for each device whose rates in the file `target` will be lost. These are devices that are not in
-/// `all`, the file's new rates, or that have another driver or another state there. If the file contains no rates,
-/// there are no notes.
+/// Returns a note for each rate in the file `target` that will be lost. A rate is lost if `all`, the file's
+/// new rates, contains no rate of the same device with the same driver and in the same state. If the file
+/// contains no rates, there are no notes.
 fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     if target.is_standard_output() {
         return Vec::new();
@@ -113,8 +114,8 @@ fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     earlier.iter().filter(is_lost).map(note).collect()
 }
 
-/// Returns the devices that `pattern` selects; without `pattern`, those that the user's settings select; without
-/// settings, the most capable device.
+/// Returns the devices that `pattern` selects. Without `pattern`, returns the devices that the user's
+/// settings select. If the settings name no device either, returns the most capable device.
 fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     let Some(word) = pattern.map(str::to_owned).or_else(settings::device) else {
         return one_device(None, sources).map(|device| vec![device]);
@@ -131,16 +132,16 @@ fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
 pub(super) struct Wanted<'a> {
     /// Words that select the devices to measure.
     pub patterns: &'a [String],
-    /// The folder of kernels that replace the built-in kernels.
+    /// The folder of kernel files that replace built-in kernel files.
     pub cl_dir: Option<&'a Path>,
     /// True if the command ends at once when another process is measuring on a device.
     pub no_wait: bool,
 }
 
 impl Wanted<'_> {
-    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver. While it
-    /// waits for a child process, it tells `observer` so: otherwise, a shard that waits for its peak rates would be
-    /// taken for a shard that hangs.
+    /// Measures the peak rates in child processes, because the process of `raycl run` itself starts no
+    /// driver. While this process waits for a child process, it calls `observer.waits()`: otherwise, a shard
+    /// that waits for its peak rates would be taken for a shard that hangs.
     pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
@@ -183,20 +184,21 @@ impl Wanted<'_> {
     }
 }
 
-/// Returns the peak rates that a child process printed; `None` if it failed. It may then have printed the rates of some
-/// of its devices, and such incomplete output is not used.
+/// Returns the peak rates that a child process printed. Returns `None` if the child process failed, since it
+/// may then have printed only the rates of its first devices.
 fn complete(output: &Output) -> Option<Vec<Peak>> {
     let printed = output.status.success().then(|| String::from_utf8_lossy(&output.stdout))?;
     listed(&printed)
 }
 
-/// Returns the peak rates that a child process printed. A driver may print lines before the JSON.
+/// Returns the peak rates in `printed`, the output of a child process. Skips the lines before the JSON, which
+/// a driver may have printed. Returns `None` if there is no valid JSON.
 fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-/// Returns the table of each device's rates. Devices whose common names are the same have different names in the
-/// tables.
+/// Returns one table of rates per device. If several devices have the same common name, the tables use names
+/// that differ.
 fn texts(all: &[Peak]) -> Vec<String> {
     let names = common_names(all.iter().map(|peak| peak.device.as_str()));
     all.iter().map(|peak| text(peak, &names[peak.device.as_str()])).collect()

@@ -12,10 +12,10 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// Returns the bar's layout. The text at the bar's end describes the current work; it is the text that was last passed
-/// to the observer's method `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The
-/// layout itself contains the codes for cyan and for the usual colour, because the colours of indicatif (the library
-/// that draws the bar) do not obey `--color`.
+/// Returns the bar's layout as a template for indicatif, the library that draws the bar. At `wide_msg`, the
+/// bar shows the text about the current work that the method `works_on` received last; on a terminal of 80
+/// columns, this text has about 40 columns. The layout itself contains the codes for cyan and for the usual
+/// colour, because the colours of indicatif do not obey `--color`.
 fn layout(coloured: bool) -> String {
     let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
     format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")
@@ -184,12 +184,13 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Makes an observer that reports to `inner`, for runs with these total numbers of points and steps.
+    /// Returns an observer that passes its calls on to `inner`. `points` and `steps` are the sums over all
+    /// runs.
     pub fn of(points: usize, steps: usize, inner: Box<dyn Observer>) -> Self {
         Self { inner, points, steps, done: 0, taken: 0, stage: String::new(), begun: false }
     }
 
-    /// Starts the next run.
+    /// Begins the next run, which the progress calls `stage`.
     pub fn enter(&mut self, stage: String) {
         self.inner.enters(&stage);
         self.stage = stage;
@@ -200,7 +201,7 @@ impl Stages {
         self.done
     }
 
-    /// Ends the last run.
+    /// Tells `inner` that the last run has ended.
     pub fn end(&mut self) {
         self.inner.ends();
     }
@@ -256,7 +257,8 @@ pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     }
 }
 
-/// Formats a record as one line.
+/// Returns a line about a record: the point, and its median time or the reason why the point was not
+/// measured.
 fn line(record: &Record) -> String {
     let [width, height] = record.image_size;
     let local = record.local_size.map_or(String::new(), |[x, y]| format!(" {x}x{y}"));

@@ -1,4 +1,5 @@
-//! Recognises old names on the command line, and adds the new name to the error message.
+//! Recognises old names of commands and options on the command line. The error message then suggests the new
+//! name.
 
 use super::Cli;
 use clap::CommandFactory as _;
@@ -12,8 +13,8 @@ const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the error also
-/// names the new name.
+/// Returns the error of clap (the library that parses the arguments). If the user typed an old name, the
+/// error suggests the new name.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
@@ -31,7 +32,7 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns whether the subcommand that the usage line of the error names has this option.
+/// Returns true if the subcommand in the error's usage line has the option `option`.
 fn has_option(error: &clap::Error, option: &str) -> bool {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return false };
     let (usage, command) = (usage.to_string(), Cli::command());

@@ -88,9 +88,9 @@ pub struct Args {
     /// pixels differ. Not with --devices [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If this is more than once, raycl
-    /// first casts a frame that counts only if it takes longer than a second. With --devices, a first frame never
-    /// counts
+    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If this is more than once
+    /// and the first frame takes at most a second, raycl does not count the first frame, and casts one frame
+    /// more. With --devices, the first frame never counts
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
@@ -113,12 +113,12 @@ pub struct Args {
 }
 
 impl Args {
-    /// True if the scene comes from standard input.
+    /// Returns true if the scene comes from standard input.
     pub(super) fn reads_standard_input(&self) -> bool {
         self.subject.reads_standard_input()
     }
 
-    /// Returns whether the picture is cast several times, in order to be timed.
+    /// Returns true if the picture is cast several times, in order to be timed.
     pub(super) fn repeats(&self) -> bool {
         self.repeat > 1
     }
@@ -144,7 +144,7 @@ pub fn run(args: Args) -> Result<()> {
     watch(watched, args.quiet, || render(&args))
 }
 
-/// Returns the folders that `--watch` watches from the start.
+/// Returns the folders that `--watch` watches before the first picture is rendered.
 fn watched_folders(args: &Args) -> Vec<(PathBuf, RecursiveMode)> {
     folders(&args.subject.scene, args.subject.cl_dir.as_deref())
 }
@@ -252,14 +252,15 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
     }
 }
 
-/// Returns whether only the displayed 8-bit colours of the picture are needed, which a device can compute.
+/// Returns true if the command needs only the picture's displayed 8-bit colours, which a device can compute.
 /// Verification, layers and some file formats need radiance instead.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; to standard error if the picture goes to standard output. If the picture is wrong, then returns
-/// the error `wrong`. If the picture is right and `--watch` is not given, ends the process.
+/// Prints the report; to standard error if the picture goes to standard output. Then returns the error
+/// `wrong` if there is one, that is, if the picture is wrong. If the picture is right and `--watch` is not
+/// given, ends the process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>) -> Result<()> {
     let streams = target(args).is_standard_output();
     super::print_report(report, || report.text(device), streams, (args.json, args.quiet))?;
@@ -272,13 +273,14 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo, wrong: Option<Error>)
     Ok(())
 }
 
-/// Adds a note if the driver's times cannot be right.
+/// Returns `notes`, with one more note if the driver's times cannot be right.
 fn with_wrong_times(mut notes: Vec<String>, cast: &Cast, device: &DeviceInfo) -> Vec<String> {
     notes.extend(cast.times.why_impossible(device.hardware.timer_resolution_ns));
     notes
 }
 
-/// Returns the notes for the user that do not come from the scene's file.
+/// Returns the notes about lights with a radius, about the verification, and about a raycl that was built
+/// from uncommitted sources.
 fn last_notes(scene: &Scene, samples: u32, verified: Option<&Verification>) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
@@ -329,20 +331,23 @@ fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 
-/// Returns an error if a file that the command writes is a file of the scene, which [`load`] has loaded.
+/// Returns an error if `target`, a file that the command writes, is a file of the scene that [`load`] has
+/// loaded.
 fn spare_scene(target: &Target) -> Result<()> {
     target.check_unread("a file of the scene", |path| INPUTS.contains(path))
 }
 
-/// Returns whether a moving picture may replace a file. `frames` is the number of frames of the scene's animation.
+/// Returns true if the command renders a moving picture and may thereby replace a file. `frames` is the
+/// number of frames of the scene's animation.
 fn may_replace(args: &Args, frames: u32) -> bool {
     args.motion.moves() && motion::may_replace(args, frames)
 }
 
-/// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded. Fails if a file
-/// of the picture is a file of the scene. For moving pictures, the files that only later frames use count as files of
-/// the scene too. For a still picture, raycl does not look for the files of later frames: these files may be large, and
-/// raycl would have to read them each time that it renders the picture again.
+/// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame. For a still
+/// picture, fails if a file of the picture is a file of the scene. For a moving picture that may replace
+/// files, also finds the files that only later frames of the scene use, for the same check in `motion`. For a
+/// still picture, raycl does not look for the files of later frames: these files may be large, and with
+/// `--watch`, raycl would have to read them before every picture.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -362,8 +367,9 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices`, a bare mesh gets these only if
-/// `--samples` is given, since several devices cannot cast the default samples, whose number differs between pixels.
+/// Returns true if a bare mesh gets a ground, soft light and a sky. With `--devices`, a bare mesh gets these
+/// only if `--samples` is given: by default, the number of samples differs between pixels, which several
+/// devices cannot cast.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }
@@ -379,7 +385,7 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
     }
 }
 
-/// The default samples per pixel of a bare mesh.
+/// The default samples per pixel of a bare mesh with ground, soft light and sky.
 const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;

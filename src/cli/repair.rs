@@ -31,12 +31,12 @@ pub struct Args {
     json: bool,
 }
 
-/// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and records of
-/// control points. A copy of the original of each changed file stays in its folder. Files of other types, such as
-/// plan.json, cannot be repaired: if such a file cannot be read, the command says what to do. If the folder is that of
-/// an experiment in shards, the journals of all attempts are repaired too, except those of attempts that may be
-/// running. If an attempt has not reported its end, the repair takes five seconds, in which the attempt's counter shows
-/// whether the attempt is running.
+/// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and
+/// records of control points. Of each changed file, a copy of the original stays in the same folder. Files of
+/// other types, such as plan.json, cannot be repaired: if such a file cannot be read, the command says what
+/// to do. If the folder is that of an experiment in shards, the journals of all attempts are repaired too,
+/// except those of attempts that may be running. If an attempt has not reported its end, the repair takes
+/// five seconds, in which the attempt's counter shows whether the attempt is running.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     if args.json { super::print_json(&findings.json()) } else { super::print(findings.text()) }
@@ -49,7 +49,7 @@ const CLOSED: &str = "change the folder's permissions, or repair a copy";
 struct Findings {
     /// The journals that were damaged, with the paths of their folders.
     repaired: Vec<Repaired>,
-    /// Why files that are no journals cannot be read, with their remedies.
+    /// The errors about other files than journals that cannot be read.
     unreadable: Vec<Error>,
     /// The folders of attempts that are still running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
@@ -76,7 +76,8 @@ impl Findings {
         Ok(findings)
     }
 
-    /// Repairs the journals of an attempt. If the attempt may be running, adds its folder to `running` instead.
+    /// Repairs the journals in `attempt`, an attempt's folder. If the attempt may be running, adds the folder
+    /// to `running` instead.
     fn repair(&mut self, attempt: PathBuf, is_stopped: bool) -> Result<()> {
         if is_stopped {
             refuse_closed(&attempt, CLOSED)?;
@@ -94,7 +95,8 @@ impl Findings {
         Ok(())
     }
 
-    /// Formats what was found for a person, one line for each journal, each other file and each running attempt.
+    /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each
+    /// running attempt.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());
@@ -112,7 +114,8 @@ impl Findings {
         lines.join("\n")
     }
 
-    /// Returns the object for `--json`. A path need not be UTF-8, which JSON requires.
+    /// Returns the object for `--json`. JSON requires UTF-8, so `display` replaces the bytes of a path that
+    /// are not UTF-8.
     fn json(&self) -> Value {
         let shown = |path: &PathBuf| path.display().to_string();
         let one = |Repaired { file, copy, damaged, kept }: &Repaired| {
@@ -128,15 +131,16 @@ impl Findings {
     }
 }
 
-/// Returns why a folder's files other than its journals cannot be read. These files are the plan, the peak rates, and
-/// the kinds of device of an experiment in shards. Other commands refuse a folder with such a file. There is a file for
-/// each kind of device; if several of these files cannot be read, only the first of them is reported.
+/// Returns an error for each file of a folder, other than a journal, that cannot be read. These files are the
+/// plan, the peak rates and, for an experiment in shards, one file per kind of device. If several of the
+/// files per kind cannot be read, only the first is reported. Other commands refuse a folder with a file that
+/// cannot be read.
 fn unreadable(folder: &Path) -> Vec<Error> {
     let errors = [CurrentPlan::read(folder).err(), Peak::stored_in(folder).err(), Kind::all(folder).err()];
     errors.into_iter().flatten().collect()
 }
 
-/// Takes the lock of a folder in which this process may create files.
+/// Takes the lock of `folder`. Returns an error if this process may not create files in the folder.
 fn lock_of(folder: &Path) -> Result<Lock> {
     refuse_closed(folder, CLOSED)?;
     Lock::take(folder)

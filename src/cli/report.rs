@@ -47,7 +47,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let (plots, count) = &written.plots;
     if args.json {
-        // A path need not be UTF-8, which JSON requires.
+        // JSON requires UTF-8, so `display` replaces the bytes of a path that are not UTF-8.
         let [page, plots, exports] =
             [&written.page, plots, &written.exports].map(|path| path.display().to_string());
         return super::print_json(&serde_json::json!({
@@ -62,8 +62,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
 }
 
-/// Prints how many damaged lines of the folder's journals (files such as records.jsonl) are left out, and whether the
-/// folder's peak rates cannot be read.
+/// Unless `quiet` is true, prints how many damaged lines of the folder's journals (files such as
+/// records.jsonl) are left out, and why the folder's peak rates cannot be read, if so.
 fn tell_damage(folder: &Folder, quiet: bool) {
     if quiet {
         return;

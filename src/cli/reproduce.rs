@@ -46,8 +46,8 @@ pub struct Args {
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
-    /// points held it at that moment
+    /// With --resume, also measure again the points that failed, and the points for which too little memory
+    /// was free at that moment, because other programs or other points used it
     #[arg(long, requires = "resume")]
     retry_failed: bool,
     /// If another process is measuring on a selected device, end at once instead of waiting for it

@@ -50,13 +50,14 @@ pub struct Args {
     /// print the constants as source code
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
     fit: Vec<PathBuf>,
-    /// Print the strategies that `render` chooses for the cases of stored measurements (sweeps), and the fastest ones
+    /// For each case of stored measurements (sweeps), print the strategy that `render` chooses and the
+    /// fastest strategy
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
     show: Vec<PathBuf>,
 }
 
 impl Args {
-    /// Returns whether the command starts a device's driver.
+    /// Returns true if the command starts a device's driver.
     pub(super) fn measures(&self) -> bool {
         self.cases.is_some()
     }
@@ -98,8 +99,8 @@ fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
     paths.iter().map(read).collect()
 }
 
-/// Measures the wanted cases (those for this kind of device, with the word of `--only` in their names) until one of
-/// them fails. Returns the sweep of the cases that were measured, and the error of the case that failed.
+/// Measures the cases that are for the device's kind and have the word of `--only` in their names, until one
+/// case fails. Returns the sweep of the cases that were measured, and the error of the case that failed.
 fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     let device = one_device(args.device.as_deref(), &Sources::Embedded)?;
     let kind = if device.info.limits.is_cpu { "cpu" } else { "gpu" };
@@ -131,7 +132,7 @@ fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     Ok((sweep, end))
 }
 
-/// Returns whether a case is to be measured on this kind of device and its name contains `word`.
+/// Returns true if the case is for devices of this kind and its name contains `word`.
 fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
@@ -144,9 +145,9 @@ fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>>
     if case.is_of_its_kinds(&task) {
         return Ok(scene);
     }
-    let extent = if task.inside { "around the eye" } else { "not around the eye" };
+    let extent = if task.inside { "is inside the scene" } else { "is outside the scene" };
     let message = format!(
-        "the `kinds` of the case '{}' do not match its scene and size: {} triangles, {extent}, and {} pixels",
+        "the `kinds` of the case '{}' do not match its scene and size: the scene has {} triangles, the eye {extent}, and the picture has {} pixels",
         case.name, task.triangles, task.pixels
     );
     Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))
@@ -164,7 +165,8 @@ fn measured(
     Measured::of(case, scene, device, rounds)
 }
 
-/// Formats a table with the rule's choice for each case next to the fastest candidate.
+/// Returns a table with the rule's choice and the fastest candidate for each case, followed by a line that
+/// says how good the choices are.
 fn text(sweep: &Sweep) -> Result<String> {
     let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
     let mut table = super::table(&header, 1);

@@ -81,8 +81,8 @@ pub struct Args {
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     pub(crate) resume: bool,
-    /// With --resume, measure failed points again, and points that lacked memory only because other programs or other
-    /// points held it at that moment
+    /// With --resume, also measure again the points that failed, and the points for which too little memory
+    /// was free at that moment, because other programs or other points used it
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
     /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later
@@ -175,7 +175,8 @@ impl Args {
     }
 }
 
-/// Refuses paths that are not UTF-8, since workers receive them as JSON, and records and pages contain them.
+/// Returns an error if a path is not UTF-8: workers receive the paths as JSON, and records and pages contain
+/// them.
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the path {} is not UTF-8", path.display()))
@@ -184,7 +185,7 @@ fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()>
     }
 }
 
-/// Runs an experiment.
+/// Runs an experiment; with `--dry-run`, `--shard` or `--sbatch`, does what the option says instead.
 pub fn run(args: Args) -> Result<()> {
     let peak = args.peak.iter().flatten();
     named_in_text(std::iter::once(&args.config).chain(&args.out).chain(&args.cl_dir).chain(peak))?;
@@ -201,7 +202,8 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out)
 }
 
-/// Makes the run that the arguments describe. With `--spread`, the devices must be of the same model.
+/// Returns the run that the arguments describe. With `--spread`, returns an error if the devices are not of
+/// the same model.
 fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,
@@ -236,8 +238,8 @@ fn listed(args: &Args) -> Result<Vec<Listed>> {
     }
 }
 
-/// Refuses a folder into which `raycl run --shard` writes. `raycl merge` writes the results in such a folder, so a run
-/// without shards must not write results there.
+/// Returns an error if `raycl run --shard` writes into the folder `out`. In this folder, `raycl merge` writes
+/// the results, so a run without shards must not write results there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -313,7 +315,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     Ok((out, measured))
 }
 
-/// Says which scenes of the config are not measured, since the content of each equals that of another scene.
+/// Tells the user which scenes of the config are not measured, because their content equals that of another
+/// scene.
 fn say_copies(experiment: &Experiment, observer: &mut dyn Observer) {
     let notes = experiment.scenes.iter().flat_map(|scene| &scene.notes);
     notes.for_each(|note| observer.says(&format!("note: {note}")));
@@ -329,9 +332,10 @@ fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
     peak_file(args).map(Peak::read).transpose()
 }
 
-/// Stores the devices' peak rates in the folder, if requested: the rates in the file of `--peak=FILE` or, without a
-/// file, measured rates. Tells the user for which devices the file has no rates. If an earlier session stored rates of
-/// a device with another driver or in another state, the folder does not keep them, and the user is told too.
+/// With `--peak`, stores the devices' peak rates in the folder of results: the rates in the file of
+/// `--peak=FILE` or, without a file, measured rates. Tells the user which devices have no rates in the file.
+/// The folder does not keep rates that an earlier session stored for a device with another driver or in
+/// another state; the user is told this too.
 fn keep_peak(
     args: &Args,
     run: &Run<'_>,
@@ -359,9 +363,10 @@ fn keep_peak(
     Ok(())
 }
 
-/// Returns a note that names the devices for which a file has no peak rates, if there is such a file and there are such
-/// devices. If `left_out` contains rates of a device with another driver or in another state, the note states the
-/// device's present driver and state.
+/// Returns a note that names the devices without rates in `peaks`, and the file in which their rates are
+/// missing: the file of `--peak=FILE` or, if `left_out` is not empty, the folder's file. Returns `None` if
+/// there is neither file, or if every device has rates. If `left_out` contains rates of a device with another
+/// driver or in another state, the note states the device's present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;
@@ -396,7 +401,7 @@ pub(super) fn count(args: &Args, devices: &[Listed]) -> Result<[usize; 2]> {
     Ok([points, points * experiment.timing.launches as usize])
 }
 
-/// Returns the devices to measure on.
+/// Returns the devices to measure on. Returns an error if a word of [`patterns`] matches no device.
 fn chosen<'d>(args: &Args, experiment: &Experiment, devices: &'d [Listed]) -> Result<Vec<&'d DeviceInfo>> {
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
     let words = patterns(args, experiment);
@@ -419,13 +424,14 @@ fn blamed(error: Error, word: &str, args: &Args, experiment: &Experiment) -> Err
     }
 }
 
-/// Returns whether an argument or the config names devices.
+/// Returns true if `--device` or the config names devices.
 fn names_devices(args: &Args, experiment: &Experiment) -> bool {
     !args.device.is_empty() || !experiment.devices.is_empty()
 }
 
-/// Returns the words that select devices. These are the words in the arguments. If there are none, they are the words
-/// in the config; if there are none either, it is the word in the user's settings or, without settings, `all`.
+/// Returns the words that select devices: the words of `--device` or, without this option, the words in the
+/// config. If the config has none either, returns the word in the user's settings. If the settings name no
+/// device, returns `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -489,7 +495,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     refuse_failed(records, format!("{} gives the reason for each point", out.join(SUMMARY).display()))
 }
 
-/// Returns whether the tables are left out of the output.
+/// Returns true if the tables are left out of the output.
 fn leaves_out_tables(args: &Args) -> bool {
     args.quiet || args.json
 }

@@ -16,14 +16,15 @@ use crate::strategy::{Strategy, Task, preset};
 use look::Look;
 use std::path::PathBuf;
 
-/// The note if the scene is a scene file, whose look `--plain` does not change.
+/// The note if the user gives `--plain` with a scene file.
 const PLAIN_SCENE: &str =
     "--plain has no effect: it changes only how a bare mesh is shown, and this scene comes from a scene file";
 
 /// A scene, and the options for casting it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Subject {
-    /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
+    /// A scene file (TOML), or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads
+    /// standard input
     pub scene: PathBuf,
     /// Pixels across, 1 to 65,536
     #[arg(long, default_value_t = 1280, value_parser = whole::<u32>(1..=65536))]
@@ -55,7 +56,7 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Returns whether the scene comes from standard input, which can only be read once.
+    /// Returns true if the scene comes from standard input, which can only be read once.
     pub fn reads_standard_input(&self) -> bool {
         self.scene.as_os_str() == STANDARD_INPUT
     }
@@ -78,16 +79,17 @@ impl Subject {
         Ok(loaded)
     }
 
-    /// Returns whether the requested strategy needs a tree. Returns true if neither a strategy nor an axis is
-    /// requested: raycl then casts a scene with many triangles with a strategy that needs a tree, such as `tile`.
-    /// Mistakes in the requested strategy are reported later, when the strategy is chosen.
+    /// Returns true if the requested strategy needs a tree. Also returns true if neither a strategy nor an
+    /// axis is requested: to cast a scene with many triangles, raycl then chooses a strategy that needs a
+    /// tree, such as `tile`. Returns false if the request contains a mistake, which is reported later, when
+    /// the strategy is chosen.
     fn needs_tree(&self) -> bool {
         let strategy = preset("tile")
             .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));
         strategy.is_ok_and(|strategy| strategy.needs_tree())
     }
 
-    /// Returns whether raycl chooses the strategy, its axes and the local size.
+    /// Returns true if raycl chooses the strategy, its axes and the local size.
     pub fn leaves_strategy_open(&self) -> bool {
         self.strategy.is_none() && self.local_size.is_none() && !self.set.iter().any(|(key, _)| is_axis(key))
     }

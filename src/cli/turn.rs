@@ -5,9 +5,9 @@ use crate::device_lock::{Held, LockName, Locks};
 use crate::error::Result;
 use std::sync::atomic::AtomicBool;
 
-/// Takes the devices' locks, which are held until the returned values are dropped. If another process is measuring on
-/// a device, the command waits and names that process on standard error, or ends at once with `no_wait`. While the
-/// command waits, Ctrl-C ends the whole command.
+/// Takes the devices' locks, which are held until the returned values are dropped. If another process is
+/// measuring on a device, this function names that process on standard error and waits for it. If `no_wait`
+/// is true, this function returns an error instead. While the function waits, Ctrl-C ends the whole command.
 pub fn hold(devices: &[&DeviceInfo], no_wait: bool) -> Result<Vec<Held>> {
     let mut says = |line: &str| crate::printer::tell(line);
     let names = devices.iter().map(|device| LockName::of(Some(device))).collect();

@@ -22,8 +22,9 @@ pub struct Args {
     /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = whole::<u32>(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, at its size, so --width and --height cannot be given. HOW is the form in which
-    /// raycl draws pictures. Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
+    /// Show the scene in this terminal. The pictures have the terminal's size, so --width and --height cannot
+    /// be given. HOW is the form in which raycl draws pictures. Without HOW, raycl asks the terminal which
+    /// forms it supports, and uses the best of them
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
     /// Move the camera around the scene, one degree per frame
@@ -44,17 +45,17 @@ pub struct Args {
 }
 
 impl Args {
-    /// True if the scene comes from standard input.
+    /// Returns true if the scene comes from standard input.
     pub(super) fn reads_standard_input(&self) -> bool {
         self.subject.reads_standard_input()
     }
 
-    /// Returns whether the pictures are shown in the terminal.
+    /// Returns true if the pictures are shown in the terminal.
     pub(super) fn uses_terminal(&self) -> bool {
         self.terminal.is_some()
     }
 
-    /// Returns whether standard output is a pipe or a file that gets the pictures.
+    /// Returns true if raycl writes the pictures to standard output, and standard output is a pipe or a file.
     fn streams(&self) -> bool {
         self.uses_terminal() && !std::io::stdout().is_terminal()
     }
@@ -169,14 +170,15 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-/// Returns a remark that the kernel's time is a median, if it is the time of several frames.
+/// Returns a remark that the kernel's time is the median of several frames; an empty text if only one frame
+/// was timed.
 fn kernel_remark(report: &Report) -> String {
     let frames = || format!(", the median of {}", counted(report.timed_frames, "frame"));
     (report.timed_frames > 1).then(frames).unwrap_or_default()
 }
 
-/// Returns a text with the frames per second, if more than one frame was shown, and with the rays per second, if they
-/// are known. Returns `None` if neither is the case.
+/// Returns a text with the frames per second and the rays per second. Leaves out a rate that the report does
+/// not have. Returns `None` if the report has neither rate.
 fn speed(report: &Report) -> Option<String> {
     let frames = report.frames_per_s.map(|rate| format!("{rate:.1} frames/s"));
     let rays = report.rays_per_s.map(|rate| crate::words::rate(rate, "rays"));

@@ -31,8 +31,8 @@ pub struct Watched {
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<Folder>,
-    /// The number of folders that were given to [`Watched::new`]. They come first in `folders`; the folders of files
-    /// that raycl has read follow.
+    /// The number of folders that were given to [`Watched::new`]. The given folders come first in `folders`;
+    /// the folders of files that raycl has read follow.
     given: usize,
     /// The folders of files that raycl has read. Each of them is watched by itself, or is covered by the watch on a
     /// given folder.
@@ -87,8 +87,9 @@ impl Watched {
         Ok(Self { changes, changed_at: None, watcher, folders, given, of_inputs, inputs })
     }
 
-    /// Returns whether a file has changed since the function last returned true, and no file has changed for the time
-    /// `QUIET`. The function does not wait, so that a viewer obeys its user even while a large file is being written.
+    /// Returns true if a file has changed since the function last returned true, and no file has changed for
+    /// the time `QUIET`. The function does not wait, so that a viewer obeys its user even while a large file
+    /// is being written.
     pub fn has_changed(&mut self) -> bool {
         self.follow();
         is_complete(&self.changes, &mut self.changed_at, Instant::now())
@@ -106,8 +107,8 @@ impl Watched {
                 self.changed_at = Some(Instant::now());
             }
         }
-        // A new folder could be watched already only through one of the given folders, since the folders of `inputs`
-        // are a set without duplicates. Each new folder is therefore compared with the given folders only.
+        // Each new folder is compared only with the given folders: the folders of `inputs` are a set without
+        // duplicates, so no other watched folder can be the same.
         let of_inputs = self.inputs.folders();
         for path in of_inputs.difference(&self.of_inputs) {
             if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {
@@ -120,8 +121,8 @@ impl Watched {
         self.of_inputs = of_inputs;
     }
 
-    /// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes
-    /// can come.
+    /// Waits for a change, then waits until no file has changed for the time `QUIET`, and returns true.
+    /// Returns false if no more changes can come.
     fn next_change(&mut self) -> bool {
         while self.changed_at.take().is_none() {
             match self.changes.recv_timeout(LOOK_UP) {
@@ -147,15 +148,16 @@ impl Folder {
         watcher.watch(&self.path, self.depth)
     }
 
-    /// Returns whether a watch on this folder, recursive or not, also covers another folder.
+    /// Returns true if the watch on this folder includes `folder`: the same folder or, if the watch is
+    /// recursive, a folder inside it.
     fn covers(&self, folder: &Path) -> bool {
         let Self { path, depth, .. } = self;
         path == folder || *depth == RecursiveMode::Recursive && folder.starts_with(path)
     }
 }
 
-/// The identity of a folder, which distinguishes it from another folder that later gets its name. It consists of the
-/// numbers of the disk and of the folder, and of the time of the folder's creation. This time is needed, since a disk
+/// What distinguishes a folder from another folder that later gets the same path: the number of the disk, the
+/// number of the folder on the disk, and the time of the folder's creation. The time is needed because a disk
 /// may give the number of a removed folder to a new folder.
 type Identity = ([u64; 2], Option<SystemTime>);
 
@@ -165,7 +167,7 @@ fn identity(folder: &Path) -> Option<Identity> {
     Some((numbers(&metadata), metadata.created().ok()))
 }
 
-/// Returns the numbers of a folder's disk and of the folder.
+/// Returns the number of the disk with the folder, and the number of the folder on this disk.
 #[cfg(unix)]
 fn numbers(metadata: &Metadata) -> [u64; 2] {
     use std::os::unix::fs::MetadataExt as _;
@@ -187,7 +189,8 @@ fn resolved(folder: &Path) -> Result<PathBuf> {
     })
 }
 
-/// Returns the folders that are watched from the start: the folder of the scene, and the folder of kernels.
+/// Returns the folders that are watched from the start: the scene's folder without its subfolders, and the
+/// folder of kernels with its subfolders.
 pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveMode)> {
     let of_scene = (folder_of(scene).to_owned(), RecursiveMode::NonRecursive);
     let of_kernels = kernels.map(|folder| (folder.to_owned(), RecursiveMode::Recursive));
@@ -213,8 +216,8 @@ pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Resu
     }
 }
 
-/// Returns whether an event changes a file from which the picture is made. The files of `written`, such as the picture
-/// itself, do not count.
+/// Returns true if `event` is a change of a file that raycl has read or whose extension is in `SOURCES`.
+/// Changes of the files in `written`, such as the picture itself, do not count.
 fn matters(event: &notify::Event, written: &[PathBuf], inputs: &Inputs) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
     let source = |path: &PathBuf| !written.contains(path) && (is_source(path) || inputs.contains(path));
@@ -225,16 +228,17 @@ fn is_source(path: &Path) -> bool {
     path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
-/// Returns whether a file has changed, and no file has changed for the time `QUIET` before `now`. `changed_at` has the
-/// time of the latest change that earlier calls have found. The function updates this time, and sets it to `None` if it
-/// returns true.
+/// Returns true if a file has changed, and no file has changed for the time `QUIET` before `now`.
+/// `changed_at` is the time of the latest change that earlier calls have found. The function updates
+/// `changed_at`, and sets it to `None` if the function returns true.
 fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, now: Instant) -> bool {
     *changed_at = changes.try_iter().last().or(*changed_at);
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
 }
 
-/// Returns an error if the system has refused the thread of a watcher that sends changes. The crate notify reports no
-/// error then, and panics when the watcher is used. A watcher without its thread has dropped the changes' sender.
+/// Returns an error if the system has refused the thread of the watcher that sends `changes`. In this case,
+/// the crate notify reports no error, but panics when the watcher is used. This function recognises a watcher
+/// without its thread by the dropped sender of `changes`.
 fn check_thread(changes: &Receiver<Instant>) -> Result<()> {
     match changes.try_recv() {
         Err(TryRecvError::Disconnected) => {
@@ -245,7 +249,8 @@ fn check_thread(changes: &Receiver<Instant>) -> Result<()> {
     }
 }
 
-/// Waits until no file has changed for the time `QUIET`; returns false if no more changes can come.
+/// Waits until no file has changed for the time `QUIET`, and returns true. Returns false if no more changes
+/// can come.
 fn quiet(changes: &Receiver<Instant>) -> bool {
     loop {
         match changes.recv_timeout(QUIET) {

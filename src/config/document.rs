@@ -108,7 +108,7 @@ impl Document {
         format!("{name}:{}", line_of(text, span.start - start))
     }
 
-    /// Returns whether `span` lies in an override.
+    /// Returns true if `span` lies in an override.
     pub fn is_override(&self, span: &Range<usize>) -> bool {
         self.overrides.iter().any(|over| over.start <= span.start)
     }
@@ -133,7 +133,8 @@ impl Document {
         self.error(start + from..start + to, message, "here").with_help(Wanted::Experiment.read())
     }
 
-    /// Rewrites, in plain words, an error of serde (the library that converts TOML to Rust's types).
+    /// Converts an error of serde (the library that converts TOML to Rust's types) to one in plain words,
+    /// with its location.
     fn misfit(&self, error: &toml::de::Error) -> Error {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
@@ -239,9 +240,10 @@ fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
     Spanned::new(start + distance..end + distance, value.into_inner())
 }
 
-/// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are replaced.
-/// [`merge`] also merges a table into an array if the table's keys are indices. A list that the file lacks has no
-/// elements. `path` is the dotted path of the tables; it is empty for the whole file.
+/// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are
+/// replaced. [`merge`] also merges a table into an array if the table's keys are indices. Returns an error if
+/// an index is not in its list; a list that the file does not contain counts as an empty list. `path` is the
+/// dotted path of the tables; it is empty for the whole file.
 fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     for (key, value) in above {
         let name = match path {
@@ -299,7 +301,8 @@ fn example_of(path: &str) -> Option<&'static str> {
     LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
 }
 
-/// Returns whether every key of `table` is an index, as 0 is in `strategy.0.width = 8`.
+/// Returns true if `table` is not empty and each of its keys is an index, like the 0 in `strategy.0.width =
+/// 8`.
 fn has_indices(table: &DeTable<'_>) -> bool {
     !table.is_empty() && table.keys().all(|key| key.get_ref().parse::<usize>().is_ok())
 }

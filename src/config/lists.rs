@@ -5,7 +5,8 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Refuses an empty list.
+/// Returns an error if the list is empty. The error names `key`, and says that at least `expected` is
+/// expected.
 pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expected: &str) -> Result<()> {
     if !list.get_ref().is_empty() {
         return Ok(());

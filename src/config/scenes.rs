@@ -12,7 +12,8 @@ use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
 use crate::scene::Setting;
 
-/// Returns every scene of the config once, unchanged files first.
+/// Returns the scenes of the config without repetitions: first the unchanged scene files, then those with
+/// changed values.
 pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
     let folder = config.parent().unwrap_or(Path::new(""));
     let mut all = Vec::new();

@@ -17,7 +17,7 @@ pub(super) const LOCAL_SIDE: RangeInclusive<i64> = 1..=4096;
 /// Largest number of work-items in a work-group.
 const LOCAL_ITEMS: u64 = 4096;
 
-/// Returns the image sizes in the file's order, each once.
+/// Returns the image sizes in the file's order, without repetitions.
 pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
     not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
     let parse = |wire: &Spanned<wire::Size>| {
@@ -26,7 +26,7 @@ pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>
     Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
 }
 
-/// Returns the local sizes in the file's order, each once.
+/// Returns the local sizes in the file's order, without repetitions.
 pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
     let parse = |wire: &Spanned<wire::Size>| {
         size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")

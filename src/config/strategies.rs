@@ -26,7 +26,9 @@ struct Draft {
     named_axes: Vec<String>,
 }
 
-/// Returns every strategy of the config, presets first; no two names are equal.
+/// Returns every strategy of the config: first the presets of `strategies`, then the strategies of the
+/// `[[strategy]]` entries. Returns an error if two strategies have the same name, or if a strategy has no
+/// local sizes.
 pub fn expand(
     document: &Document,
     config: &wire::Experiment,
@@ -61,9 +63,8 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on; `None` if the preset is measured on devices of every kind.
-/// It is measured on every kind if it is meant for every kind, if the config has `any_kind = true`, or if the command
-/// line names the preset.
+/// Returns the kind of device that a preset is measured on. Returns `None` for every kind of device: if the
+/// preset is meant for every kind, if the config has `any_kind = true`, or if `--set` names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for
@@ -121,7 +122,8 @@ fn product(
     drafts.into_iter().map(finish).collect()
 }
 
-/// Combines each draft (a strategy that is being made) with each value of one axis.
+/// Returns one draft (a strategy that is being made) for every combination of a draft in `drafts` and a value
+/// of `axis`.
 fn vary(
     document: &Document,
     axis: &str,
@@ -164,7 +166,8 @@ fn vary(
     Ok(varied)
 }
 
-/// Names a draft and makes a strategy from it. Fails if the combination of its values is not allowed.
+/// Returns the strategy that a draft describes, with its name. Fails if the combination of the draft's values
+/// is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,

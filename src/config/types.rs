@@ -21,8 +21,8 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// The indices, in the config's list of scenes, of the scenes that were removed from `scenes`, since the content of
-    /// each equals that of an earlier scene.
+    /// The scenes that were removed from `scenes` because their content equals that of an earlier scene, as
+    /// indices into the config's list of scenes.
     pub left_out: Vec<usize>,
     /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
     pub compare_scenes: bool,
@@ -74,7 +74,7 @@ impl Experiment {
     }
 }
 
-/// Returns whether images of two sizes have the same ratio of width to height.
+/// Returns true if images of two sizes have the same ratio of width to height.
 pub fn have_one_shape([width, height]: [u32; 2], [other_width, other_height]: [u32; 2]) -> bool {
     u64::from(width) * u64::from(other_height) == u64::from(other_width) * u64::from(height)
 }

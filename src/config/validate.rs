@@ -19,7 +19,7 @@ pub(super) const MOST_LAUNCHES: i64 = 100;
 /// The largest number of samples of a point.
 pub(super) const MOST_SAMPLES: i64 = 1_000_000;
 
-/// Makes all checks that need no device.
+/// Returns the experiment that `wire` describes. Makes all checks that need no device.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
     let mut scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;
@@ -59,7 +59,7 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
     })
 }
 
-/// Returns a text without the white space around it. Refuses an empty text.
+/// Returns a text without the white space around it. Returns an error if no text is left.
 pub(super) fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<String> {
     let trimmed = text.get_ref().trim();
     if trimmed.is_empty() {
@@ -112,9 +112,9 @@ fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     })
 }
 
-/// Returns the error for a `max_samples` in `--set` that is less than the config's own `min_samples`; `None` if there
-/// is no such contradiction. Since the user wrote only `max_samples`, the error also says where the config sets
-/// `min_samples`. A `max_samples` that is out of range by itself is no contradiction, since no `min_samples` suits it.
+/// Returns the error for a `max_samples` in `--set` that is less than the `min_samples` in the file; `None`
+/// if there is no such contradiction. Since the user typed only `max_samples`, the error also says where the
+/// file sets `min_samples`. Returns `None` for a `max_samples` below 1, which no `min_samples` suits.
 fn contradiction(document: &Document, wire: &wire::Timing) -> Option<Error> {
     let (min, max) = (wire.min_samples.as_ref()?, wire.max_samples.as_ref()?);
     let (least, most) = (min.get_ref(), max.get_ref());

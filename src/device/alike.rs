@@ -1,4 +1,5 @@
-//! Checks that devices have the same model, driver and limits, so that any of them can measure a point.
+//! Checks that devices have the same model, driver and limits, so that any of these devices can measure a
+//! point.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};

@@ -1,13 +1,13 @@
-//! Queries a device and reads the answers as raw bytes, so that a failed query, or an answer of an impossible length,
-//! makes the device unusable, but does not stop raycl.
+//! Queries a device, and reads the answers as raw bytes. A failed query, or an answer of an impossible
+//! length, makes the device unusable, but does not stop raycl.
 
 use super::direct::{device_answer, one_line};
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// The reasons why a device is unusable if its driver lacks a feature, or the beginnings of these reasons. Only another
-/// driver can make such a device usable.
+/// The reasons why a device is unusable if its driver lacks a feature. For some reasons, the constant has
+/// only the beginning of the text. Only another driver can make the device usable.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
 const NO_GROUPS: &str = "its driver reports that a work-group may have no work-items";
@@ -17,14 +17,15 @@ const UNREADABLE: &str = "its version of OpenCL cannot be read";
 /// The oldest version of OpenCL that raycl can use: its major and its minor number.
 const OLDEST: (u16, u16) = (1, 2);
 
-/// Returns whether a device that is unusable for `reason` may soon be usable with the same driver. This is the case if
-/// the device is not available now, or if a query failed.
+/// Returns true if a device that is unusable for `reason` may soon be usable with the same driver: the device
+/// is not available now, or a query failed.
 pub(super) fn may_be_usable_soon(reason: &str) -> bool {
     let lasting = [NO_COMPILER, NO_TIMES, NO_GROUPS, TOO_OLD, UNREADABLE];
     !lasting.iter().any(|start| reason.starts_with(start))
 }
 
-/// Returns why a device with this version of OpenCL cannot be used, such as "OpenCL 1.1 A Driver"; `None` if it can.
+/// Returns why a device with this version of OpenCL cannot be used, such as "OpenCL 1.1 A Driver"; `None` if
+/// the device can be used.
 fn unsuitable_version(version: &str) -> Option<String> {
     match numbers_of(version) {
         None => Some(format!("{UNREADABLE}: '{version}'")),
@@ -44,7 +45,7 @@ fn numbers_of(version: &str) -> Option<(u16, u16)> {
     Some((major.parse().ok()?, minor.parse().ok()?))
 }
 
-/// A device that is being queried, with the first query that failed.
+/// A device that is being queried, and a message about the first query that failed.
 pub(super) struct Asked {
     device: ocl::Device,
     failure: Option<String>,
@@ -69,7 +70,7 @@ impl Asked {
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             is_cpu,
-            lane_operations: LaneOperations::Barriers, // `inspect` may assume faster ones
+            lane_operations: LaneOperations::Barriers, // the caller may replace them by faster ones
         }
     }
 
@@ -92,13 +93,13 @@ impl Asked {
         reason.or_else(|| unsuitable_version(&version))
     }
 
-    /// Returns whether a work-group may have at least one work-item along each of the two sides of a picture.
+    /// Returns true if a work-group may have at least one work-item along each of the two sides of a picture.
     fn has_two_sides(&mut self) -> bool {
         let sizes = self.numbers(Query::MaxWorkItemSizes);
         sizes.len() >= 2 && sizes.iter().take(2).all(|&size| size > 0)
     }
 
-    /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL.
+    /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL. Returns 0 if the query fails.
     pub fn number(&mut self, query: Query) -> u64 {
         self.numbers(query).first().copied().unwrap_or_default()
     }
@@ -137,7 +138,8 @@ impl Asked {
     }
 }
 
-/// Returns the 4-byte number or the 8-byte numbers in an answer; none if the answer has another length.
+/// Returns the numbers in an answer: one number of 4 bytes, or numbers of 8 bytes. Returns no numbers if the
+/// answer has another length.
 fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
     if let Ok(word) = <[u8; 4]>::try_from(bytes) {
         return vec![u64::from(u32::from_ne_bytes(word))];

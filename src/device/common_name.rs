@@ -6,8 +6,9 @@ use std::collections::HashMap;
 /// The beginnings of the names that PoCL gives to CPUs; LLVM's name of the processor's type follows.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
-/// Returns the name under which people know a device. The name is derived from the driver's name alone, so that it can
-/// be derived from stored records. If the driver's name has no known form, it is returned as it is.
+/// Returns the name under which people know a device. The name is derived from the driver's name alone,
+/// because stored records contain only the driver's name. If the driver's name has no known form, it is
+/// returned unchanged.
 pub fn common_name(name: &str) -> String {
     // In the results that `raycl merge` writes, a text in brackets distinguishes devices of the same name. This text
     // stays at the end.
@@ -38,8 +39,9 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
     all
 }
 
-/// Returns the processor's model, which follows LLVM's name of its type, as in `skylake-avx512-Intel(R) Xeon(R)
-/// Processor`. LLVM's names have neither capital letters nor blanks. If no model follows, returns LLVM's name.
+/// Returns the processor's model. In `rest`, LLVM's name of the processor's type precedes the model, as in
+/// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names have neither capital letters nor blanks. If no
+/// model follows, returns LLVM's name.
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');

@@ -9,7 +9,8 @@ use ocl::{Device, Platform, Program};
 use std::ffi::{CStr, c_void};
 use std::ptr;
 
-/// The largest answer to a query that is accepted, in bytes. A driver that announces a larger one is broken.
+/// The largest answer to a query that is accepted, in bytes. A driver that announces a larger answer is
+/// broken.
 const LARGEST_BYTES: usize = 1 << 30;
 
 /// The reason of a rejection if the compiler prints no messages.
@@ -51,12 +52,12 @@ pub fn returned(function: &str, status: i32) -> String {
     }
 }
 
-/// Returns a status that has a name in `NAMED`.
+/// Returns the status with this number if it is one of `NAMED`; otherwise `None`.
 fn named(status: i32) -> Option<Status> {
     NAMED.into_iter().find(|known| *known as i32 == status)
 }
 
-/// Returns the devices of a platform; none if the platform has none.
+/// Returns the devices of a platform, or an empty list if the platform has none.
 ///
 /// # Errors
 ///
@@ -113,7 +114,8 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     let status = unsafe {
         ffi::clBuildProgram(program.as_ptr(), 1, devices.as_ptr(), options.as_ptr(), None, ptr::null_mut())
     };
-    // Some drivers return success although the compiler has rejected the program. The build's own status then tells.
+    // Some drivers return success although the compiler has rejected the program. The status of the build
+    // itself then shows the rejection.
     let is_rejected = status == Status::CL_BUILD_PROGRAM_FAILURE as i32
         || status == 0 && build_status(&program, device) == Some(ffi::CL_BUILD_ERROR);
     if is_rejected {
@@ -121,7 +123,8 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
     match status {
         0 => Ok(Program::from(program)),
-        // The program is freed before the caller gets the error.
+        // `noted` stores the error at once: the program is freed before the caller gets the error, and
+        // freeing may panic.
         _ => Err(CallError {
             status: named(status),
             ..CallError::new(noted(returned("clBuildProgram", status)))
@@ -129,19 +132,19 @@ pub fn build(program: ocl::core::Program, device: Device, options: &CStr) -> Res
     }
 }
 
-/// Returns the compiler's messages, or a sentence if there are none.
+/// Returns the compiler's messages, or a fixed sentence if the compiler printed none.
 fn rejection(log: &[u8]) -> String {
     let log = compiler_log(&String::from_utf8_lossy(log));
     if log.is_empty() { UNEXPLAINED.to_owned() } else { log }
 }
 
-/// Returns the status of a build, such as CL_BUILD_ERROR; `None` if the driver does not tell it.
+/// Returns the status of a build, such as CL_BUILD_ERROR; `None` if the driver does not report it.
 fn build_status(program: &ocl::core::Program, device: Device) -> Option<i32> {
     let bytes = build_answer(program, device, ffi::CL_PROGRAM_BUILD_STATUS)?;
     Some(i32::from_ne_bytes(bytes.try_into().ok()?))
 }
 
-/// Returns the compiler's messages without the zero at their end; none if the driver does not return them.
+/// Returns the compiler's messages without zero bytes; none if the driver does not return them.
 fn build_log(program: &ocl::core::Program, device: Device) -> Vec<u8> {
     let mut log = build_answer(program, device, ffi::CL_PROGRAM_BUILD_LOG).unwrap_or_default();
     log.retain(|&byte| byte != 0);
@@ -157,8 +160,9 @@ fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Opt
     .ok()
 }
 
-/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL with the size of the memory
-/// for the answer in bytes, this memory, and the place for the size of the answer; either may be null.
+/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL. Its parameters
+/// are the size of the memory for the answer in bytes, this memory (or null), and the place for the answer's
+/// size (or null).
 fn answer(ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, i32> {
     let checked = |status| if status == 0 { Ok(()) } else { Err(status) };
     let mut size = 0;
@@ -206,7 +210,7 @@ mod tests {
         assert_eq!(answer(text), Ok(b"abc".to_vec()));
         assert_eq!(answer(|_, _, _| -1108), Err(-1108));
         let endless = |_: usize, _: *mut c_void, needed: *mut usize| {
-            // SAFETY: `answer` passes a place for the size in its first call, and makes no second one.
+            // SAFETY: `answer` passes a place for the size in its first call, and makes no second call.
             unsafe { *needed = 1 << 46 };
             0
         };

@@ -30,10 +30,10 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in kernel files
-    /// of the user, since such a mistake must not stop a command that uses another device. A device on which a file
-    /// causes an error stays untested; if this device is chosen, [`Device::test_lanes`] is called again and returns the
-    /// error.
+    /// Tests the lane operations of every device (how its work-items exchange values). Ignores mistakes in
+    /// kernel files of the user: a mistake must not stop a command that uses another device. A device on
+    /// which a file causes an error stays untested. If this device is chosen, [`Device::test_lanes`] is
+    /// called again and returns the error.
     pub(super) fn test_lanes(&mut self, sources: &Sources) {
         for device in &mut self.devices {
             let _ = device.test_lanes(sources);
@@ -49,8 +49,8 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     Ok(with_devices(survey(sources)?)?.devices)
 }
 
-/// Lists every device like [`discover`], and every platform without devices, without testing how work-items exchange
-/// values (lane operations).
+/// Lists every device like [`discover`], and every platform without devices. Does not test lane operations
+/// (how work-items exchange values).
 pub(super) fn discover_untested() -> Result<Survey> {
     with_devices(survey_untested()?)
 }
@@ -128,8 +128,8 @@ fn survey_untested() -> Result<Survey> {
     Ok(survey)
 }
 
-/// Lets one thread at a time list devices. A driver starts when its devices are listed for the first time. While PoCL
-/// 3.1 starts, it lists no device to a second thread.
+/// Lets one thread at a time list devices. A driver starts when its devices are listed for the first time.
+/// While PoCL 3.1 starts, a second thread gets no device from PoCL.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
@@ -149,7 +149,7 @@ fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
 /// The name of a platform or a device that has none.
 const UNNAMED: &str = "unnamed";
 
-/// Returns a platform's name and, if its driver cannot tell the name, the reason.
+/// Returns a platform's name. If the platform's driver does not report the name, also returns the reason.
 fn name_of(platform: ocl::Platform) -> (String, Option<String>) {
     match direct::platform_text(platform, ocl::ffi::CL_PLATFORM_NAME) {
         Ok(name) => (or_unnamed(name), None),
@@ -164,9 +164,9 @@ fn or_unnamed(name: String) -> String {
 }
 
 /// Opens a device that was listed in an earlier run. Returns `None` if the device is missing, or if its
-/// properties have changed. Changes of three properties are not noticed, since they are copied from `known`:
-/// its lane operations (how work-items exchange values), its label, and its `twins_before` (the number of
-/// earlier devices with the same name). Only the driver of the device's platform is started.
+/// properties have changed. Changes of three properties are not noticed, since these are copied from `known`:
+/// the lane operations (how work-items exchange values), the label, and `twins_before` (the number of earlier
+/// devices with the same name). Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded().ok()?;
@@ -176,7 +176,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
         devices.into_iter().map(move |device| (platform, device))
     });
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // `twins_before` numbers the devices with the same name in the order in which they are listed here.
+    // `twins_before` numbers the devices with the same name in the order of this list.
     let mut device =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     device.info.limits.lane_operations = known.limits.lane_operations;

@@ -23,7 +23,7 @@ pub fn crash_advice(others: usize) -> &'static str {
     if others > 0 { USE_OTHERS } else { CORRECT_DRIVER }
 }
 
-/// A driver, as a loader finds it.
+/// A driver, as loaders find drivers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
     /// An .icd file, which names the driver's library.
@@ -42,7 +42,7 @@ impl std::fmt::Display for Driver {
 }
 
 impl Driver {
-    /// Returns whether the name of the driver's library is one of PoCL's.
+    /// Returns true if the name of the driver's library contains `pocl`.
     pub fn is_pocl(&self) -> bool {
         let library = match self {
             Self::Icd(file) => std::fs::read(file).unwrap_or_default(),
@@ -61,9 +61,9 @@ pub fn installed() -> Vec<Driver> {
     drivers_at(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// Returns the drivers that a loader finds in the usual folder. If the environment names another folder, an .icd file
-/// or a library, returns only the drivers that are named there. An .icd file whose name has no slash is first searched
-/// for in the usual folder.
+/// Returns the drivers that a loader finds in the usual folder. If `named_path` names another folder, an .icd
+/// file or a library, returns only the drivers that it names. An .icd file whose name has no slash is first
+/// searched for in the usual folder.
 fn drivers_at(named_path: Option<&Path>, usual: &Path) -> Vec<Driver> {
     let folder = named_path.unwrap_or(usual);
     if named_path.is_none() || folder.is_dir() {

@@ -2,9 +2,9 @@
 
 use ocl::enums::Status;
 
-/// Returns whether a driver returns this status if memory or another resource is missing. For example, if other
-/// processes use nearly all memory of a GPU, NVIDIA's driver returns `CL_OUT_OF_HOST_MEMORY` when a context is made,
-/// and `CL_MEM_OBJECT_ALLOCATION_FAILURE` when data is transferred.
+/// Returns true if a driver returns this status when memory or another resource is missing. For example, if
+/// other processes use nearly all memory of a GPU, NVIDIA's driver returns `CL_OUT_OF_HOST_MEMORY` when a
+/// context is made, and `CL_MEM_OBJECT_ALLOCATION_FAILURE` when data is transferred.
 pub fn lacks_resources(status: Status) -> bool {
     matches!(
         status,
@@ -14,7 +14,7 @@ pub fn lacks_resources(status: Status) -> bool {
     )
 }
 
-/// Returns whether a step that failed with this status may succeed later, because a resource such as memory
+/// Returns true if a step that failed with this status may succeed later, because a resource such as memory
 /// is missing now, or because the device is not available now. For example, a device is not available while
 /// it is being reset, or while another process uses it exclusively.
 pub fn may_pass(status: Status) -> bool {
@@ -26,7 +26,7 @@ pub fn may_pass(status: Status) -> bool {
 pub struct CallError {
     /// The function and its status, or the compiler's messages.
     pub message: String,
-    /// The status, if it says why the call failed; `None` if the compiler rejected a program.
+    /// The status of the call; `None` if it is unknown, or if the compiler rejected a program.
     pub status: Option<Status>,
 }
 
@@ -36,7 +36,7 @@ impl CallError {
         Self { message, status: None }
     }
 
-    /// Returns whether the same call may succeed later.
+    /// Returns true if the same call may succeed later.
     pub fn may_pass(&self) -> bool {
         self.status.is_some_and(may_pass)
     }
@@ -78,8 +78,8 @@ const MOST_LINES: usize = 100;
 /// The largest number of bytes of a compiler's messages that are shown and stored.
 const MOST_BYTES: usize = 16 * 1024;
 
-/// Returns a compiler's messages without blank lines. Of long messages, only the first lines are returned, with the
-/// number of the others.
+/// Returns a compiler's messages without blank lines. If there are too many lines or bytes, returns only the
+/// first lines, and then the number of the lines that were left out.
 pub fn compiler_log(log: &str) -> String {
     let lines: Vec<_> = log.lines().filter(|line| !line.trim().is_empty()).collect();
     let (mut shown, mut bytes) = (0, 0);

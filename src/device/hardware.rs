@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Answers to queries that only some drivers support.
+/// Properties that only some drivers report; `None` if a driver does not report the property.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Hardware {
@@ -31,8 +31,8 @@ const PCI_BUS_INFO_KHR: u32 = 0x410F;
 const UUID_KHR: u32 = 0x106A;
 
 impl Hardware {
-    /// Returns what distinguishes the device from all others of its model: its UUID or, if that is unknown, its PCI
-    /// address; `None` if neither is known.
+    /// Returns what distinguishes the device from all others of its model: its UUID or, if the UUID is
+    /// unknown, its PCI address. Returns `None` if neither is known.
     pub fn id(&self) -> Option<&str> {
         self.uuid.as_deref().or(self.pci_bus.as_deref())
     }

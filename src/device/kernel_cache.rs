@@ -1,16 +1,17 @@
-//! The folder in which PoCL stores compiled kernels. PoCL lists no device if it has no folder to which it can write.
+//! The folder in which PoCL stores compiled kernels. If PoCL cannot write to this folder, it lists no device.
 
 use crate::cache::{can_be_written, temporary};
 use std::path::{Path, PathBuf};
 
-/// PoCL's environment variable for this folder.
+/// PoCL's environment variable that names its folder for compiled kernels.
 const FOLDER: &str = "POCL_CACHE_DIR";
-/// A disk with less free space than this counts as full. PoCL usually writes some hundred KiB for each program.
+/// A disk with less free space than this number of bytes counts as full. PoCL usually writes some hundred KiB
+/// for each program.
 const ROOM_BYTES: u64 = 1 << 20;
 
-/// Returns the environment variables to set before a driver is loaded. If PoCL cannot write its default folder, the
-/// variables name a private folder among the temporary files instead. Returns no variables if PoCL can write its
-/// default folder, or if the user has set `POCL_CACHE_DIR`.
+/// Returns the environment variables to set before a driver is loaded. If PoCL cannot write to its default
+/// folder, the variables name a private folder among the temporary files instead. Returns no variables if
+/// PoCL can write to its default folder, or if the user has set `POCL_CACHE_DIR`.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     let named = std::env::var_os(FOLDER).is_some();
     if named || default_folder().is_none_or(|folder| can_be_written(&folder)) {
@@ -30,14 +31,15 @@ pub fn cache_advice() -> Option<String> {
     ))
 }
 
-/// Returns advice if the disk with PoCL's folder for compiled kernels is full: PoCL then says that the build of a
-/// program has failed, or it ends the process.
+/// Returns advice if the disk with PoCL's folder for compiled kernels is full: PoCL then reports that the
+/// build of a program has failed, or PoCL ends the process.
 pub fn full_disk_advice() -> Option<String> {
     let folder = folder()?;
     advice_for(free_bytes(&folder)?, &folder)
 }
 
-/// Returns advice if a disk with this much free space counts as full. `folder` is PoCL's folder on the disk.
+/// Returns advice if a disk with `free_bytes` bytes of free space counts as full. `folder` is PoCL's folder
+/// on the disk.
 fn advice_for(free_bytes: u64, folder: &Path) -> Option<String> {
     (free_bytes < ROOM_BYTES).then(|| {
         format!(

@@ -1,6 +1,6 @@
-//! Finds the devices of an earlier run in the cache. If the selected device is found there and has not changed, raycl
-//! starts only the driver of this device, and does not repeat the test of the device's lane operations (how its
-//! work-items exchange values).
+//! Finds the devices of an earlier run in the cache. If the cache contains the selected device and this
+//! device has not changed, raycl starts only the driver of this device, and does not repeat the test of the
+//! device's lane operations (how its work-items exchange values).
 
 use super::asked::may_be_usable_soon;
 use super::discover::{again, discover_untested};
@@ -18,7 +18,7 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of the cache entries that contain lists of devices.
 const KIND: &str = "devices";
-/// Environment variables that make loaders look for drivers elsewhere.
+/// Environment variables that make loaders look for drivers in other places than [`VENDORS`].
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
@@ -28,7 +28,7 @@ const FORBIDDEN: &str = " (may not be used)";
 /// these accelerators. The drivers of other platforms list only devices that the user names (as rusticl does), or list
 /// no platform if they have no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
-/// A stored list of devices that may soon change is used for this long. If such a list were not used at all, every
+/// A stored list of devices that may soon change is used for this long. If it were not used at all, every
 /// process would start all drivers and query all devices, even while another process measures.
 const BRIEFLY: Duration = Duration::from_secs(600);
 /// Linux's file with an identifier that changes at every start of the system.
@@ -69,8 +69,8 @@ pub fn pick_one(
     chosen(devices, sources, lane_test, choose)
 }
 
-/// Returns the device whose index `choose` returns. If the device's lane operations (how work-items exchange values)
-/// should be tested now but their test failed, the test is repeated, and its error is returned.
+/// Returns the device whose index `choose` returns. If the device's lane operations (how work-items exchange
+/// values) should be tested now but the first test failed, the test is repeated, and its error is returned.
 fn chosen(
     devices: Vec<Device>,
     sources: &Sources,
@@ -102,10 +102,10 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
     Ok(survey.devices)
 }
 
-/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not store a list
-/// with untested lane operations, since later runs would treat the assumed operations as tested ones. A list that may
-/// soon change is stored with the current time, because such a change need not change the key under which the list is
-/// stored.
+/// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not
+/// store a list with untested lane operations, since later runs would treat the assumed operations as tested
+/// ones. A list that may soon change is stored with the current time: after the change, the key under which
+/// the list is stored may be the same.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms, failed_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -122,7 +122,8 @@ fn put(cache: &Cache, key: &str, entry: &Entry) {
     }
 }
 
-/// Returns the stored list of devices; `None` if there is none, or if it was stored only for a while and is too old.
+/// Returns the stored list of devices; `None` if no list is stored, or if the stored list may soon change and
+/// is too old.
 fn stored(cache: &Cache, key: &str) -> Option<Vec<DeviceInfo>> {
     let entry: Entry = serde_json::from_slice(&cache.get(KIND, key)?).ok()?;
     // The stored time lies in the future if the clock was ahead when the list was stored.
@@ -135,7 +136,7 @@ fn now() -> u64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
-/// Returns whether a list probably stays the same until the system starts again. The list may change earlier
+/// Returns true if a list probably stays the same until the system starts again. The list may change earlier
 /// if a device may be usable soon, or if a driver lists no device although the system shows some. In the
 /// second case, perhaps a GPU is being reset, or the driver's module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
@@ -149,12 +150,12 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
     !recovers && !empty_platforms.iter().any(lacks)
 }
 
-/// Returns the key under which the list of devices is stored: a text of everything that affects the list.
-/// This is raycl's version, the drivers' files, the drivers' variables, and the kernel that tests how
-/// work-items exchange values. It is also the hardware that the system shows and that this process may use,
-/// and the number of cores that the process may use. The key also contains an identifier of the system's
-/// latest start, since a driver that fails may list its devices after the next start. For example, NVIDIA's
-/// driver fails after an update, until the system is started again.
+/// Returns the key under which the list of devices is stored: a text of everything that affects the list. The
+/// key contains raycl's version, the drivers' files, the drivers' variables, and a hash of the kernel that
+/// tests how work-items exchange values. The key also contains the hardware that the system shows and that
+/// this process may use, and the number of cores that the process may use. The key also contains an
+/// identifier of the system's latest start, since a driver that fails may list its devices after the next
+/// start. For example, NVIDIA's driver fails after an update, until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));
@@ -201,9 +202,9 @@ fn drivers(path: &Path) -> Vec<String> {
     files.iter().filter_map(named).collect()
 }
 
-/// Returns the names of possible accelerators in a folder of devices. A note is added to a name if this process may not
-/// use the accelerator, for example because the user is not in the group `render`: the driver then does not list the
-/// accelerator.
+/// Returns the names of possible accelerators in a folder of devices, such as /dev. If this process may not
+/// use an accelerator, a note is added to its name, since the driver does not list this accelerator. For
+/// example, the user may not be in the group `render`.
 fn accelerators(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder)
         .into_iter()
@@ -248,7 +249,7 @@ mod tests {
         assert!(all.iter().any(|device| device.info == listed));
         assert_eq!(cache.entries().len(), 1, "a list is stored");
         assert_eq!(picked(&cache), listed, "from the stored list");
-        // After a driver was replaced, its version differs from the stored one.
+        // A driver that has been replaced has another version than the stored list states.
         let key = key(&Sources::Embedded).unwrap();
         let mut devices = stored(&cache, &key).unwrap();
         devices.iter_mut().for_each(|info| info.driver = "0.1".into());

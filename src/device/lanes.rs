@@ -31,9 +31,9 @@ pub enum LaneOperations {
 pub enum LaneTest {
     /// While the devices are listed, before raycl chooses one of them.
     Now,
-    /// When [`Device::test_lanes`](super::Device::test_lanes) is called. Until then, the device is assumed to have the
-    /// fastest operations that its extensions suggest. The test takes 0.4 s on a GPU, so a picture whose kernels do
-    /// not exchange values need not wait for it.
+    /// When [`Device::test_lanes`](super::Device::test_lanes) is called. Until then, the device is assumed to
+    /// have the fastest operations that its extensions suggest. The test takes 0.4 s on a GPU, so a picture
+    /// whose kernels do not exchange values need not wait for the test.
     Later,
 }
 
@@ -67,8 +67,8 @@ enum Trial {
 }
 
 impl LaneOperations {
-    /// Returns the number of tiles per work-group with which kernels are fastest. This number is above one if the
-    /// work-items of one tile need not wait for those of another tile.
+    /// Returns the number of tiles per work-group with which kernels are fastest. This number is above one if
+    /// the work-items of one tile need not wait for the work-items of another tile.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
@@ -83,8 +83,8 @@ impl LaneOperations {
         }
     }
 
-    /// Returns the fastest implementation of lane operations that a device's extensions suggest, or barriers if they
-    /// suggest none.
+    /// Returns the fastest implementation of lane operations that a device's extensions suggest, or barriers
+    /// if the extensions suggest no implementation.
     pub(super) fn assumed(info: &DeviceInfo) -> Self {
         hinted(info).first().copied().unwrap_or_default()
     }
@@ -95,7 +95,8 @@ impl LaneOperations {
     ///
     /// # Errors
     ///
-    /// Fails if an implementation does not pass the test only because of a kernel file of the user.
+    /// Fails if an implementation passes the test with raycl's own files, but not with a kernel file of the
+    /// user.
     pub(super) fn find(
         info: &DeviceInfo,
         platform: ocl::Platform,
@@ -127,8 +128,9 @@ pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
 /// Returns the first implementation in `hinted` that works, or barriers if none works. Returns `None` if an
 /// implementation could not be tried out. `try_out` takes an implementation and the source of the test's kernel.
 ///
-/// A mistake in a kernel file of the user must not make another implementation the fastest one: the kernels would then
-/// be compiled without the user's change. If an implementation works only with raycl's own files, this is an error.
+/// An implementation that works only with raycl's own files is an error. Without this error, a mistake in a
+/// user's file would select another implementation, and the kernels would be compiled without the user's
+/// change.
 fn fastest(
     hinted: &[LaneOperations],
     sources: &Sources,
@@ -162,7 +164,8 @@ fn fastest(
     Ok(Some(LaneOperations::default()))
 }
 
-/// Returns the error if an implementation gives wrong answers with the user's kernel files, which have these paths.
+/// Returns the error if an implementation gives wrong answers with the user's kernel files. `paths` are the
+/// paths of these files.
 fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
     let message = format!(
         "work-items that exchange values by {} get wrong values with {}; with raycl's own files, they get the right \
@@ -174,9 +177,10 @@ fn wrong_values(operations: LaneOperations, paths: &[String]) -> Error {
         .with_help("correct the file; comments in raycl's cl/common/lanes.cl explain the operations")
 }
 
-/// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept inline PTX.
-/// On a CPU, none is returned: one thread executes a whole work-group there, and drivers emulate sub-groups by
-/// barriers. Kernels that use such sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
+/// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept
+/// inline PTX. For a CPU, none is returned: one thread of a CPU executes a whole work-group, and drivers
+/// emulate sub-groups by barriers. Kernels that use such sub-groups in loops crash or hang on PoCL 5.0,
+/// although the test passes on PoCL 5.0.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.is_cpu || info.limits.work_group_size < LANES * GROUPS {
         &[]
@@ -189,8 +193,8 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Tries out whether the test's kernel, built with this implementation of lane operations, compiles, runs and produces
-/// the right answers.
+/// Builds the test's kernel with this implementation of lane operations, runs it, and compares its answers
+/// with the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,
@@ -295,8 +299,8 @@ mod tests {
         assert!(!expected.contains(&NO_ANSWER));
     }
 
-    /// The device need not have sub-groups: macros replace the functions for sub-groups. Only the size of sub-groups
-    /// and the numbers of lanes and groups matter here.
+    /// The device need not have sub-groups: macros replace the functions for sub-groups. The test depends
+    /// only on the size of sub-groups and on the numbers of lanes and groups.
     #[test]
     fn sub_groups_of_another_size_write_no_answers() {
         let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);

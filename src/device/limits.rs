@@ -41,8 +41,9 @@ pub struct DeviceLimits {
 const USUAL_GROUP: usize = 64;
 
 impl DeviceLimits {
-    /// Returns the number of work-items in a work-group of one row, for kernels that support work-groups of any size:
-    /// 64 or, if the device allows fewer, the largest power of two that it allows.
+    /// Returns the number of work-items in a work-group of one row, for kernels that support work-groups of
+    /// any size. The number is 64 or, if the device allows fewer, the largest power of two that the device
+    /// allows.
     pub fn usual_group(&self) -> usize {
         self.group(USUAL_GROUP)
     }
@@ -53,8 +54,9 @@ impl DeviceLimits {
         power_of_two(most.min(self.work_group_size).min(self.work_item_sizes[0]))
     }
 
-    /// Returns the given local size if the device allows it, else a smaller one. First, each side is reduced to the
-    /// device's limit for this side. Then, while a work-group has too many work-items, its longer side is halved.
+    /// Returns the given local size if the device allows this size, else a smaller local size. First, each
+    /// side is reduced to the device's limit for this side. Then, while a work-group has too many work-items,
+    /// its longer side is halved.
     pub fn fitting(&self, [across, down]: [u32; 2]) -> [u32; 2] {
         let within = |side: u32, axis: usize| {
             u32::try_from(self.work_item_sizes[axis]).map_or(side, |most| side.min(most)).max(1)

@@ -46,7 +46,7 @@ use crate::sources::Sources;
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
 
-/// Returns whether a text that begins with a platform's name is about PoCL.
+/// Returns true if `platform`, a text that begins with a platform's name, is about PoCL.
 pub(crate) fn is_pocl(platform: &str) -> bool {
     platform.to_lowercase().starts_with("portable computing language")
 }
@@ -143,10 +143,10 @@ pub struct DeviceInfo {
     /// the process that listed the device.
     #[serde(default)]
     pub settings: Vec<variables::Setting>,
-    /// Number of cores that the process may use; `None` unless the device is a CPU.
+    /// Number of cores that the process may use; `None` if the device is not a CPU.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// Number of threads with which the device casts, if known; PoCL's number is known.
+    /// Number of threads with which the device casts; `None` if unknown. PoCL's number is known.
     #[serde(default)]
     pub threads: Option<u32>,
     /// Number of earlier devices with the same platform and name.
@@ -197,8 +197,8 @@ impl DeviceInfo {
         (self.label != self.name).then_some(self.label.as_str())
     }
 
-    /// Returns a text that identifies the device and its driver. The text is used to find the device again. It is also
-    /// part of the keys under which measured points are stored.
+    /// Returns a text that identifies the device and its driver. raycl uses this text to find the device
+    /// again, and as a part of the keys under which measured points are stored.
     pub fn identity(&self) -> String {
         let twin =
             if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
@@ -254,25 +254,25 @@ impl DeviceInfo {
         }
     }
 
-    /// Returns whether the device's driver supports OpenCL 3.
+    /// Returns true if the device's driver supports OpenCL 3.
     pub fn speaks_opencl_3(&self) -> bool {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns whether the device's compiler has an option to print registers and spills. A compiler with this option
-    /// produces PTX as the binary of a program.
+    /// Returns true if the device's compiler has an option to print registers and spills. A compiler with
+    /// this option produces PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
     }
 
-    /// Returns whether the device's driver can return a compiled program's binary without further work. PoCL would
-    /// compile every kernel again to return a binary: it compiles kernels for a local size, which is only known when a
-    /// kernel starts.
+    /// Returns true if the device's driver can return a compiled program's binary without further work. PoCL
+    /// would compile every kernel again to return a binary: it compiles kernels for a local size, which is
+    /// only known when a kernel starts.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
     }
 
-    /// Returns whether the device's extensions include `name`.
+    /// Returns true if the device's extensions include `name`.
     pub fn has_extension(&self, name: &str) -> bool {
         self.extensions.iter().any(|extension| extension == name)
     }
@@ -287,15 +287,16 @@ pub struct Device {
     pub platform: ocl::Platform,
     /// The device's own handle.
     pub device: ocl::Device,
-    /// False if `info.limits.lane_operations` is not the result of a test. The value is then assumed from the device's
-    /// extensions or, if the device could not be tested, `Barriers`.
+    /// True if `info.limits.lane_operations` is the result of a test, or if no test is needed because the
+    /// device's extensions suggest only barriers. If false, the value is assumed from the extensions, or it
+    /// is `Barriers` because the device could not be tested.
     pub lanes_are_tested: bool,
 }
 
 impl Device {
-    /// Finds by a test how the device's work-items exchange values (its lane operations), unless this is known already.
-    /// If the device cannot be used now, for example because its memory is full, it gets barriers, which work on any
-    /// device, and the next call tests it again.
+    /// Finds the device's lane operations (how its work-items exchange values) by a test, unless they are
+    /// known already. If the device cannot be used now, for example because its memory is full, its lane
+    /// operations become barriers, which work on any device. The next call tests the device again.
     ///
     /// # Errors
     ///

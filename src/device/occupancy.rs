@@ -27,7 +27,7 @@ pub enum Limiter {
     Registers,
     /// `__local` memory.
     Local,
-    /// Not even one work-group fits; contains the arithmetic that shows why.
+    /// Not even one work-group fits. The text is the arithmetic that shows why.
     CannotLaunch(String),
 }
 
@@ -54,7 +54,8 @@ pub struct Occupancy {
     pub threads: u64,
     /// Resident warps divided by the largest possible number, 0 to 1.
     pub fraction: f64,
-    /// The limit that prevents more work-groups. If several limits prevent them, the first one in [`Limiter`].
+    /// The limit that prevents more work-groups. If several limits do, this is the first of them in the order
+    /// of [`Limiter`].
     pub limiter: Limiter,
 }
 

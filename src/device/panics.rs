@@ -1,6 +1,7 @@
-//! Turns panics of the crate `ocl` into errors of the command. This crate panics at a status that it does not know, and
-//! if an object of OpenCL cannot be freed. After a driver's breakdown, nothing can be freed, so without this module, such
-//! a panic would hide the error that broke the driver, and a second panic would abort the process.
+//! Turns panics of the crate `ocl` into errors of the command. This crate panics at a status that it does not
+//! know, and if an object of OpenCL cannot be freed. After a driver has broken down, no object can be freed.
+//! Without this module, the panic at freeing would hide the error that broke the driver, and a second panic
+//! would abort the process.
 
 use super::DeviceInfo;
 use super::errors::{EXECUTING, without_frame};
@@ -17,17 +18,18 @@ const BROKEN: &str = "the driver, or its device, may be broken: run the command 
 struct Known {
     /// The devices that were opened.
     devices: Vec<String>,
-    /// The latest error of OpenCL; `None` if there was none.
+    /// The latest error of OpenCL; `None` if there was no error.
     failure: Option<String>,
 }
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { devices: Vec::new(), failure: None });
-/// The function that a process calls with the reason before it ends: another process waits for the reason, or a terminal
-/// must be restored before the message is printed.
+/// The function that a process calls with the reason before the process ends. The function passes the reason
+/// to a waiting process, or restores the terminal before the message is printed.
 static TOLD: OnceLock<fn(&str)> = OnceLock::new();
 
 thread_local! {
-    /// The message of a panic that [`caught`] catches in this thread; the outer value is `None` outside `caught`.
+    /// The message of a panic that [`caught`] catches in this thread. The outer value is `None` outside
+    /// `caught`, and the inner value is `None` before the panic.
     static CAUGHT: RefCell<Option<Option<String>>> = const { RefCell::new(None) };
 }
 
@@ -62,14 +64,16 @@ pub(crate) fn note_failure(message: &str) {
     known().failure = Some(message.to_owned());
 }
 
-/// Stores the latest error of OpenCL, and returns it. Functions that own buffers and return an error of the crate `ocl`
-/// call this function: the buffers are freed before the error becomes another one that is stored.
+/// Stores the latest error of OpenCL, and returns it. Functions that own buffers call this function with an
+/// error of the crate `ocl`: the buffers are freed before a caller can store the error, and freeing may
+/// panic.
 pub(crate) fn noted<E: std::fmt::Display>(error: E) -> E {
     note_failure(&without_frame(&error.to_string()));
     error
 }
 
-/// Forgets the latest error of OpenCL, since the work went on after it.
+/// Forgets the latest error of OpenCL: the work went on after the error, so the error did not break the
+/// driver.
 pub(crate) fn forget_failures() {
     known().failure = None;
 }
@@ -78,7 +82,8 @@ fn known() -> MutexGuard<'static, Known> {
     KNOWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Calls `work`. Returns the message of a panic of the crate `ocl`, if [`report_panics`] was called before.
+/// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] was
+/// called before. Other panics go on.
 pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     CAUGHT.set(Some(None));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -86,8 +91,9 @@ pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     result.map_err(|panic| message.unwrap_or_else(|| resume_unwind(panic)))
 }
 
-/// Stores the message of a panic if [`caught`] catches the panic. Returns false outside `caught`, and for the second
-/// panic inside it: this panic happens while the first one frees objects, and would abort the process.
+/// Stores the message of a panic, and returns true, if [`caught`] catches the panic. Returns false outside
+/// `caught`, and for the second panic inside it: the second panic happens while the first one frees objects,
+/// and would abort the process.
 fn is_caught(message: &str) -> bool {
     CAUGHT.with_borrow_mut(|caught| match caught {
         Some(first @ None) => {
@@ -106,8 +112,8 @@ fn of_ocl(panic: &PanicHookInfo<'_>) -> Option<String> {
     is_in_ocl(panic.location()?.file()).then(|| meaning(text))
 }
 
-/// Returns whether a source file belongs to the crate `ocl` or to one of its parts. The folder before `src` has the
-/// crate's name, and usually its version.
+/// Returns true if a source file belongs to the crate `ocl` or to one of its parts. The folder before `src`
+/// has the crate's name, and usually its version.
 fn is_in_ocl(file: &str) -> bool {
     let parts: Vec<&str> = file.split(['/', '\\']).collect();
     let src = parts.iter().rposition(|part| *part == "src");

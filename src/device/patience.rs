@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 pub const GUARDED: &str = "RAYCL_GUARDED";
 /// The exit code of a process whose driver did not answer. Only raycl's own processes use this code.
 pub const HUNG: i32 = 124;
-/// The time limit; drivers start in much less time.
+/// The time limit. Drivers start in much less time.
 const LIMIT: Duration = Duration::from_secs(60);
 /// An environment variable with which tests set the time limit, in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";

@@ -12,9 +12,9 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
 /// of a device's name or vendor. A pattern can also be a device's whole name for files (`slug`). If several
-/// devices have the same name, this is the label of each of them. The case of letters does not matter. A
-/// pattern that matches no usable device is a user error. A mistake in a kernel file of the user is a user
-/// error, too, if a selected device fails the test of its lane operations because of this mistake.
+/// devices have the same name, each device's label is its name for files. The case of letters does not
+/// matter. A pattern that matches no usable device is a user error. A mistake in a kernel file of the user is
+/// a user error, too, if a selected device fails the test of its lane operations because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -23,9 +23,10 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
     Ok(chosen)
 }
 
-/// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators, and
-/// accelerators before CPUs. Of several devices of the same kind, returns the index of the device with the most compute
-/// units, or of the first such device.
+/// Returns the index of the usable device to cast on if no device is named. GPUs come before accelerators,
+/// and accelerators before CPUs. Of several devices of the same kind, the device with the most compute units
+/// comes first. Of devices with equally many compute units, the first in `infos` is chosen. Returns `None` if
+/// no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -88,8 +89,8 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of one of these
-/// texts, or of the device's common name.
+/// Returns the texts of a device's driver with which patterns are compared: a pattern may be any part of such
+/// a text, or of the device's common name.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }
@@ -109,7 +110,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let kinds = KINDS.into_iter().filter(|kind| infos.iter().any(|info| info.kind.name() == *kind));
     let kinds = kinds.chain(["all"]).map(str::to_owned);
     let words = infos.iter().flat_map(|info| names(info)).flat_map(str::split_whitespace);
-    // The parts of a word match too, such as "pthread" of the name "pthread-skylake".
+    // The parts of a word are candidates, too, such as "pthread" in the name "pthread-skylake".
     let parts = words.clone().flat_map(|word| word.split(|c: char| !c.is_alphanumeric()));
     let words = words.chain(parts);
     let mut candidates: Vec<_> = words.map(str::to_lowercase).chain(kinds).collect();

@@ -10,16 +10,16 @@ const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
 /// The environment variable for the number of compute units of all of PoCL's drivers. PoCL 6 reads this variable if
 /// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
-/// PoCL's environment variables for the smallest number of its threads, which prevails over the number in `COUNTS`: the
-/// newer variable, and the older one.
+/// PoCL's environment variables for the smallest number of its threads, which prevails over the number in
+/// `COUNTS`: the newer variable, and the older variable.
 const LEAST_COUNTS: [&str; 2] = ["POCL_CPU_MIN_CU_COUNT", "POCL_PTHREAD_MIN_THREADS"];
 
-/// Returns whether the environment variable with this name sets the number of PoCL's threads.
+/// Returns true if the environment variable with this name sets the number of PoCL's threads.
 pub fn sets_threads(name: &str) -> bool {
     COUNTS.contains(&name)
 }
 
-/// Returns whether raycl sets the environment variable with this name, unless the user has set it.
+/// Returns true if raycl sets the environment variable with this name, unless the user has set it.
 pub fn is_set_by_raycl(name: &str) -> bool {
     sets_threads(name) || name == PINNED
 }
@@ -58,8 +58,8 @@ fn pinning(
     vec![(PINNED, "1".to_owned())]
 }
 
-/// Returns whether `processors` are the first processors of the machine, and as many as the process may use at once.
-/// PoCL pins its threads to the first processors.
+/// Returns true if `processors` are the first processors of the machine, and as many as the process may use
+/// at once (`threads`). PoCL pins its threads to the first processors.
 fn are_the_first(processors: &[usize], threads: usize) -> bool {
     processors.iter().copied().eq(0..threads)
 }
@@ -90,7 +90,8 @@ fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str
     COUNTS.map(|name| (name, threads.to_string())).to_vec()
 }
 
-/// Returns the number of threads that a device casts with, if known. PoCL has one thread per compute unit.
+/// Returns the number of threads with which a device casts; `None` if unknown. PoCL has one thread per
+/// compute unit.
 pub fn threads_of(platform: &str, kind: DeviceKind, compute_units: u32) -> Option<u32> {
     (is_pocl(platform) && kind == DeviceKind::Cpu).then_some(compute_units)
 }

@@ -12,12 +12,12 @@ struct Driver {
     deciding: &'static [&'static str],
 }
 
-/// The variables that affect times or pictures, for each driver. The key (a hash) under which a measured point is
-/// stored also depends on the values of these variables, if they belong to the driver of the point's device and are
-/// set. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide,
-/// Intel's guides to its OpenCL and DPC++ runtimes, the flags of AMD's runtime (ROCclr), Mesa's list of environment
-/// variables, and Oclgrind's manual. Intel's compiler for GPUs takes each of its flags from a variable that begins with
-/// IGC_.
+/// The variables that affect times or pictures, for each driver. The key (a hash) under which a measured
+/// point is stored also depends on the values of these variables, if the variables are set and belong to the
+/// driver of the point's device. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's
+/// library, NVIDIA's CUDA programming guide, Intel's guides to its OpenCL and DPC++ runtimes, the flags of
+/// AMD's runtime (ROCclr), Mesa's list of environment variables, and Oclgrind's manual. Intel's compiler for
+/// GPUs takes each of its flags from a variable that begins with IGC_.
 const DRIVERS: [Driver; 6] = [
     Driver {
         platform: "portable computing language",
@@ -102,8 +102,9 @@ const LOGS: [&str; 4] =
 /// the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
-/// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for caches,
-/// for logs and for hiding devices. The `environment.json` of a run contains every such variable that is set.
+/// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for
+/// caches, for logs and for hiding devices. The `environment.json` of a run contains every variable with one
+/// of these prefixes that is set.
 const FAMILIES: [&str; 19] = [
     "AMD_",
     "CL_CONFIG_",
@@ -134,7 +135,7 @@ pub fn deciding(platform: &str) -> Vec<Setting> {
     deciding_of(platform, variables())
 }
 
-/// Returns whether a variable that is set may affect the driver's compiled code.
+/// Returns true if a variable that is set may affect the driver's compiled code.
 pub fn compiles(setting: &Setting) -> bool {
     !setting.starts_with(PLACES)
 }
@@ -145,11 +146,12 @@ pub fn all() -> Vec<Setting> {
     settings(variables(), known)
 }
 
-/// The user's own variables, from before raycl has set any.
+/// The user's own variables, which were set before raycl set its own variables.
 static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 
-/// Returns the variables with which a command of the user must be repeated, sorted by name: those that the user had set
-/// when this function was first called. The first call must be before raycl sets variables of drivers.
+/// Returns the variables with which a command of the user must be repeated, sorted by name. These are the
+/// variables that the user had set when this function was first called. The first call must be before raycl
+/// sets variables of drivers.
 pub fn of_user() -> &'static [Setting] {
     OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
 }
@@ -159,13 +161,13 @@ pub fn set_by_raycl(settings: &[Setting]) -> Vec<Setting> {
     not_of(settings, of_user())
 }
 
-/// Returns those of the variables that raycl sets, unless the user's variables `of_user` contain them.
+/// Returns those of `settings` that raycl sets and that the user's variables `of_user` do not contain.
 fn not_of(settings: &[Setting], of_user: &[Setting]) -> Vec<Setting> {
     let is_own = |setting: &&Setting| is_set_by_raycl(name_of(setting)) && !of_user.contains(*setting);
     settings.iter().filter(is_own).cloned().collect()
 }
 
-/// Returns whether a variable that is set determines the number of PoCL's threads.
+/// Returns true if a variable that is set determines the number of PoCL's threads.
 pub fn determines_threads(setting: &str) -> bool {
     sets_threads(name_of(setting))
 }
@@ -174,8 +176,8 @@ fn name_of(setting: &str) -> &str {
     setting.split_once('=').map_or(setting, |(name, _)| name)
 }
 
-/// Returns whether a repeated command needs the variable with this name. If it does, the name is one that shells can
-/// assign a value to.
+/// Returns true if a repeated command needs the variable with this name, and shells can assign a value to a
+/// variable of this name.
 pub fn is_to_be_repeated(name: &str) -> bool {
     let mut deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
     name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')

@@ -1,5 +1,5 @@
-//! Keeps a list of the locks that threads of this process hold or wait for. The list is needed because the lock on a
-//! file does not show whether another process or another thread of this process holds it.
+//! Keeps a list of the locks that threads of this process hold or wait for. The list is needed because a
+//! locked file does not show who holds the lock: another process, or another thread of this process.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// The files of the locks that threads of this process hold or wait for.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// The right of one thread of this process to take a lock; given up when dropped.
+/// The right of one thread of this process to take a lock. Dropping this value gives up the right.
 pub struct Claim(PathBuf);
 
 impl Claim {

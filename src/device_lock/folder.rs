@@ -11,12 +11,13 @@ use std::path::{Path, PathBuf};
 
 /// The environment variable that names another folder for the locks, by an absolute path.
 const VARIABLE: &str = "RAYCL_LOCK_DIR";
-/// The remedy for a relative path in this variable.
+/// The remedy if [`VARIABLE`] names a relative path.
 const ABSOLUTE: &str = "set it to an absolute path, such as /tmp/my-locks; all processes that measure on this machine \
                         must use the same folder";
 
-/// Returns an input error if the environment variable that names the folder of the locks is not an absolute path.
-/// Otherwise, processes that were started in different folders would not see each other's locks.
+/// Returns an input error if the environment variable that names the folder of the locks is not an absolute
+/// path. With a relative path, processes that were started in different folders would not see each other's
+/// locks.
 pub fn check() -> Result<()> {
     refuse_relative(named_by_user().as_deref())
 }
@@ -77,7 +78,7 @@ impl Folder {
         Ok(file)
     }
 
-    /// Returns whether the folder still has `file` under the lock's name, and this name is not a link.
+    /// Returns true if the folder still has `file` under the lock's name, and this name is not a link.
     pub fn still_has(&self, lock: &str, file: &File) -> bool {
         existing::still_leads_to(&self.path(lock), file).unwrap_or(false)
     }
@@ -129,7 +130,8 @@ fn make_shared(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Creates a file that every user can lock. Like the folder, the file gets its name only when every user can open it.
+/// Creates a file that every user can lock. If the file system allows it, the file gets its name only when
+/// every user can open it.
 fn create(path: &Path) -> std::io::Result<File> {
     let file = temporary_in(folder_of(path))?;
     open_to_all(file.path(), 0o666)?;

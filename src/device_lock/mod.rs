@@ -1,5 +1,5 @@
 //! Allows one measurement at a time on a device of this machine. A process holds the device's lock while it
-//! measures times that it reports. Without the lock, two simultaneous measurements would slow each other down
+//! measures times for a report. Without the lock, two simultaneous measurements would slow each other down
 //! unnoticed.
 
 mod claim;
@@ -31,16 +31,17 @@ pub struct Locks {
     wait: bool,
 }
 
-/// A lock on a device, released when dropped. The operating system releases the lock, however the process ends.
+/// A lock on a device. Dropping this value releases the lock. The operating system also releases the lock
+/// when the process ends in any other way.
 pub struct Held {
     file: File,
-    /// Given up after the lock is released, so that the next thread of this process finds the lock free. `None` only in
-    /// tests, in which a lock counts as held by another process.
+    /// The claim is dropped after the lock is released, so that the next thread of this process finds the
+    /// lock free. `None` only in tests, in which a lock counts as held by another process.
     _claim: Option<Claim>,
 }
 
-/// What a process reports while it waits for a lock. If it waits for another of its own threads, it reports only
-/// `Still`.
+/// What a process reports while it waits for a lock. A process that waits for another of its own threads
+/// reports only `Still`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting<'a> {
     /// The wait begins, or another process has taken the lock during the wait. The line describes the process that
@@ -50,9 +51,9 @@ pub enum Waiting<'a> {
     Still,
 }
 
-/// Returns whether an attempt to lock a file failed because its file system does not support locks, as is the case for
-/// some network file systems. If NFS has no lock service, `flock` fails with `ENOLCK` (Linux's manual, `fcntl(2)`: "a
-/// remote locking protocol failed (e.g., locking over NFS)").
+/// Returns true if an attempt to lock a file failed because its file system does not support locks, as is the
+/// case for some network file systems. If NFS has no lock service, `flock` fails with `ENOLCK` (Linux's
+/// manual, `fcntl(2)`: "a remote locking protocol failed (e.g., locking over NFS)").
 pub fn lacks_locks(error: &IoError) -> bool {
     #[cfg(unix)]
     let has_no_service = error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error());
@@ -116,8 +117,8 @@ impl Locks {
         }
     }
 
-    /// Waits until no other thread of this process holds the device's lock or waits for it. If all threads measure for
-    /// one command, this wait needs no message, and `--no-wait` does not forbid it.
+    /// Waits until no other thread of this process holds the device's lock or waits for this lock. If all
+    /// threads measure for one command, this wait needs no message, and `--no-wait` does not forbid it.
     fn claim(
         &self,
         device: &LockName,
@@ -143,8 +144,8 @@ impl Locks {
         }
     }
 
-    /// Takes the locks of several devices. While waiting for a lock, calls `says` with each line that describes a
-    /// process that holds it.
+    /// Takes the locks of several devices. While waiting for a lock, calls `says` with each line that
+    /// describes a process that holds the lock.
     pub fn take_all(
         &self,
         devices: Vec<LockName>,
@@ -159,10 +160,10 @@ impl Locks {
         self.take_all_telling(devices, &mut tells, interrupted)
     }
 
-    /// Takes the locks of several devices, each lock once: two drivers may list the same GPU under different labels,
-    /// and a thread that took this GPU's lock twice would wait for itself. All threads of all processes take the locks
-    /// in the order of the locks' files, and only with this function, so no two of them can wait for each other. While
-    /// waiting, this function calls `tells`.
+    /// Takes the locks of several devices, each lock once: two drivers may list the same GPU under different
+    /// labels, and a thread that took this GPU's lock twice would wait for itself. All threads of all
+    /// processes take the locks in the order of the locks' files, and only with this function, so no two
+    /// threads can wait for each other. While waiting, this function calls `tells`.
     pub fn take_all_telling(
         &self,
         mut devices: Vec<LockName>,
@@ -183,8 +184,8 @@ impl Locks {
             Err(TryLockError::Error(error)) if lacks_locks(&error) => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
-        // If the lock's file was removed after this process opened it, its lock does not stop other processes, since
-        // they lock a new file. The next attempt opens the new file.
+        // If the lock's file was removed after this process opened it, this process's lock does not stop
+        // other processes, since other processes lock a new file. The next attempt opens the new file.
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }
@@ -330,8 +331,8 @@ mod tests {
         assert!(locks.take(&cpu(), &mut |_| panic!("it is free"), &OFF).is_ok());
     }
 
-    /// If both threads took the locks in the order of their lists, each would soon hold one lock and wait for the
-    /// other.
+    /// If both threads took the locks in the order of their lists, each thread would soon hold one lock and
+    /// wait for the other lock.
     #[test]
     fn threads_that_need_the_same_locks_take_them_in_one_order() {
         let folder = tempfile::tempdir().unwrap();

@@ -35,8 +35,8 @@ impl Ord for LockName {
 }
 
 impl LockName {
-    /// Returns the name of a device's lock, from the device's UUID or PCI bus, else from its name. `None`
-    /// means the host.
+    /// Returns the name of a device's lock: from the device's UUID, else from its PCI address, else from its
+    /// own name. For `None`, returns the name of the lock of the host's processors.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };

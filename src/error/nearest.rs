@@ -3,8 +3,8 @@
 use crate::reader::folder_of;
 use std::path::{Path, PathBuf};
 
-/// Returns the candidate most similar to `word`, if one is similar enough. Upper and lower case are distinguished only
-/// between candidates that are otherwise equally similar.
+/// Returns the candidate most similar to `word`, or `None` if no candidate is similar enough. Upper and lower
+/// case matter only if several candidates are otherwise equally similar.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A word that is much longer than every name is not a misspelt name, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
@@ -18,8 +18,8 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// Returns the question whether the name most similar to `word` was meant: "did you mean 'vectors'?". `None` if no name
-/// is similar enough.
+/// Returns a question with the name most similar to `word`: "did you mean 'vectors'?". Returns `None` if no
+/// name is similar enough.
 pub fn meant<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
     nearest(word, names).map(|name| format!("did you mean '{name}'?"))
 }
@@ -30,12 +30,13 @@ pub fn or_meant<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Str
     nearest(word, names).map_or(String::new(), |name| format!("; did you mean `{name}`?"))
 }
 
-/// Looks for a missing file in its folder. Returns the file with the most similar name, if one is similar enough.
+/// Returns the file with the most similar name in the folder of a missing file, or `None` if no name is
+/// similar enough.
 pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
     nearest_entry(missing, Path::is_file)
 }
 
-/// Looks for a missing folder in the folder around it. Returns the folder with the most similar name, if one is similar
+/// Returns the folder with the most similar name beside a missing folder, or `None` if no name is similar
 /// enough.
 pub fn nearest_folder(missing: &Path) -> Option<PathBuf> {
     nearest_entry(missing, Path::is_dir)

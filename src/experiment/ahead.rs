@@ -24,15 +24,15 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Idle builders (builders without a program to build) keep their processes if the scene is small, since new
-/// processes would have to start their drivers again. A scene is small if the memory that builders may use
-/// could hold the scene this many times for each builder. The memory that programs and drivers need does not
-/// count here, since it is the same for every scene.
+/// If the scene is small, idle builders (builders without a program to build) keep their processes, since new
+/// processes would have to start their drivers again. A scene is small if the memory for builders could hold
+/// the scene this many times for each builder. The memory that programs and drivers need is not counted,
+/// since it is the same for every scene.
 const PLENTY: usize = 4;
-/// A program, identified by the hash of its source and options, and by its job: the task of the workers of one device,
-/// with one folder of kernels. A program that traverses a tree also depends on the depth of the traversal's stack. The
-/// hash does not contain this depth; the depth follows from the scene, so such a program is also identified by its
-/// scene.
+/// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
+/// by the hash of its source and options. A program that traverses a tree also depends on the depth of the
+/// traversal's stack. The hash does not contain this depth. The depth follows from the scene, so a program
+/// that traverses a tree is also identified by its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the job whose worker measures with the program.
@@ -57,8 +57,8 @@ pub struct Order {
     pub program: Program,
     /// The point's index in the plan.
     pub point: usize,
-    /// How many builders fit into memory. The processes of a builder compile programs, and hold the point's scene
-    /// meanwhile.
+    /// How many builders fit into memory. The processes of a builder hold the point's scene while they
+    /// compile programs.
     pub room: Room,
 }
 
@@ -66,8 +66,8 @@ pub struct Order {
 pub trait Needs {
     /// Returns the program. Returns `None` for a caster on the host, or if the point does not fit on the device.
     fn order(&self) -> Option<Order>;
-    /// Receives the result of building the program; `None` if the program was not built, or was built for another
-    /// point.
+    /// Receives the result of building the program; `None` if the program was not built, or if another point
+    /// has received the result.
     fn hears(&mut self, built: Option<Built>);
 }
 
@@ -76,9 +76,9 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Programs for which no point has to wait any more, each with the result of building it. The result is `None` if
-    /// the program was already stored or could not be built, if its builder died or hung, or if a point has taken the
-    /// result. A point that waits for its program takes the result from here.
+    /// Programs for which no point has to wait any more, each with the result of the build. The result is
+    /// `None` if the program was already stored or could not be built, if its builder died or hung, or if a
+    /// point has taken the result. A point that waits for its program takes the result from here.
     done: HashMap<Program, Option<Built>>,
     /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
@@ -114,13 +114,15 @@ impl Tally {
     }
 }
 
-/// The programs of a run: the run requests them, and builders build those that no earlier run has stored.
+/// The programs of a run. The run requests programs, and builders build the programs that no earlier run has
+/// stored.
 #[derive(Default)]
 pub struct Ahead {
     /// For each job (the task of the workers of one device): the stored programs of its device.
     stored: Vec<ProgramCache>,
-    /// The lock of the device of each job (the task of the workers of one device). A process holds this lock while it
-    /// measures on the device. Builders may always use a device that has no lock here.
+    /// The lock of the device of each job (the task of the workers of one device). A process holds this lock
+    /// while it measures on the device. If the list has no lock for a job, builders may always use the job's
+    /// device.
     locks: Vec<LockName>,
     state: Mutex<State>,
     changed: Condvar,
@@ -176,14 +178,15 @@ impl Ahead {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lets builders begin to build programs for the devices with these locks, since no other process measures there.
+    /// Lets builders begin to build programs for the devices with these locks. The caller knows that no other
+    /// process measures on these devices.
     pub fn go_on(&self, devices: &[LockName]) {
         self.locked().free.extend(devices.iter().cloned());
         self.changed.notify_all();
     }
 
-    /// Lets builders begin no more programs for the devices with these locks, since another process measures there.
-    /// Programs that builders have begun are completed.
+    /// Lets builders begin no more programs for the devices with these locks, on which another process
+    /// measures. Builders still complete programs that they have begun.
     pub fn pause(&self, devices: &[LockName]) {
         self.locked().free.retain(|device| !devices.contains(device));
     }
@@ -196,7 +199,7 @@ impl Ahead {
                 continue;
             }
             if self.is_stored(&order.program) {
-                // The program is in the cache, from which each worker takes it, so no builder has to build it.
+                // Each worker takes this program from the cache, so no builder has to build the program.
                 self.counted(|tally| tally.from_cache += 1);
                 state.done.insert(order.program, None);
             } else {
@@ -206,8 +209,8 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the program of a point and waits until it is built. The point for which the program was built
-    /// receives the result.
+    /// Requests the program of a point and waits until the program is built. The first point that waits for a
+    /// program receives the result; later points receive `None`.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);
@@ -226,8 +229,8 @@ impl Ahead {
         Ok(())
     }
 
-    /// Does the work of one builder: builds programs until the run ends. If a process of the builder dies or hangs, the
-    /// program that it was building stays unbuilt. The worker that measures the point then builds the program itself,
+    /// Does the work of one builder: builds programs until the run ends. If a process of the builder dies or
+    /// hangs, its current program stays unbuilt. The worker that measures the point then builds the program
     /// and reports any error. `number` is the builder's number, and `count` the number of builders.
     fn serve(&self, [number, count]: [usize; 2], builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
@@ -245,8 +248,8 @@ impl Ahead {
                 }
                 self.finish(order.program, built);
             }
-            // If memory is tight, idle processes end: they still hold a scene, and the points that are being
-            // timed may need this memory.
+            // If memory is tight, idle processes end. They would still hold a scene, and the points that are
+            // being timed may need this memory.
             if std::mem::take(&mut is_tight) {
                 usual.end();
                 without_driver_cache.end();
@@ -254,8 +257,8 @@ impl Ahead {
         }
     }
 
-    /// Waits until there is a program that the builder `number` may begin to build. Returns false if the run has ended.
-    /// The builders' numbers count from 0.
+    /// Waits until there is a program that the builder `number` (counted from 0) may begin to build, and
+    /// returns true. Returns false if the run has ended.
     fn has_next(&self, number: usize) -> bool {
         let mut state = self.locked();
         while !state.closed && self.index_of_next(&state, number).is_none() {
@@ -264,7 +267,8 @@ impl Ahead {
         !state.closed
     }
 
-    /// Takes the next program that the builder `number` may begin to build; `None` if there is none now.
+    /// Takes the next program that the builder `number` may begin to build. Returns `None` if there is no
+    /// such program now.
     fn next(&self, number: usize) -> Option<Order> {
         let mut state = self.locked();
         let index = self.index_of_next(&state, number)?;
@@ -279,7 +283,7 @@ impl Ahead {
         state.waiting.iter().position(may_begin)
     }
 
-    /// Returns whether builders may begin programs on a job's device.
+    /// Returns true if builders may begin programs on a job's device.
     fn is_free(&self, state: &State, job: usize) -> bool {
         self.locks.get(job).is_none_or(|lock| state.free.contains(lock))
     }
@@ -304,7 +308,7 @@ impl Ahead {
         self.locked().ordered.len()
     }
 
-    /// Returns whether builders may begin programs on a job's device.
+    /// Returns true if builders may begin programs on a job's device.
     #[cfg(test)]
     pub(super) fn may_build_on(&self, job: usize) -> bool {
         self.is_free(&self.locked(), job)

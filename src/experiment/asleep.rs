@@ -1,6 +1,6 @@
-//! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames. With such
-//! workers, tests on one machine can imitate many machines, and processes that are killed. No device is opened, and no
-//! lock of a device is taken.
+//! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames.
+//! With these workers, tests on one machine can imitate many machines and killed processes. The workers open
+//! no device and take no device lock.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// The name of the platform of devices for tests. No driver uses this name.
 const PLATFORM: &str = "raycl asleep";
 
-/// Returns a device whose frames take `frame_ms`.
+/// Returns a device for tests whose frames take `frame_ms` milliseconds.
 pub fn device(frame_ms: f64) -> DeviceInfo {
     DeviceInfo {
         platform: PLATFORM.to_owned(),
@@ -50,7 +50,7 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
     }
 }
 
-/// Returns whether a device is a device for tests, which casts nothing.
+/// Returns true if `device` is a device for tests, which casts nothing.
 pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }

@@ -1,5 +1,5 @@
-//! Cuts a plan into blocks and assigns the blocks to shards. Points that are compared stay together if
-//! possible, and no shard has much more work than another.
+//! Cuts a plan into blocks and assigns the blocks to shards. Points that are compared stay in one block if
+//! possible. The work of all shards is about equal.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,8 +18,8 @@ pub struct Block {
 }
 
 impl Block {
-    /// Returns whether the block measures the control point only for comparison, since the point belongs to another
-    /// block.
+    /// Returns true if the block measures the control point only for comparison, since this point belongs to
+    /// another block.
     pub fn borrows_control(&self) -> bool {
         self.control.is_some_and(|control| !self.points.contains(&control))
     }
@@ -32,7 +32,8 @@ pub struct Cost {
     pub point: usize,
     /// The point's expected time in milliseconds. Only the ratios of the points' times affect the blocks.
     pub ms: f64,
-    /// True if the point is suitable as a control point: as far as is known, every device can measure it.
+    /// True if the point is suitable as a control point: as far as is known, every device can measure the
+    /// point.
     pub may_control: bool,
 }
 
@@ -42,8 +43,8 @@ type Priced = (f64, Block);
 /// The limits that [`cut`] tries for the expected times of the pieces of a group, largest first. A limit is a fraction
 /// of the time that each shard would take if all shards had equally much work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces are
-/// therefore used only if they shorten the time of the shard that takes longest by more than this fraction.
+/// With smaller pieces, control points are measured more often: once in each piece of a group. Smaller pieces
+/// are therefore used only if the shard that takes longest then takes less time, by more than this fraction.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal
@@ -68,7 +69,8 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     blocks
 }
 
-/// Returns the group as one piece or, if its expected time exceeds `most`, as several pieces of neighbouring points.
+/// Returns the group as one piece or, if the group's expected time exceeds `most`, as several pieces of
+/// neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
     // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a control point.
@@ -80,9 +82,9 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // The points' times, one after another, fill the group's time, which is divided into equal parts, one for each
-        // piece. A point's time may lie across the border of two parts. The point goes to the piece whose part contains
-        // the middle of the point's time.
+        // Laid end to end, the points' times fill the group's time. The group's time is divided into equal
+        // parts, one for each piece. If a point's time crosses the border of two parts, the point goes to the
+        // piece whose part contains the middle of the point's time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -100,14 +102,15 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// Returns the fastest of the points that every device can measure or, if there are none, the fastest of all points.
+/// Returns the fastest point among the points that every device can measure. If no point is suitable, returns
+/// the fastest of all points.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
-/// Assigns blocks to shards, the longest first, each to the shard whose blocks have the least expected time so far.
-/// Returns the expected time of the shard that takes longest.
+/// Assigns blocks to shards, in descending order of their expected times. Each block goes to the shard with
+/// the least expected time so far. Returns the expected time of the shard that takes longest.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -120,7 +123,8 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     loads.into_iter().fold(0.0, f64::max)
 }
 
-/// Joins the pieces of a group that are in the same shard into one block, so that they are measured together.
+/// Joins pieces of a group that are in the same shard into one block, so that the shard measures these pieces
+/// together.
 fn joined(blocks: Vec<Block>) -> Vec<Block> {
     let mut joined: Vec<Block> = Vec::new();
     for block in blocks {
@@ -235,8 +239,8 @@ mod tests {
         let pieces = pieces(group, 5.0);
         let points: Vec<_> = pieces.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
-        // The control point, of cost 3, is one of the first piece's own points. The second piece measures it too, which
-        // adds its cost.
+        // The control point, with cost 3, belongs to the first piece. The second piece measures the control
+        // point too, so its cost is 3 more.
         assert_eq!(pieces.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

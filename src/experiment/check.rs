@@ -40,7 +40,7 @@ struct Cast {
 }
 
 impl<'a> Checker<'a> {
-    /// Opens the device. Without a device, only casters on the host can be checked.
+    /// Opens the device. If `device` is `None`, only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
             Some(device) => Some((device, Queue::open(device)?)),
@@ -60,7 +60,7 @@ impl<'a> Checker<'a> {
         Anchor::build(queue, device.info.limits.compute_units)
     }
 
-    /// Frees the current scene on the device, before another one is loaded.
+    /// Frees the current scene on the device, before another scene is loaded.
     pub fn leave_scene(&mut self) {
         self.session = None;
     }
@@ -76,8 +76,9 @@ impl<'a> Checker<'a> {
         }))
     }
 
-    /// Builds a point's program and stores it in the cache. Also casts a frame, since some drivers compile parts of a
-    /// program only when a kernel first runs. Returns `None` if the program cannot be built.
+    /// Builds a point's program and stores it in the cache. Also casts a frame, since some drivers compile
+    /// parts of a program only when a kernel first runs. Returns `None` if the program cannot be built, and
+    /// for a caster on the host.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
@@ -85,7 +86,9 @@ impl<'a> Checker<'a> {
     }
 
     /// Casts a point once and compares its image with the reference. If the image has the hash `verified`, an
-    /// identical image has already been compared, and the comparison is skipped. Also fills in `record`.
+    /// identical image has been compared before, and the comparison is skipped. Adds the results to `record`.
+    /// Returns the ready caster or, as the inner error, the reason why the point fails. The outer error is a
+    /// mistake of the user or an error of the run.
     pub fn check(
         &mut self,
         point: &Point,
@@ -112,7 +115,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Compares an image with the reference, and saves the pictures of the comparison. Adds the results of
-    /// the comparison to `record`. Returns the point's failure if the image is wrong.
+    /// the comparison to `record`. If the image is wrong, the inner error is the point's failure.
     fn judge(
         &mut self,
         cast: &Cast,
@@ -150,7 +153,7 @@ fn build_kernel(
 ) -> std::result::Result<Built, Refused> {
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
-    // If the kernel cannot be launched, the point's check will report the error.
+    // If the kernel cannot be launched, the later check of the point reports the error.
     let frame = prepared.caster().map(|caster| caster.cast());
     let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);

@@ -13,25 +13,27 @@ pub struct Taken {
     pub launch: u32,
     /// Milliseconds since the launch's rounds began.
     pub at_ms: f64,
-    /// The core-to-core latency around the frame in nanoseconds; `None` if it was not measured.
+    /// The core-to-core latency around the frame in nanoseconds; `None` if the latency was not measured.
     pub core_to_core_ns: Option<f64>,
     /// The frame's times.
     pub times: FrameTimes,
 }
 
 impl Taken {
-    /// Returns the ratio of the frame's processor time to its elapsed time; `None` if it is unknown.
+    /// Returns the ratio of the frame's processor time to its elapsed time; `None` if the processor time is
+    /// unknown.
     fn utilization(&self) -> Option<f64> {
         utilization(self.times.processor_ms, self.times.host_ms)
     }
 }
 
-/// Returns the numbers of the complete launches in ascending order, each with the reason why the launch ended. `points`
-/// has the key of each point, and its samples in all launches. `end_of` returns the stored end of a launch, which has
-/// the number of samples of each point that did not fail in this launch. A launch is complete if `points` has exactly
-/// these numbers of samples. In two cases, no suitable end is stored: the folder is of an earlier version of raycl, or
-/// samples were lost. The launch is then complete if its samples are enough according to `rule`. In no case is a launch
-/// complete if its stored end lacks one of the points, or if a point has fewer samples in it than `rule.least()`.
+/// Returns the numbers of the complete launches in ascending order, each with the reason why the launch
+/// ended. `points` has the key and the samples of each point. `end_of` returns the stored end of a launch,
+/// which states the number of samples of each point that did not fail in this launch. A launch is incomplete
+/// if a point has fewer than `rule.least()` samples in it, or if the stored end lacks a point. Otherwise, the
+/// launch is complete if the points have exactly the numbers of samples that the stored end states. If
+/// earlier versions of raycl stored no end, or if samples were lost, `rule` decides whether the samples are
+/// enough.
 pub fn complete_launches(
     points: &[(&str, &[Taken])],
     end_of: impl Fn(u32) -> Option<LaunchEnd>,
@@ -46,8 +48,9 @@ pub fn complete_launches(
             return None;
         }
         let end = end_of(launch);
-        // A point that failed in the launch has samples from before it failed. They may seem to be enough if the points
-        // that did not fail are not measured again, since the rule is then applied to fewer points.
+        // A point that failed in the launch has samples from before the failure. If the points that did not
+        // fail are not measured again, the rule is applied to fewer points, and these samples may seem to be
+        // enough.
         let lacks_one = |end: &LaunchEnd| points.iter().any(|(key, _)| !end.samples.contains_key(*key));
         if end.as_ref().is_some_and(lacks_one) {
             return None;
@@ -99,7 +102,7 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
     record.warning = warning(record, &frames);
 }
 
-/// Returns a warning about the record's times, if there is a reason to distrust them.
+/// Returns a warning if frames are too short for comparisons, or if the device throttled; otherwise `None`.
 fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     let throttled = record
         .throttled_samples
@@ -109,8 +112,9 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Returns a warning if starting a frame's kernels takes longer than casting the frame. Such a frame is too short for
-/// comparisons. Both times are minima over all samples, since other work on the host delays the start of kernels.
+/// Returns a warning if starting a frame's kernels takes longer than casting the frame. A frame that takes
+/// less time than the start of its kernels is too short for comparisons. Both times are the least of all
+/// samples, since other work on the host can delay the start of kernels.
 fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;
@@ -184,9 +188,9 @@ mod tests {
         assert_eq!((record.outcome, record.stop_reason.as_deref()), (Outcome::Measured, Some("precise")));
     }
 
-    /// Returns why a launch of two points ended; `None` if it is not complete. `counts` has the points' numbers of
-    /// samples, each of which took 1 ms. If the launch has a stored end, `end` has the numbers of samples that this end
-    /// states.
+    /// Returns why a launch of two points ended; `None` if the launch is not complete. `counts` has the
+    /// points' numbers of samples, each of which took 1 ms. If the launch has a stored end, `end` has the
+    /// numbers of samples that this end states.
     fn reason_of(counts: [usize; 2], end: Option<[usize; 2]>) -> Option<StopReason> {
         let rule =
             StoppingRule { min_samples: 10, max_samples: 40, relative_sigma: 0.0, time_limit_ms: 30.0 };
@@ -206,7 +210,7 @@ mod tests {
     fn a_launch_without_a_stored_end_is_complete_if_its_samples_are_enough_by_the_rule() {
         let reason = |counts| reason_of(counts, None);
         assert_eq!(reason([20, 20]), None, "the launch was interrupted");
-        // The samples of both points take 60 ms together, which is the time limit of two points.
+        // Together, the samples of both points take 60 ms, the time limit of two points.
         assert_eq!([reason([30, 30]), reason([5, 55])], [Some(StopReason::TimeLimit); 2]);
         assert_eq!(reason([5, 40]), None, "only one point has the largest number of samples");
         assert_eq!(reason([4, 60]), None, "a launch has at least five samples of each point");
@@ -217,13 +221,14 @@ mod tests {
         let reason = |counts, end| reason_of(counts, Some(end));
         assert_eq!(reason([20, 21], [20, 21]), Some(StopReason::NoiseSettled));
         assert_eq!(reason([4, 4], [4, 4]), None, "a launch has at least five samples of each point");
-        // The stored end states one more sample of the second point than there is: a sample was lost, so the stopping
-        // rule decides whether the launch is complete.
+        // The stored end states 21 samples of the second point, but there are only 20. A sample was lost, so
+        // the stopping rule decides whether the launch is complete.
         assert_eq!(reason([20, 20], [20, 21]), None);
         assert_eq!(reason([30, 30], [30, 31]), Some(StopReason::TimeLimit));
     }
 
-    /// The point "b" failed in the launch after 40 samples. With `--retry-failed`, it is measured again, and "a" is not.
+    /// The point "b" failed in the launch after 40 samples. With `--retry-failed`, "b" is measured again, but
+    /// "a" is not.
     #[test]
     fn a_launch_is_not_complete_for_a_point_that_failed_in_it() {
         let rule =

@@ -1,6 +1,7 @@
-//! Lists devices in a child process. If a driver crashes, only this child process ends. Besides, the process of the
-//! run itself never starts a driver, so that its workers inherit no driver state. For example, after a process has
-//! started NVIDIA's driver (version 580), the driver lists no device in the process's children.
+//! Lists devices in a child process. If a driver crashes, only this child process ends. The child process has
+//! a second purpose: the run's own process never starts a driver, so workers inherit no state of a driver.
+//! For example, after a process has started NVIDIA's driver (version 580), the driver lists no device in the
+//! process's children.
 
 use super::protocol::{DeviceList, Listed};
 use crate::cache::Cache;
@@ -19,8 +20,8 @@ use std::time::Duration;
 /// The time limit for listing the devices, which is far longer than drivers need.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second one is
-/// started, since something outside the first process may have ended it.
+/// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second
+/// child process is started, since something else than a driver may have ended the first.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<Listed>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,
@@ -34,7 +35,8 @@ fn failed(why: impl std::fmt::Display) -> Error {
         .with_help(crash_advice(installed().len().saturating_sub(1)))
 }
 
-/// Returns why a child process with these environment variables sends no valid answer; `None` if it sends one.
+/// Lists the devices in a child process with these environment variables. Returns `None` if the process sends
+/// a valid answer, and otherwise the reason why it sends none.
 ///
 /// # Errors
 ///
@@ -67,7 +69,7 @@ fn ask_with(
     let Some(output) = output else {
         return Ok(Err(format!("a driver has not answered for {} s", LIMIT.as_secs())));
     };
-    // A driver may print lines before the answer, which is the last line.
+    // The answer is the last line, since a driver may print lines before it.
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(serde_json::from_str(last_line(&text).unwrap_or_default()).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);

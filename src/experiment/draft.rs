@@ -23,7 +23,8 @@ pub struct Drafter<'a> {
     pub sources: &'a Sources,
 }
 
-/// A scene, the notes from reading its file, and its hash. The hash is stored, since computing it takes time.
+/// A scene, the notes from reading its file, and its hash. The hash is stored, because the computation of the
+/// hash takes time.
 pub struct Hashed {
     /// The scene.
     pub scene: Arc<Scene>,
@@ -43,7 +44,7 @@ impl Hashed {
         Ok(Self { hash: scene.content_hash(), scene: Arc::new(scene), notes, framed_for })
     }
 
-    /// Returns whether the scene's camera suits images of this size.
+    /// Returns true if the scene's camera suits images of this size.
     pub fn suits(&self, image_size: [u32; 2]) -> bool {
         self.framed_for.is_none_or(|size| have_one_shape(size, image_size))
     }
@@ -142,7 +143,7 @@ mod tests {
     use crate::config;
     use std::path::Path;
 
-    /// Makes a config that ends with these lines, and returns the key of a point in it.
+    /// Makes a config that ends with `lines`, and returns the key of the config's point.
     fn key_with(lines: &str) -> String {
         key_on(&asleep::device(1.0), lines)
     }

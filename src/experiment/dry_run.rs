@@ -17,10 +17,9 @@ pub struct Forecast {
     pub device: String,
     /// The bytes that the point needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why the point does not fit on the device or into the host's memory; `None` if it fits.
+    /// Why the point does not fit on the device or into the host's memory; `None` if the point fits.
     pub refused: Option<String>,
-    /// The reason, if the point is not measured because its preset is meant for another kind of device; `None`
-    /// otherwise.
+    /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
@@ -87,7 +86,7 @@ mod tests {
     use crate::program::Sources;
     use crate::record::{Outcome, Record};
 
-    /// The device in this test is a GPU.
+    /// The device in this test is a GPU. The preset `wide` is meant for CPUs, so its points are not measured.
     #[test]
     fn a_forecast_says_what_fits_the_imitated_device_and_what_is_meant_for_it() {
         let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n\
@@ -129,7 +128,7 @@ mod tests {
         assert_eq!(bytes(&all[2]), 2 * bytes(&all[1]));
     }
 
-    /// The device in this test is a GPU.
+    /// The device in this test is a GPU. The preset `wide` is meant for CPUs, so its points are not measured.
     #[test]
     fn a_point_that_was_passed_over_is_done_and_the_run_counts_it_too() {
         let experiment = fixtures::experiment("local_sizes = [4]\n[[strategy]]\npreset = 'wide'");

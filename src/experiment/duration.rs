@@ -32,11 +32,11 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// The longest time by which the run may exceed `time`. It exceeds `time` if the host moves this virtual
-    /// machine's processors to other cores: launches then wait, take more rounds, or are replaced by
+    /// The longest time by which the run may exceed `time`. The run exceeds `time` if the host moves this
+    /// virtual machine's processors to other cores. Launches then wait, take more rounds, or are replaced by
     /// additional launches.
     pub additional: Duration,
-    /// Number of points with a record that are not in the plan, for example because the config has changed.
+    /// Number of records of points that are not in the plan, for example because the config has changed.
     pub others: usize,
 }
 
@@ -48,8 +48,8 @@ struct Known {
     /// Time of a check that only hashes the picture, and time of a check that compares the picture
     /// with the reference.
     check_ms: [f64; 2],
-    /// Number of samples per launch, if the record's key equals the point's key, so that both have the same stopping
-    /// rule.
+    /// Number of samples per launch; `None` if the record's key is not the point's key, since the stopping
+    /// rule may then differ.
     rounds: Option<usize>,
 }
 
@@ -88,8 +88,8 @@ impl Run<'_> {
                 additional.add(is_on_host, self.most_additional_ms(&timed, launches));
             }
         }
-        // If only a shard is measured, `groups` lacks the points of the other shards' blocks. Their records would be
-        // counted in `others` by mistake, so `others` stays 0.
+        // If only a shard is measured, `groups` lacks the points of the other shards' blocks. The records of
+        // these points would be counted in `others` by mistake, so `others` stays 0.
         if self.spread || self.blocks.is_none() {
             expected.others = not_planned(&groups, past);
         }
@@ -101,9 +101,9 @@ impl Run<'_> {
         Ok(expected)
     }
 
-    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of comparable
-    /// points. Times come from `earlier` records, or else from the amount of computation. Each cost states the
-    /// index of its point in the plan.
+    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
+    /// comparable points. A point's time comes from an `earlier` record. If there is no such record, the time
+    /// is estimated from the amount of computation. Each cost states the index of its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = self.plan_of_one_device();
         let earlier = ByName::of(earlier);
@@ -125,16 +125,15 @@ impl Run<'_> {
     }
 
     /// Returns a point's times in an earlier record; `None` if there is no such record. Also returns `None`
-    /// if the point did not fit on its device then, but fits now, since such a record says nothing about this
-    /// session.
+    /// if the record says that the point did not fit on its device, but the point fits in this session.
     fn known_before(&self, pending: &PendingPoint, earlier: &ByName<'_>) -> Option<Known> {
         let before = earlier.of_same(&pending.record).filter(|before| !pending.fits_meanwhile(before));
         self.known(&pending.record, before?)
     }
 
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
-        // A point that does not fit on its device takes no time. If it did not fit only because too little memory was
-        // free during the earlier run, its record is not final: the point may fit now, and then takes time.
+        // A point that does not fit on its device takes no time. If too little memory was free during the
+        // earlier run, the record is not final: the point may fit now, and then takes time.
         if earlier.outcome == Outcome::Infeasible && earlier.is_final() && point(earlier) == point(draft) {
             return Some(Known::default());
         }
@@ -150,8 +149,9 @@ impl Run<'_> {
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
 
-    /// Returns the number of launches in which these points of a group still have to be measured. It is never 0, since
-    /// a group without a record is checked once more, even if earlier sessions have taken all its samples.
+    /// Returns the number of launches in which these points of a group still have to be measured. The number
+    /// is at least 1, since a group without a record is checked once more, even if earlier sessions have
+    /// taken all its samples.
     fn launches_left<'r>(&self, points: impl Iterator<Item = &'r Record>, past: &Past) -> usize {
         let samples = |key: &str| past.samples.get(key).map(Vec::as_slice).unwrap_or_default();
         let points: Vec<(&str, &[Taken])> =
@@ -161,16 +161,17 @@ impl Run<'_> {
         (self.experiment.timing.launches as usize).saturating_sub(complete).max(1)
     }
 
-    /// Returns the time for this many launches of a group. In the first launch, pictures are compared with the
-    /// reference.
+    /// Returns the time for this many launches of a group, in milliseconds. In the first launch, pictures are
+    /// compared with the reference.
     fn group_ms(&self, points: &[Known], launches: usize) -> f64 {
         let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
         launches as f64 * self.launch_ms(points) + compare_ms
     }
 
-    /// Returns the longest time that a group may need beyond `group_ms` for this many launches: all launches of the
-    /// group are replaced, and every launch takes more rounds and waits during its rounds. (Each launch may also wait
-    /// for one second before its first round. This second is not included.)
+    /// Returns the longest time, in milliseconds, that a group may need beyond `group_ms` for this many
+    /// launches. In this case, all launches of the group are replaced, and every launch takes more rounds and
+    /// waits during its rounds. (Each launch may also wait for one second before its first round. This second
+    /// is not included.)
     fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
         let replaced = most_additional(self.experiment.timing.launches as usize);
         let most_rounds = f64::from(MOST_ROUNDS);
@@ -224,16 +225,16 @@ impl Together {
         }
     }
 
-    /// Returns the time in which the groups are measured if this many devices measure at the same time, each group on
-    /// one device. Groups of casters on the host are measured while no other group is measured.
+    /// Returns the time for all groups, in milliseconds, if `devices` devices measure at the same time, each
+    /// group on one device. Groups of casters on the host are measured while no other group is measured.
     fn ms_on(&self, devices: usize) -> f64 {
         self.host_ms + self.longest_ms.max(self.devices_ms / devices.max(1) as f64)
     }
 }
 
-/// Returns two lists. The first has the points of a group that have to be measured. The second has the group's control
-/// point, if this point is finished and is only measured again together with the points of the first list. Points whose
-/// keys are in `done` are finished.
+/// Returns two lists. The first has the points of a group that have to be measured. The second has the
+/// group's control point, if the control point is finished and must be measured again together with the
+/// points of the first list. Points whose keys are in `done` are finished.
 fn left<'a>(
     group: &'a [PendingPoint],
     done: &HashSet<String>,
@@ -253,8 +254,8 @@ fn not_planned(groups: &[Vec<PendingPoint>], past: &Past) -> usize {
     past.records.iter().filter(|record| !planned.contains(&record.key)).count()
 }
 
-/// Finds earlier records by name. A record's name is the text that [`point`] returns for it. A record that
-/// has a time is also found by the text that [`strategy`] returns for it.
+/// Finds earlier records by name. The name of a record is the text that [`point`] returns. A record that has
+/// a time also has a second name, the text that [`strategy`] returns.
 struct ByName<'a>(HashMap<String, &'a Record>);
 
 impl<'a> ByName<'a> {
@@ -265,8 +266,8 @@ impl<'a> ByName<'a> {
         Self(by_name)
     }
 
-    /// Returns the earlier record of the point of `draft`, a record that does not have a time yet. If there is none,
-    /// returns an earlier record of the same scene, device and strategy.
+    /// Returns the earlier record of the same point as `draft` (a point's record before the point is tried).
+    /// If there is none, returns an earlier record of the same scene, device and strategy.
     fn of_same(&self, draft: &Record) -> Option<&'a Record> {
         self.0.get(&point(draft)).or_else(|| self.0.get(&strategy(draft))).copied()
     }
@@ -312,12 +313,12 @@ impl fmt::Display for Expected {
 }
 
 impl Expected {
-    /// Returns whether every point that is to be measured has a time in an earlier record.
+    /// Returns true if there are points to be measured, and each of them has a time in an earlier record.
     pub fn is_known(&self) -> bool {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns how long the run takes, as far as that is known.
+    /// Returns a text that says how long the run takes or, if no time is known, how many frames it takes.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {
@@ -355,8 +356,8 @@ mod tests {
     use crate::measure::StopReason;
     use crate::record::LaunchEnd;
 
-    /// The earlier times of three points. The first two points were sampled four times per launch. The third has no
-    /// known number of rounds, so the estimate assumes four rounds for it too.
+    /// The earlier times of three points. The first two points were sampled four times per launch. The number
+    /// of rounds of the third point is unknown, so the estimate assumes four rounds for this point too.
     const POINTS: [Known; 3] = [
         Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
         Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
@@ -372,9 +373,9 @@ mod tests {
 
     #[test]
     fn every_launch_checks_its_points_and_only_the_first_compares_them_with_the_reference() {
-        // A launch consists of the start of a worker, the checks of the points, and four rounds of 20 ms each. The
-        // value `launch_ms` leaves out the checks. The checks take 800 ms in the first launch, and 100 ms in each later
-        // one.
+        // A launch consists of the start of a worker, the checks of the points, and four rounds of 20 ms
+        // each. The value `launch_ms` does not include the checks. The checks take 800 ms in the first
+        // launch, and 100 ms in each later launch.
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
@@ -530,7 +531,8 @@ mod tests {
         let (alone, shared) = (expected(&alone), expected(&shared));
         assert_eq!((alone.points, alone.known, alone.others), (12, 12, 1));
         assert_eq!((shared.points, shared.known, shared.others), (12, 12, 1));
-        // One of the two devices measures seven points: six of its own, and the other block's control point.
+        // One of the two devices measures seven points: the six points of its own block, and the control
+        // point of the other block.
         let share = shared.time.as_secs_f64() / alone.time.as_secs_f64();
         assert!((0.5..0.7).contains(&share), "{share}: {blocks:?}");
         // Groups on the host are measured while no other group is measured, and a group is not divided.
@@ -630,7 +632,8 @@ mod tests {
         let scaled = run.known(&larger, &earlier).unwrap();
         assert_eq!((scaled.sample_ms, scaled.check_ms, scaled.rounds), (24.0, [34.0, 400.0], None));
         let smaller = Record { key: "tiny".into(), image_size: [4, 5], ..earlier.clone() };
-        // A part of a check's time does not depend on the image size.
+        // A part of a check's time does not depend on the image size, so the time of a first check is not
+        // scaled down.
         assert_eq!(run.known(&smaller, &earlier).unwrap().check_ms, [13.0, 100.0]);
         let refused = Record { outcome: Outcome::Infeasible, host_median_ms: None, ..earlier.clone() };
         assert_eq!(run.known(&refused, &refused).unwrap().sample_ms, 0.0);

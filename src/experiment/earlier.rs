@@ -11,16 +11,16 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts. They consist of one record of each point that has a record, and of the
-/// data of every launch in which an unfinished point was measured.
+/// The results of earlier attempts. The results consist of one record of each point that has a record, and of
+/// the data of every launch in which an unfinished point was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
     /// [rank](Record::rank) is used, as in `raycl merge`.
     pub records: Vec<Record>,
-    /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it was
-    /// taken. Samples that do not count, because their core-to-core latency is far from the attempt's usual latency,
-    /// are left out.
+    /// Launches are renumbered, so that each number is unique. Each sample states the attempt and the launch
+    /// that took the sample. Samples that do not count, because their core-to-core latency is far from the
+    /// attempt's usual latency, are left out.
     pub samples: Vec<Sample>,
     /// The ends of these launches, with the launches' new numbers and the numbers of samples in `samples`.
     pub ends: Vec<LaunchEnd>,
@@ -31,11 +31,11 @@ pub struct Before {
 }
 
 /// Reads the folders of earlier attempts. If `keeps_moved_samples` is true, all samples count, whatever their
-/// core-to-core latency. Points with a record are finished. If `retry_failed` is true, points whose record is not final
-/// ([`Record::is_final`]: a failure, or a lack of memory that may be temporary) are unfinished too, since they are
-/// measured again. In any case, a point is unfinished if it exceeded a limit of the device that may differ
-/// from session to session ([`Record::is_of_the_session`]): if the point fits now, an earlier attempt in
-/// which it fitted may have measured some of its launches.
+/// core-to-core latency. Points with a record are finished. If `retry_failed` is true, a point is also
+/// unfinished if its record is not final ([`Record::is_final`]): a failure, or a lack of memory that may be
+/// temporary. Unfinished points are measured again. A point that exceeded a limit of the device which may
+/// differ between sessions ([`Record::is_of_the_session`]) is always unfinished. Such a point may fit now,
+/// and another attempt may have measured some of its launches.
 pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) -> Result<Before> {
     let mut before = Before { records: records(folders)?, ..Before::default() };
     let is_finished = |record: &&Record| (!retry_failed || record.is_final()) && !record.is_of_the_session();
@@ -48,10 +48,10 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         latencies_ns.sort_unstable_by(f64::total_cmp);
         let near_ns = if keeps_moved_samples { f64::INFINITY } else { near_ns(&latencies_ns) };
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
-        // What an attempt copied from an earlier attempt is dropped, since the earlier attempt's folder contains it
-        // too.
+        // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's
+        // folder contains them too.
         samples.retain(|sample| sample.origin.is_none());
-        // Whether one of the attempt's samples counts depends only on the latencies that this attempt measured.
+        // Only the latencies that this attempt measured decide which of its samples count.
         let counts = |sample: &Sample| is_near(sample.core_to_core_ns, near_ns);
         let mut ends = lines::<LaunchEnd>(&folder.join(LAUNCHES))?;
         count_again(&mut ends, &samples, counts);
@@ -69,7 +69,8 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         let numbers = numbers(launches, &mut next);
         before.samples.extend(renumbered(samples, &numbers, |sample: &mut Sample| {
             sample.origin = Some(format!("{} launch {}", name(folder), sample.launch));
-            // Latencies of different machines are not compared, and the earlier attempt may have run on another one.
+            // Latencies of different machines are not compared, and the earlier attempt may have run on
+            // another machine.
             sample.core_to_core_ns = None;
             &mut sample.launch
         }));
@@ -85,7 +86,7 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
 }
 
 /// Returns one record of each point that has records in these folders: the record with the lowest rank
-/// ([`Record::rank`]). If several records have this rank, the one of the first folder is returned. If a
+/// ([`Record::rank`]). If several records have this rank, the record in the first folder is returned. If a
 /// folder has several records of a point, its last record is used, as in a merge.
 fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
@@ -136,8 +137,9 @@ fn numbers(launches: impl Iterator<Item = u32>, next: &mut u32) -> HashMap<u32, 
     numbers
 }
 
-/// Returns the lines whose launches have a new number, with the new number in place of the old one. `launch` is called
-/// once with each line. It returns the line's launch number, and may change other parts of the line.
+/// Returns the lines whose launches have a new number, with the new number in place of the old number.
+/// `launch` is called once with each line. `launch` returns the line's launch number, and may change other
+/// parts of the line.
 fn renumbered<T>(lines: Vec<T>, numbers: &HashMap<u32, u32>, launch: impl Fn(&mut T) -> &mut u32) -> Vec<T> {
     let renumbered = lines.into_iter().filter_map(|mut line| {
         let launch = launch(&mut line);
@@ -151,8 +153,8 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns nothing if the
-/// file is missing, as in the folder of an attempt that was killed early.
+/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns no
+/// lines if the file is missing, as in the folder of an attempt that was killed early.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     Ok(intact_lines(read_lines_if_any(path)?, path.display()))
 }
@@ -216,8 +218,8 @@ mod tests {
             samples,
             [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
         );
-        // Only the anchors and the load of these launches are taken over. Launch 0 of the second attempt is left out,
-        // since it is a copy of a launch of the first attempt.
+        // Only the anchors and the load of these two launches are taken over. Launch 0 of the second attempt
+        // is left out, since it is a copy of a launch of the first attempt.
         let anchors: Vec<_> = before.anchors.iter().map(|anchor| (anchor.launch, anchor.ms)).collect();
         let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
         assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);
@@ -333,8 +335,8 @@ mod tests {
         let taken =
             |folder: &PathBuf| read(std::slice::from_ref(folder), false, false).unwrap().samples.len();
         assert_eq!(taken(&folder), 0);
-        // Launch 1 measured the control point, but no record of the control point contains this launch, so the launch
-        // is not finished.
+        // Launch 1 measured the control point. No record of the control point contains this launch, so the
+        // launch counts as unfinished.
         let more = attempt(&parent.path().join("more"), "done", &samples);
         JsonLines::append_to(&more.join(CONTROLS)).unwrap().append(&record).unwrap();
         assert_eq!(taken(&more), 1);

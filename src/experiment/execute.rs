@@ -19,8 +19,9 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point that has no result yet. Writes the records of all points to disk and returns them.
-    /// After an error or an interruption, the records of all points finished until then are on disk too.
+    /// Measures every point that has no result yet. Writes the records of all points to disk and returns
+    /// them. After an error or an interruption, the records of all points that were finished before are on
+    /// disk too.
     pub fn execute(
         &self,
         results: &mut Results,
@@ -94,14 +95,15 @@ impl Run<'_> {
         self.experiment.scenes.iter().flat_map(named).collect()
     }
 
-    /// Returns whether programs of later groups are built while earlier groups are timed. This is
-    /// true if no timed point needs the CPU's cores.
+    /// Returns true if programs of later groups are built while earlier groups are timed. Programs are built
+    /// at this time only if no timed point needs the CPU's cores.
     fn builds_while_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns the keys of those of the points that are not measured again, since they have a record.
+    /// Returns the keys of the points that are not measured again because `past` has a record of them (see
+    /// [`Self::is_done`]).
     pub(super) fn done<'p>(
         &self,
         points: impl Iterator<Item = &'p PendingPoint>,
@@ -115,21 +117,21 @@ impl Run<'_> {
         points.filter(is_done).map(|pending| pending.record.key.clone()).collect()
     }
 
-    /// Returns whether a point is not measured again, since it has this record. If the run retries failed
-    /// points, a failure is measured again, and so is a point that did not fit only because too little memory
-    /// was free when it was tried. Whether the run retries failed points or not, a point is measured again in
-    /// three cases. The point was skipped, since its preset is meant for another kind of device, but this run
-    /// is to measure it. The point exceeded a limit of the device in an earlier session, but fits now.
-    /// Another device than the point's own measured it.
+    /// Returns true if `record` is a record of the point because of which the point is not measured again. If
+    /// the run retries failed points, it measures two kinds of points again: points that failed, and points
+    /// that did not fit only because too little memory was free. Every run measures a point again in three
+    /// cases. First, the point was skipped, since its preset is meant for another kind of device, but this
+    /// run should measure the point. Second, the point exceeded a limit of the device in an earlier session,
+    /// but fits now. Third, a device other than the point's own measured the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
         counts && (!self.retry_failed || record.is_final())
     }
 
-    /// Returns whether the point's own device measured a record. If an earlier session distributed points over several
-    /// devices, all its records name the first of them, whichever device measured them. If this run distributes points
-    /// too, each of its devices counts as each point's own.
+    /// Returns true if the point's own device measured the record. If an earlier session distributed points
+    /// over several devices, only `measured_on` says which device measured the record. If this run
+    /// distributes points over its devices, any of these devices counts as the point's own.
     fn is_of_own_device(&self, record: &Record, pending: &PendingPoint) -> bool {
         let device = device_of(self, pending).filter(|_| !self.spread);
         let measured_on = record.measured_on.as_ref();
@@ -137,16 +139,16 @@ impl Run<'_> {
     }
 }
 
-/// Finds the points that have no record yet. If several points of the plan have the same key, only one of them is
-/// measured.
+/// Finds the points that have no record yet. If several points of the plan have the same key, only one of
+/// these points is measured.
 struct Missing {
     /// The keys of the points that have a record, and of the points that [`Self::of`] has already returned.
     taken: HashSet<String>,
 }
 
 impl Missing {
-    /// Returns the points of a group to be measured: those that have no record yet. If another point of a block is
-    /// measured, the block's control point is measured too, even if the control point has a record.
+    /// Returns the points of a group that have no record yet. If there is such a point, the control point of
+    /// the block is also returned, even if the control point has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);

@@ -1,5 +1,5 @@
-//! Makes workers fail on purpose, so that tests can check that a run continues after such failures. The option for
-//! these faults is `raycl run --fault`, which the help does not show.
+//! Makes workers fail on purpose, so that tests can check that a run continues after a worker has failed. The
+//! option for these faults is `raycl run --fault`, which the help does not show.
 
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
@@ -11,8 +11,9 @@ use std::time::Duration;
 /// The file that a hanging worker creates.
 const HANGS: &str = ".hangs";
 
-/// How and when a worker fails. For example, `segv@cast:3` makes it crash when it casts point 3, `hang@check:0` makes
-/// it hang when it checks point 0, and `abort@cast:1:once` makes only the first worker of each device abort.
+/// How and when a worker fails. For example, `segv@cast:3` makes a worker crash when it casts point 3, and
+/// `hang@check:0` makes a worker hang when it checks point 0. `abort@cast:1:once` makes only the first worker
+/// of each device abort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,
@@ -83,9 +84,9 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Makes the worker fail if this is the step and point of the fault. The faults `hang` and `hold` create a file
-    /// in the folder of results, and a test waits for this file. With `hold`, the worker continues when the file is
-    /// removed.
+    /// Makes the worker fail if `step` and `point` are the step and the point of the fault. The faults `hang`
+    /// and `hold` create a file in the folder of results, and a test waits for this file. With `hold`, the
+    /// worker continues when the file is removed.
     pub fn strike(&self, step: Step, point: usize, folder: &Path) {
         if (step, point) == (self.step, self.point) {
             self.kind.happen(folder);

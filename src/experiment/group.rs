@@ -39,7 +39,7 @@ pub struct OpenGroup {
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
-    /// The device to which the group is bound, if groups are distributed over several devices.
+    /// The index of the device to which the group is bound, if groups are distributed over several devices.
     home: Option<usize>,
 }
 
@@ -69,12 +69,12 @@ impl OpenGroup {
         self.points.iter().map(PendingPoint::task)
     }
 
-    /// Returns whether all points of the group are casters on the host.
+    /// Returns true if all points of the group are casters on the host.
     pub fn is_on_host(&self) -> bool {
         self.points.iter().all(|pending| pending.record.is_baseline())
     }
 
-    /// Returns whether the group may be measured on this device.
+    /// Returns true if the group may be measured on the device with this index.
     pub fn may_go_to(&self, device: usize) -> bool {
         self.home.is_none_or(|home| home == device)
     }
@@ -86,8 +86,9 @@ impl OpenGroup {
         self.points.iter_mut().for_each(|pending| pending.job = device);
     }
 
-    /// Binds the group to the device that measured its last complete launch in an earlier session, if this device is
-    /// one of the run's. On another device, the launches of earlier sessions would not count.
+    /// Binds the group to the device that measured the group's last complete launch in an earlier session, if
+    /// the run has this device. If another device measured the group, the launches of earlier sessions would
+    /// not count.
     pub fn return_to_device(&mut self, run: &Run<'_>, sink: &impl ResultSink) {
         let (_, launches) = self.past(run, sink);
         let named = unnamed_device(run);
@@ -95,12 +96,12 @@ impl OpenGroup {
         self.home = there.and_then(|there| run.devices.iter().position(|device| there.may_be(device)));
     }
 
-    /// Returns whether all points of the group have their records.
+    /// Returns true if all points of the group have their records.
     pub fn is_finished(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Returns whether the group needs no further launch.
+    /// Returns true if the group needs no further launch.
     fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
         are_enough(&self.whole, run.experiment.timing.launches as usize, self.near_ns(run, sink))
     }
@@ -151,8 +152,8 @@ impl OpenGroup {
         if self.has_enough(run, sink) { self.finish(run, sink) } else { Ok(()) }
     }
 
-    /// Returns the samples of each point from earlier sessions, and the complete launches, each with the reason why it
-    /// ended.
+    /// Returns the samples of each point from earlier sessions, and the numbers of the complete launches,
+    /// each with the reason why the launch ended.
     fn past(&self, run: &Run<'_>, sink: &impl ResultSink) -> (Vec<Vec<Taken>>, Vec<(u32, StopReason)>) {
         let keys = || self.points.iter().map(|pending| pending.record.key.as_str());
         let past: Vec<Vec<Taken>> = keys().map(|key| sink.past(key)).collect();
@@ -162,17 +163,17 @@ impl OpenGroup {
         (past, launches)
     }
 
-    /// Returns whether a launch of an earlier session was measured on the device on which this session measures the
-    /// group.
+    /// Returns true if this session measures the group on the same device that measured `launch` in an
+    /// earlier session, or if that device is unknown.
     fn is_of_own_device(&self, launch: u32, run: &Run<'_>, sink: &impl ResultSink) -> bool {
         let named = unnamed_device(run);
         let mut own = self.points.iter().filter_map(|pending| device_of(run, pending));
         sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| there.may_be(device)))
     }
 
-    /// Takes over the complete launches of earlier sessions. Incomplete launches are dropped, since the same worker
-    /// processes must measure a whole launch, and those of the earlier session have ended. Launches of another device
-    /// of the same model are dropped too.
+    /// Takes over the complete launches of earlier sessions. Incomplete launches are dropped, since the same
+    /// worker processes must measure a whole launch, and the processes of the earlier session have ended.
+    /// Launches that another device of the same model measured are dropped too.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let (past, launches) = self.past(run, sink);
         for (launch, reason) in launches {
@@ -199,8 +200,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = (run.experiment.timing.launches as usize).saturating_sub(self.whole.len());
         let devices = lock_names(run, &self.points);
-        // Drivers start and programs are built only when the devices are free, since this work, like checks, would
-        // disturb another process's measurement.
+        // Drivers start and programs are built only when the devices are free. This work would disturb
+        // another process's measurement, and so would checks.
         let interrupted = supervisor.interrupted();
         drop(take_locks(run, devices.clone(), sink, interrupted)?);
         supervisor.start_ahead(self.tasks())?;
@@ -209,8 +210,8 @@ impl OpenGroup {
             ahead.order(&self.points);
         }
         for mut pending in std::mem::take(&mut self.points) {
-            // A check takes no lock of a device, but it would disturb another process that measures on the device and
-            // therefore holds the lock. The check thus waits until the device is free.
+            // A check takes no device lock. But a check would disturb another process that measures on the
+            // device (and holds the lock), so the check waits until the device is free.
             let interrupted = supervisor.interrupted();
             drop(take_locks(run, devices.clone(), sink, interrupted)?);
             if let Some(ahead) = ahead {
@@ -221,8 +222,8 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|checked| named(checked, &pending.record)) {
                 Ok((record, true)) => {
-                    // Only the record of the check in the first launch is used. The picture of a check in a later
-                    // launch is either the same, or was also compared with the reference.
+                    // Only the record of the check in the first launch is used. In a later launch, the check
+                    // casts the same picture, or it also compares its picture with the reference.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -310,8 +311,8 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Completes the records of the group's points. All points of a group stop together, so the same reason for
-    /// stopping is stored in all their records.
+    /// Completes the records of the group's points. All points of a group stop together, so all their records
+    /// get the same reason for stopping.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
@@ -331,23 +332,23 @@ impl OpenGroup {
     }
 }
 
-/// If this session distributes points over devices, returns the device that measured those launches whose samples name
-/// no device. The sessions of these launches did not distribute points, so the first device, which all records name,
-/// measured them.
+/// Returns the device that measured the launches whose samples name no device. The sessions of these launches
+/// did not distribute points over devices, so the first device, which all records name, measured these
+/// launches. Returns `None` if this session does not distribute points either.
 fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
     run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
 
-/// Returns the device that a point is measured on; `None` for a caster on the host.
+/// Returns the device on which a point is measured; `None` for a caster on the host.
 pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
     let device = run.devices.get(pending.job % run.devices.len().max(1));
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether a group leaves out the samples whose core-to-core latency was far from the run's usual latency,
-/// because the host of this virtual machine had moved the machine's processors to other cores. The group leaves these
-/// samples out if the rays of all its points are cast on processors, by a caster on the host or by an OpenCL driver,
-/// unless the run keeps such samples.
+/// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual
+/// latency, because the host had moved this virtual machine's processors to other cores. These samples are
+/// left out if processors cast the rays of all points of the group, by a caster on the host or by an OpenCL
+/// driver. If `keeps_moved_samples` is set, the run keeps these samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
@@ -387,8 +388,8 @@ fn take_locks(
 }
 
 /// Copies values that workers do not know to the record that a point's check returned: the names, the notes,
-/// the folder of kernels and the block. They are in the point's draft (its record before the point was
-/// tried).
+/// the folder of kernels and the block. These values are in the point's draft (its record before the point
+/// was tried).
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -37,7 +37,7 @@ pub fn host_identity() -> String {
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])
 }
 
-/// Casts one frame on the host.
+/// Casts one frame on the host. Returns the picture and the frame's times.
 pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, FrameTimes) {
     let caster = match baseline {
         Baseline::Serial => cast_serial_f32,

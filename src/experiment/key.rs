@@ -1,5 +1,5 @@
-//! The key of a measurement: a hash of everything that can change its time or its picture, and of nothing
-//! else.
+//! The key of a measurement: a hash of everything that can change the measured time or the picture, and of
+//! nothing else.
 
 /// The texts that make up a key; [`key`] hashes them in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -51,8 +51,8 @@ impl Waiting {
 }
 
 /// Visits groups until they are finished. Each visit measures one launch of a group. If `device` is `None`,
-/// all groups are visited, otherwise those that may be measured on this device. After an error, no other
-/// group is visited.
+/// all groups are visited, otherwise only groups that may be measured on this device. After an error, no
+/// other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

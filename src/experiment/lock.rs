@@ -12,8 +12,8 @@ use std::path::Path;
 
 /// The name of the lock's file.
 const LOCK: &str = ".lock";
-/// The number of attempts to lock a file that is still in its place afterwards. Usually, the first attempt succeeds. On
-/// a file system that does not number its files in a constant way, no file ever seems to be in its place.
+/// The number of attempts to lock a file that is still in its place afterwards. Usually, the first attempt
+/// succeeds. If a file system changes the numbers of its files, no file ever seems to be in its place.
 const ATTEMPTS: u32 = 10;
 
 /// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
@@ -24,14 +24,15 @@ pub struct Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file might not release the lock: while a child process is being started, it shares the open
-        // file.
+        // Closing the file might not release the lock, because a child process that is just being started
+        // shares the open file.
         let _ = self.file.unlock();
     }
 }
 
 impl Lock {
-    /// Takes the lock of a folder, or returns an error that names the process that holds it.
+    /// Takes the lock of a folder. If another process holds the lock, returns an error that names this
+    /// process.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(LOCK);
         let mut attempts = 0;
@@ -44,8 +45,8 @@ impl Lock {
         }
     }
 
-    /// Locks the open file of a folder's lock. If `must_be_there` is true, returns `None` if somebody removed this file
-    /// after it was opened: the lock would not stop other processes, since they lock a new file.
+    /// Locks the open file of a folder's lock. If `must_be_there` is true and somebody removed the file after
+    /// it was opened, returns `None`: the lock would not stop other processes, which lock a new file.
     fn of_file(mut file: File, path: &Path, must_be_there: bool) -> Result<Option<Self>> {
         let failed = |error: std::io::Error| Error::unwritable(path, &error);
         let is_locked = match file.try_lock() {

@@ -1,9 +1,9 @@
 //! Runs an experiment: makes the plan, checks each point before it is timed, measures the points in rounds, and writes
 //! the folder of results.
 //!
-//! A [`Run`] has an experiment, its devices and its kernels. The experiment's points run in worker processes, one
-//! point at a time on each device. [`Run::execute`] asks a worker to check a point or to cast one of its frames.
-//! The worker replies with a record or a sample. The supervisor handles workers that die or hang.
+//! A [`Run`] has an experiment, devices and kernels. The experiment's points run in worker processes, one
+//! point at a time on each device. [`Run::execute`] asks a worker to check a point or to cast a frame of the
+//! point. The worker replies with a record or a sample. The supervisor handles workers that die or hang.
 
 mod ahead;
 pub mod asleep;

@@ -1,14 +1,14 @@
 //! Finds samples during which the processors of a virtual machine ran on cores that were not at their usual distance.
 //!
-//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While these
-//! processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times as long as
-//! usual. While two of these processors share a core, all kernels take about 1.4 times as long as usual. The
-//! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. The
-//! latency is larger than usual if the cores are far from each other, and smaller if processors share a core. It does
-//! not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample does not
-//! count if its latency is much larger or smaller than that of near processors in the same run. Before a sample, a
-//! launch waits for a limited time until the processors are near. Launches in which too few samples count are replaced
-//! by additional launches.
+//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While
+//! these processors run on cores far from each other, kernels whose work-groups share data take up to 1.5
+//! times as long as usual. While two of these processors share a core, all kernels take about 1.4 times as
+//! long as usual. The core-to-core latency around a sample is the time in which a cache line moves from one
+//! processor to another. The latency is larger than usual if the cores are far from each other, and smaller
+//! if processors share a core. The latency does not depend on the times of the points. *Near* processors run
+//! on cores at their usual distance. A sample does not count if its latency is much larger or smaller than
+//! the latency of near processors in the same run. Before a sample, a launch waits for a limited time until
+//! the processors are near. Launches in which too few samples count are replaced by additional launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -25,9 +25,9 @@ const FAR: f64 = 2.0;
 /// core. On the machines of docs/log.md (2026-11-26), processors that share a core have 0.45 to 0.5 times the latency
 /// of near processors.
 const SHARED: f64 = 0.65;
-/// The pause between two readings of the latency while a launch waits for near processors. The processors are idle
-/// during the pause, since a host moves idle processors back sooner than busy ones: after about one second instead of
-/// three to ten (docs/log.md, 2026-11-26).
+/// The pause between two readings of the latency while a launch waits for near processors. The processors are
+/// idle during the pause, since a host moves idle processors back sooner than busy processors: after about
+/// one second instead of three to ten seconds (docs/log.md, 2026-11-26).
 const PAUSE: Duration = Duration::from_millis(50);
 /// All waits of a launch together take at most this part of the time for its samples, plus [`PATIENCE`].
 pub(super) const WAITS: f64 = 0.5;
@@ -39,12 +39,13 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) struct Launch {
     /// The launch's number in the folder of results.
     pub number: u32,
-    /// The core-to-core latency around each sample of each point, in nanoseconds; `None` if it is unknown.
+    /// The core-to-core latency around each sample of each point, in nanoseconds; `None` if the latency is
+    /// unknown.
     latencies_ns: Vec<Vec<Option<f64>>>,
 }
 
 impl Launch {
-    /// Returns a launch; `points` has the samples of each point, including those of other launches.
+    /// Returns the launch with the number `number`. `points` has the samples of each point from all launches.
     pub fn of<'a>(number: u32, points: impl Iterator<Item = &'a [Taken]>) -> Self {
         let of_launch = |taken: &[Taken]| {
             let samples = taken.iter().filter(|one| one.launch == number);
@@ -53,8 +54,8 @@ impl Launch {
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns whether the launch counts: for each point, at least five samples must count. If a point has fewer than
-    /// five samples, all must count.
+    /// Returns true if the launch counts: for each point, at least five samples must count. If a point has
+    /// fewer than five samples in the launch, all its samples must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
             let near = point.iter().filter(|ns| is_near(**ns, near_ns)).count();
@@ -64,17 +65,17 @@ impl Launch {
 }
 
 /// Returns the latency of near processors: the 20th percentile of `latencies_ns`, which are all latencies of
-/// the run in ascending order. Returns infinity if there are none. The smallest latency is no suitable value.
-/// It may come from a moment in which two processors of the virtual machine shared a core; near processors
-/// would then count as far apart. The median is no suitable value either: in some runs, the processors run on
-/// cores far from each other for most of the time.
+/// the run in ascending order. Returns infinity if there are no latencies. The smallest latency is not
+/// suitable: if two processors of the virtual machine shared a core at that moment, near processors would
+/// count as far apart. The median is not suitable either: in some runs, the processors run on cores far from
+/// each other for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Returns whether a sample counts. A sample counts if the core-to-core latency around it is unknown, or lies between
-/// `SHARED` and `FAR` times `near_ns`, the latency of processors on cores at their usual distance. If `near_ns` is
-/// infinite, every sample counts: either no latency of the run is known yet, or the sample's group keeps all samples.
+/// Returns true if a sample counts: the core-to-core latency around the sample is unknown, or lies between
+/// `SHARED` and `FAR` times `near_ns`, the latency of near processors. If `near_ns` is infinite, every sample
+/// counts: either no latency of the run is known yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
@@ -104,7 +105,8 @@ pub(super) fn wait_until_near(
     last
 }
 
-/// Returns whether a group needs no further launch if `wanted` launches were requested.
+/// Returns true if a group needs no further launch: `wanted` launches count, or the group already has the
+/// largest number of launches.
 pub(super) fn are_enough(launches: &[Launch], wanted: usize, near_ns: f64) -> bool {
     let counted = launches.iter().filter(|launch| launch.counts(near_ns)).count();
     counted >= wanted || launches.len() >= MOST * wanted
@@ -115,24 +117,25 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Returns the numbers of the launches that do not count: those in which too few samples count. If too few samples
-/// count in every launch, all launches count.
+/// Returns the numbers of the launches that do not count, because too few of their samples count. If too few
+/// samples count in every launch, all launches count.
 fn moved_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
     let moved = launches.iter().filter(|launch| !launch.counts(near_ns));
     let moved: Vec<u32> = moved.map(|launch| launch.number).collect();
     if moved.len() < launches.len() { moved } else { Vec::new() }
 }
 
-/// The number of launches that do not count, and the number of samples that do not count although their launches count.
+/// The number of launches that do not count, and the number of samples that do not count in launches that
+/// count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LeftOut {
     pub launches: u32,
     pub samples: u32,
 }
 
-/// Removes the samples that do not count from `taken`. These are all samples of launches that do not count
-/// and, in the other launches, the samples for which `is_near` is false. If no launch counts, all samples
-/// count. Returns how many launches and samples were left out; `None` if no latency is known.
+/// Removes two kinds of samples from `taken`: all samples of launches that do not count and, in the other
+/// launches, the samples for which `is_near` is false. If no launch counts, all samples count. Returns how
+/// many launches and samples were left out; `None` if no latency is known.
 pub(super) fn leave_out_moved(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
     let moved = moved_launches(launches, near_ns);
@@ -189,9 +192,9 @@ mod tests {
         assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
     }
 
-    /// Waits for near processors, whose latency is 31 ns. The latency has these values in turn, and then keeps the last
-    /// one; 0 means that it is unknown. Returns the last value that was read, and the number of readings during the
-    /// wait.
+    /// Waits for near processors, whose latency is 31 ns. Successive readings return the values
+    /// `latencies_ns`, and then always the last value; 0 means that the latency is unknown. Returns the last
+    /// value that was read, and the number of readings during the wait.
     fn waits(latencies_ns: &[f64], most: Duration, is_interrupted: bool) -> (Option<f64>, usize) {
         let mut readings = 0;
         let read = || {
@@ -265,8 +268,8 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // Both launches count if near processors have a latency of 180 ns. Both do not count if near processors have a
-        // latency of 20 ns, because another group of the run had samples with this latency.
+        // Both launches count if near processors have a latency of 180 ns. Neither launch counts if near
+        // processors have a latency of 20 ns, because another group of the run had samples with this latency.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }

@@ -3,7 +3,7 @@
 use crate::printer;
 use crate::record::Record;
 
-/// Receives the events of a run. The progress bar is an observer; tests use another one.
+/// Receives the events of a run. The progress bar is an observer; tests use other observers.
 pub trait Observer: Send {
     /// Is called with the name of a run when the run begins, if a command has several runs.
     fn enters(&mut self, _stage: &str) {}

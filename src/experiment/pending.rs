@@ -1,4 +1,4 @@
-//! The points of a plan that still have to be measured, each with its data so far.
+//! The points of a plan that still have to be measured, each with the results so far.
 
 use super::ahead::{Needs, Order, Program, Room};
 use super::check::SMALLEST;
@@ -29,14 +29,15 @@ pub struct PendingPoint {
     pub label: String,
     /// The point's record so far.
     pub record: Record,
-    /// The reason, if the point is not measured because its preset is meant for another kind of device.
+    /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
-    /// True if the point fits on the device, as far as that is known before a tree is built. If it does not fit, its
-    /// program is not built, and its check reports the reason.
+    /// True if the point fits on the device, as far as that is known before a tree is built. If the point
+    /// does not fit, its program is not built, and the check of the point reports the reason.
     pub fits: bool,
-    /// How many builders (processes that compile programs, and hold the point's scene meanwhile) fit into memory.
+    /// How many builders (processes that hold the point's scene while they compile programs) fit into memory.
     pub room: Room,
-    /// The result of building the point's program, if the program was built for this point.
+    /// The result of building the point's program. If several points use the program, only one of them
+    /// receives the result.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
@@ -69,15 +70,15 @@ impl PendingPoint {
         Task { point: self.point, job: self.job, scene: self.scene, key, verified }
     }
 
-    /// Returns whether the point fits now, although it exceeded a limit of the device according to an earlier
-    /// record. Such limits may differ from session to session, so the record says nothing about this session.
+    /// Returns true if the point fits now, but exceeded a limit of the device according to an earlier record.
+    /// This limit may differ from session to session, so the record says nothing about this session.
     pub fn fits_meanwhile(&self, earlier: &Record) -> bool {
         self.fits && earlier.is_of_the_session()
     }
 
     /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
-    /// A point that has been cast before does not exceed a limit of the device: it only lacks memory that
-    /// other programs or other points use at the moment. Such a point counts as failed, not as infeasible,
+    /// A point that has been cast before does not exceed a limit of the device, but only lacks memory that
+    /// other programs or other points use at the moment. The point then counts as failed, not as infeasible,
     /// since its earlier launches would otherwise be lost unnoticed.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
@@ -102,8 +103,8 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Returns every point on every device or the host. A point is returned as its index in the plan for one
-    /// device, its device (`None` is the host), and the key and names of its record.
+    /// Returns every point on every device or the host. Each point is returned with its index in the plan for
+    /// one device, its device (`None` is the host), and the key and names of its record.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
@@ -116,8 +117,9 @@ impl Run<'_> {
         Ok(groups.iter().flatten().filter_map(planned).collect())
     }
 
-    /// Returns why a point is not measured on a device, if its preset is meant for another kind of device. If the
-    /// point's strategy has several names, it is measured on every device for which one of them is meant.
+    /// Returns why a point is not measured on a device, if its preset is meant for another kind of device;
+    /// otherwise `None`. If the point's strategy has several names in the experiment, the point is measured
+    /// if one of these names is meant for the device.
     pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let kind = device?.kind;
@@ -126,7 +128,8 @@ impl Run<'_> {
         reasons?.into_iter().next()
     }
 
-    /// Returns whether a point fits on a device, as far as that is known before a tree is built.
+    /// Returns true if a point fits on a device, as far as that is known before a tree is built. A point
+    /// without a device (on the host) always fits.
     fn fits(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene) -> bool {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else { return true };
         let workload = Workload::of(scene, point.image_size, local_size);
@@ -134,8 +137,8 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
-    /// Returns how many builders (processes that compile programs, and hold the point's scene meanwhile) fit into
-    /// memory, if the host has this much available memory.
+    /// Returns how many builders (processes that hold the point's scene while they compile programs) fit into
+    /// memory. `available_bytes` is the available memory of the host.
     fn room(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene, available_bytes: u64) -> Room {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else {
             return Room::UNLIMITED;
@@ -146,7 +149,7 @@ impl Run<'_> {
         Room::of(strategy, &workload, &device.limits, available_bytes, processes)
     }
 
-    /// Returns whether the point is measured on devices of every kind.
+    /// Returns true if the point is measured on devices of every kind.
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
             Work::Kernel { strategy, local_size } => {
@@ -156,9 +159,9 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the points of these pieces (parts of the plan whose points are measured together), one list per piece.
-    /// The lists also contain points that already have a result, and points that will not be measured (their `not_for`
-    /// or `fits` says so). The function loads one scene at a time.
+    /// Returns the points of these pieces (parts of the plan whose points are measured together), one list
+    /// per piece. The lists also contain points that already have a result, and points that will not be
+    /// measured (see `not_for` and `fits`). The function loads one scene at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let kernels = self.kernels()?;
         let available_bytes = self.ahead.map(|_| Available::read().bytes);
@@ -184,8 +187,8 @@ impl Run<'_> {
                     record.is_control = piece.borrows(number);
                     let of = kernels.label_of(point);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
-                    // Casters on the host have no device, so any worker can run them; if there are devices, the first
-                    // device's worker is chosen.
+                    // Casters on the host have no device, so any worker can run them. If there are devices,
+                    // the first device's worker runs them.
                     let job = point.device.unwrap_or(0) + folder_index * self.devices.len().max(1);
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
@@ -214,7 +217,7 @@ pub(super) struct Kernels<'a> {
 }
 
 impl Run<'_> {
-    /// Returns the run's folders of kernels: one, or the two that are compared.
+    /// Returns the run's folder of kernels or, if the run compares two folders, both folders.
     pub(super) fn kernels(&self) -> Result<Vec<Kernels<'_>>> {
         let of = |sources| Drafter { experiment: self.experiment, sources };
         let Some(other) = self.other_sources else {
@@ -227,8 +230,8 @@ impl Run<'_> {
     }
 }
 
-/// Returns the folders of kernels with which a point is measured. A caster on the host uses no kernels, so it is
-/// measured once.
+/// Returns the folders of kernels with which a point is measured. A caster on the host uses no kernels, so
+/// only one folder is returned, and the caster is measured once.
 pub(super) fn of_point<'k, 'a>(kernels: &'k [Kernels<'a>], point: &Point) -> &'k [Kernels<'a>] {
     let count = if point.device.is_some() { 2 } else { 1 };
     &kernels[..count.min(kernels.len())]
@@ -257,8 +260,8 @@ impl Kernels<'_> {
     }
 }
 
-/// Returns the labels of two folders of kernels that are compared; a label distinguishes a folder from the other one in
-/// the names of points.
+/// Returns the labels of two folders of kernels that are compared. In the names of points, a label shows
+/// which of the two folders a point uses.
 fn labels(sources: [&Sources; 2]) -> [String; 2] {
     let name = |sources: &Sources| match sources {
         Sources::Embedded => "built in".to_owned(),
@@ -271,8 +274,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point with the folder of kernels that it uses, when two folders are compared. The point's record then
-/// names no preset, since a preset's name implies the built-in kernels.
+/// If two folders of kernels are compared, labels a point with the folder that the point uses. The point's
+/// record then names no preset, since a preset's name implies the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;
@@ -300,7 +303,8 @@ mod tests {
         };
         let groups = run.pending_points(&run.plan(), &[piece(1, [0, 1]), piece(2, [2, 3])]).unwrap();
         let records: Vec<&Record> = groups.iter().flatten().map(|pending| &pending.record).collect();
-        // The second block also measures the control point, whose local size is 2, so it has three points.
+        // The second block also measures the control point, whose local size is 2, so this block has three
+        // points.
         let sides: Vec<_> = records.iter().map(|record| record.local_size.unwrap()[0]).collect();
         assert_eq!(sides, [2, 1, 2, 4, 8]);
         let control = Some(&records[0].key);
@@ -409,8 +413,8 @@ mod tests {
             let records = groups.into_iter().flatten().map(|pending| pending.record);
             records.map(|record| (record.key, record.operations_per_test)).collect()
         };
-        // A worker reads the headers of one folder of kernels only. The drafts (records of points that are not tried
-        // yet) that it makes must nevertheless equal the drafts of the run, which reads both folders.
+        // A worker reads the headers of one folder of kernels only. The worker's drafts (records of points
+        // that are not tried yet) must nevertheless equal the drafts of the run, which reads both folders.
         let of_worker = |sources: &Sources| {
             sources.values().unwrap().during(|| drafts(&Run { sources, ..run })).remove(0)
         };

@@ -9,7 +9,7 @@ use image::{DynamicImage, RgbImage, RgbaImage};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Saves pictures in a folder of results, without replacing any.
+/// Saves pictures in a folder of results, without replacing other pictures.
 pub struct Pictures {
     folder: PathBuf,
     /// Paths of saved pictures by the pictures' hashes, so that points with identical images share a file.
@@ -27,9 +27,10 @@ impl Pictures {
         hash(image).to_hex()[..32].to_owned()
     }
 
-    /// Saves a picture in the folder of results, under the first free name of `names`. A name is free if no other
-    /// picture has it. If no name is free, the picture's hash is added to the last name. If an equal picture was saved
-    /// before, its file is used. Returns the file's path, relative to the folder of results.
+    /// Saves a picture in the folder of results, under the first free name of `names`. A name is free if no
+    /// other picture has it. If no name is free, the picture's hash is added to the last name. If an equal
+    /// picture was saved before, no new file is written. Returns the file's path, relative to the folder of
+    /// results.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {
@@ -58,7 +59,7 @@ impl Pictures {
             let bytes = std::fs::read(self.folder.join(path)).ok()?;
             picture_reader(&bytes, None).ok()?.decode().ok()
         };
-        // A file that is missing or cannot be read contains no other picture.
+        // The name of a file that is missing or cannot be read is free.
         let free = |path: &String| read(path).is_none_or(|there| there.to_rgba8() == *shown);
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
@@ -109,8 +110,8 @@ mod tests {
         assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
     }
 
-    /// A picture is not verified again if its hash equals the hash of a verified picture, so different pictures must
-    /// have different hashes.
+    /// A picture with the hash of a verified picture is not verified again. Therefore, different pictures
+    /// must have different hashes.
     #[test]
     fn pictures_that_differ_in_alpha_alone_have_hashes_and_files_of_their_own() {
         let folder = tempfile::tempdir().unwrap();

@@ -24,7 +24,7 @@ impl Piece {
         self.control.iter().chain(others).copied().collect()
     }
 
-    /// Returns whether a point is measured only for comparison with other blocks.
+    /// Returns true if a point is the control point and is measured only for comparison with other blocks.
     pub fn borrows(&self, point: usize) -> bool {
         self.control == Some(point) && !self.points.contains(&point)
     }

@@ -7,8 +7,8 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// The points. Points that are compared with each other are adjacent. Within such a group, points of the same scene
-    /// are adjacent, and among these, points of the same device are adjacent.
+    /// The points. Points that are compared with each other are adjacent. Within a group of compared points,
+    /// points of the same scene are adjacent. Within a scene, points of the same device are adjacent.
     pub points: Vec<Point>,
     /// True if scenes are compared with each other.
     pub compare_scenes: bool,
@@ -42,8 +42,8 @@ pub enum Work {
 }
 
 impl Plan {
-    /// Makes all combinations of the experiment's lists, on `device_count` devices. If a strategy has two names in the
-    /// experiment, it still forms only one point at each local size.
+    /// Makes all combinations of the experiment's lists, on `device_count` devices. A strategy that has two
+    /// names in the experiment forms only one point at each local size.
     pub fn new(experiment: &Experiment, device_count: usize) -> Self {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
         let kernels = kernels(experiment);
@@ -77,8 +77,8 @@ impl Plan {
                 let first = group.first().map(|first| &self.points[*first]);
                 first.is_some_and(|first| self.compares(first, point) && first.device == point.device)
             };
-            // The search begins with the last group, since most points belong to the same group as the point before
-            // them.
+            // The search begins with the last group, since most points belong to the same group as the
+            // previous point.
             match groups.iter_mut().rev().find(has_it) {
                 Some(group) => group.push(index),
                 None => groups.push(vec![index]),
@@ -103,7 +103,8 @@ fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     cases
 }
 
-/// Returns every strategy at each of its local sizes. Of several names of a strategy, the first one is used.
+/// Returns every strategy at each of its local sizes. If a strategy has several names, the first name is
+/// used.
 fn kernels(experiment: &Experiment) -> Vec<Work> {
     let mut seen = HashSet::new();
     let mut works = Vec::new();
@@ -118,7 +119,7 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
-    /// Returns whether both points have the same scene and image size.
+    /// Returns true if both points have the same scene and image size.
     pub fn has_scene_and_size_of(&self, other: &Self) -> bool {
         (self.scene, self.image_size) == (other.scene, other.image_size)
     }
@@ -204,7 +205,7 @@ mod tests {
         let groups: Vec<_> = plan.groups().collect();
         assert_eq!(groups.iter().map(|group| group.len()).collect::<Vec<_>>(), [9, 9]);
         assert!(groups.iter().all(|group| group.iter().all(|point| point.image_size == group[0].image_size)));
-        // Of each scene, the first point is the host's, and the other two are the device's.
+        // The first point of each scene is measured on the host, and the two other points on the device.
         let by_device = plan.groups_by_device();
         assert_eq!(by_device[..2], [vec![0, 3, 6], vec![1, 2, 4, 5, 7, 8]]);
         assert_eq!(by_device.iter().map(Vec::len).collect::<Vec<_>>(), [3, 6, 3, 6]);

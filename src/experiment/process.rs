@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// The number of bytes that are stored from the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
-/// The longest time that a worker may take to end when it is no longer needed.
+/// The longest time that a worker may take to end when the run no longer needs the worker.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Starts workers as processes of this program.
@@ -45,8 +45,8 @@ impl Processes {
         Self { driver_cache: true, ..self }
     }
 
-    /// Returns the command that starts a worker. `disabled` is the user's value of the environment variable that
-    /// disables the driver's cache, if the user has set it.
+    /// Returns the command that starts a worker. `disabled` is the user's value of the environment variable
+    /// that disables the driver's cache; `None` if the variable is not set.
     fn command(&self, disabled: Option<OsString>) -> Result<Command> {
         let mut command = own_worker()?;
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -101,7 +101,7 @@ struct WorkerProcess {
     requests: Option<ChildStdin>,
     replies: Receiver<Reply>,
     last_words: Option<JoinHandle<String>>,
-    /// True if the worker's device is one of PoCL.
+    /// True if PoCL is the driver of the worker's device.
     uses_pocl: bool,
 }
 
@@ -132,10 +132,11 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> IoResult<JoinHandle<S
 }
 
 impl WorkerProcess {
-    /// Writes a line to the worker. If the worker has ended, the write fails unnoticed, and the later wait for the
-    /// worker's reply reports its end.
+    /// Writes a line to the worker. If the worker has ended, the write fails unnoticed. The end is reported
+    /// later, by the wait for the worker's reply.
     fn write(&mut self, line: &impl Serialize) {
-        // Serializing never fails: only paths might not be valid text, and `raycl run` refuses such paths.
+        // Serializing never fails: only paths that are not valid text could make it fail, and `raycl run`
+        // refuses them.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
         text.push(b'\n');
         if let Some(requests) = &mut self.requests {
@@ -143,7 +144,8 @@ impl WorkerProcess {
         }
     }
 
-    /// Waits for the end of a worker that has closed its standard output, and returns how it died.
+    /// Waits for the end of a worker that has closed its standard output, and returns how the worker died. If
+    /// the worker does not end within [`FAREWELL`], kills the worker.
     fn death(&mut self) -> Death {
         if !self.ends_within(FAREWELL) {
             let _ = self.child.kill();

@@ -10,8 +10,8 @@ use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The task of a worker, which is the first line that the run sends to it. A run has one job per device (or a single
-/// job for the host), for each of its folders of kernels.
+/// The task of a worker. The run sends the job to the worker as the first line. A run has one job per device
+/// (or a single job for the host), for each of its folders of kernels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// The config's path.
@@ -20,8 +20,8 @@ pub struct Job {
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
-    /// The scenes that are not in the plan, as indices into the config's list of scenes. Each of them has the same
-    /// content as an earlier scene of the list.
+    /// The scenes that are not in the plan, as indices into the config's list of scenes. Each of these scenes
+    /// has the same content as an earlier scene of the list.
     #[serde(default)]
     pub left_out: Vec<usize>,
     /// Number of devices in the plan: 1 if points are distributed over several devices of the same model.
@@ -29,14 +29,15 @@ pub struct Job {
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
     pub device: Option<String>,
-    /// The UUID and the PCI address of the worker's device, as far as they are known. If one of several equal devices
-    /// disappears, another one has its identity, but not its UUID.
+    /// The UUID and the PCI address of the worker's device, as far as they are known. If a device of the same
+    /// model disappears, the remaining devices are numbered anew. A device may then get the identity of
+    /// another device, but never its UUID.
     #[serde(default)]
     pub hardware: Hardware,
     /// The device whose name is in records, if points are distributed over several devices of the same model.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
-    /// The folder whose kernel files replace the built-in ones; `None` for the built-in files.
+    /// The folder whose kernel files replace built-in kernel files; `None` if only built-in files are used.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.
     pub folder: PathBuf,
@@ -62,13 +63,14 @@ pub enum DeviceList {
 pub struct Listed {
     /// The device's properties.
     pub info: DeviceInfo,
-    /// The mistake in a kernel file of the user because of which the device cannot be used; `None` if there is none.
+    /// The mistake in a kernel file of the user because of which the device cannot be used; `None` if there
+    /// is no such mistake.
     mistake: Option<Failure>,
 }
 
 impl Listed {
-    /// Returns the data about a device that is sent to another process. If the device's lane operations have not been
-    /// tested yet, they are tested first.
+    /// Returns the data about a device that is sent to another process. If the device's lane operations have
+    /// not been tested yet, this function tests them first.
     pub fn of(mut device: Device, sources: &Sources) -> Self {
         let mistake = device.test_lanes(sources).err().map(|error| Failure::of(&error));
         Self { info: device.info, mistake }
@@ -142,12 +144,12 @@ pub struct Built {
     pub from_cache: bool,
     /// The key under which the cache stores the program; `None` if the program could not be stored.
     pub key: Option<String>,
-    /// True if the program could not be stored, because its number of registers is unknown: the driver took the
-    /// program from its own cache and printed no number.
+    /// True if the program could not be stored because its number of registers is unknown. The driver took
+    /// the program from its own cache and printed no number.
     pub lacks_log: bool,
 }
 
-/// A request to a worker; numbers are indices in the plan.
+/// A request to a worker. Points are given by their indices in the plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Request {
@@ -200,15 +202,15 @@ pub enum Reply {
     Checked {
         /// The record so far.
         record: Box<Record>,
-        /// True if the point can be cast; if not, the record states the reason.
+        /// True if the point can be cast. If false, the record states the reason.
         ready: bool,
     },
     /// Reply to a cast.
     Sample(FrameTimes),
-    /// Reply to a cast that failed, or to any request during which the device broke down; in the second case, the worker
-    /// ends.
+    /// Reply to a cast that failed, or to any request during which the device broke down. If the device broke
+    /// down, the worker then ends.
     Refused(PointFailure),
-    /// Reply to any request: an error. It ends the run, unless it is an error of the anchor.
+    /// Reply to any request: an error. The error ends the run, unless it is an error of the anchor.
     Failed {
         /// The problem.
         message: String,

@@ -14,7 +14,7 @@ pub enum Ready {
 }
 
 impl Ready {
-    /// Casts `batch` frames on a device, or one on the host; returns the mean times of one frame.
+    /// Casts `batch` frames on a device, or one frame on the host. Returns the mean times of one frame.
     pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, Refused> {
         match self {
             Self::Kernel(caster) => caster.cast_batch(batch).map_err(Refused::at("the launch")),

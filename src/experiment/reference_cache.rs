@@ -4,8 +4,8 @@ use crate::reference::{Reference, reference};
 use crate::scene::Scene;
 use crate::strategy::Culling;
 
-/// The references of the current scene and image size. Points with the same scene and image size are checked one after
-/// another, so the references are dropped when another scene or size follows.
+/// The references of the current scene and image size. Points with the same scene and image size are checked
+/// one after another, so the references are dropped when a point has another scene or image size.
 #[derive(Default)]
 pub struct ReferenceCache {
     at: Option<(usize, [u32; 2])>,

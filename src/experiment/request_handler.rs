@@ -1,5 +1,5 @@
-//! Does the work of a worker, one request at a time: builds programs, checks points, casts their frames, and runs the
-//! anchor.
+//! Does the work of a worker, one request at a time: builds programs, checks points, casts frames, and runs
+//! the anchor.
 
 use super::check::Checker;
 use super::draft::{Drafter, Hashed};
@@ -18,7 +18,7 @@ use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// A point that can be cast, and whether it was warmed up.
+/// A point that can be cast, and its batch size after the warm-up.
 struct Entry {
     ready: Ready,
     /// Number of frames per sample; `None` before the warm-up.
@@ -41,8 +41,8 @@ pub struct RequestHandler<'a> {
     /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
     /// sensors. Always `None` in a worker without a device.
     watch: Option<Watch>,
-    /// If points are distributed over several devices of the same model: the device whose name is in the records of
-    /// points that kernels cast. It may be the worker's own device.
+    /// If points are distributed over several devices of the same model: the device whose name is in the
+    /// records of points that kernels cast. This device may be the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -67,7 +67,7 @@ impl<'a> RequestHandler<'a> {
         }
     }
 
-    /// Serves a request.
+    /// Serves a request and returns the reply.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
             Request::Build { point } => self.build(*point),
@@ -114,9 +114,9 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Prepares for requests about a point. If the point is in another group than the previous point, the
-    /// entries (the points that can be cast) are dropped. If the point's scene, with the camera for the
-    /// point's images, is not loaded yet, it is loaded.
+    /// Prepares for requests about a point. If the point has another scene or image size than the points in
+    /// `entries`, drops the entries. Loads the point's scene, with the camera for the point's images, unless
+    /// this scene is already loaded.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
@@ -187,8 +187,8 @@ impl<'a> RequestHandler<'a> {
 }
 
 /// Calls `cast`, which casts on `device` or, without a device, on the host. Returns the result of `cast`, and
-/// the processor time in milliseconds that this process used meanwhile. The time is `None` if the device is
-/// not a CPU.
+/// the processor time in milliseconds that this process used during the call. The time is `None` if the
+/// device is not a CPU.
 fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -> (T, Option<f64>) {
     let before = processor_time();
     let result = cast();
@@ -197,12 +197,13 @@ fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -
     (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
-/// How often a sample is taken whose times are impossible. The machine may have been suspended during the first one: the
-/// host's clock stands still then, but the device's clock need not.
+/// The largest number of attempts to take a sample whose times are possible. Times are impossible, for
+/// example, if the machine was suspended during the sample: the host's clock then stood still, but the
+/// device's clock may have gone on.
 const ATTEMPTS: usize = 3;
 
-/// Takes a sample with `take`. If `why` says that its times are impossible, takes it again; the last attempt's sample is
-/// returned in any case.
+/// Takes a sample with `take`. If `why` returns a reason why the sample's times are impossible, takes another
+/// sample, up to [`ATTEMPTS`] in all. Returns the last sample, even if its times are impossible.
 fn possible<T>(
     why: impl Fn(&FrameTimes) -> Option<String>,
     mut take: impl FnMut() -> (std::result::Result<FrameTimes, Refused>, T),
@@ -227,9 +228,9 @@ struct Warmed {
 }
 
 impl Warmed {
-    /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If the timer reports no
-    /// time, nothing is known about the frames but the host's times; the sample then takes at most a tenth of the time
-    /// limit, or it is a single frame.
+    /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0
+    /// steps of the timer, the host's clock limits the batch: the sample takes at most a tenth of the time
+    /// limit, or consists of a single frame.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {
@@ -239,9 +240,9 @@ impl Warmed {
     }
 }
 
-/// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit, since the
-/// check has already cast one frame. If a frame fails here, it will fail again when it is timed, and the failure is
-/// reported then.
+/// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit.
+/// The check has already cast one frame, so a short warm-up is enough. If a frame fails, the warm-up ends.
+/// The sample after the warm-up then fails too, and reports the failure.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,
@@ -362,9 +363,9 @@ mod tests {
         assert_eq!(sample(5), (1000.0, 3));
     }
 
-    /// Checks the first point of an experiment and casts a frame of it, in a worker of this machine's first device.
-    /// `lines` are the experiment's strategies or baselines. `change` changes the device's properties. `stands_for` is
-    /// the device whose name is in records.
+    /// Checks the first point of an experiment and casts a frame of this point, in a worker of this machine's
+    /// first device. `lines` are the experiment's strategies or baselines. `change` changes the device's
+    /// properties. `stands_for` is the device whose name is in records.
     fn served(
         lines: &str,
         change: impl Fn(&mut DeviceInfo),
@@ -395,8 +396,8 @@ mod tests {
     /// The lines of an experiment whose only point is cast by kernels.
     const NAIVE: &str = "strategies = ['naive']\nlocal_sizes = [4]";
 
-    /// Casts a frame of the first point of an experiment with these strategies, in a worker of a device of this kind
-    /// with this timer.
+    /// Casts a frame of the first point of an experiment, in a worker of a device with this kind and this
+    /// timer. `lines` are the experiment's strategies or baselines.
     fn sample_of(lines: &str, kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
         let change = |info: &mut DeviceInfo| {
             info.kind = kind;

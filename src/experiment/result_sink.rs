@@ -1,4 +1,5 @@
-//! Receives results and passes them on to the folder of results and to the observer.
+//! Receives a run's results and messages, stores the results in the folder of results, and passes messages on
+//! to the observer.
 
 use super::complete::Taken;
 use super::results::MeasuredOn;
@@ -18,8 +19,9 @@ pub trait ResultSink {
     fn waits(&mut self) {}
     /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
-    /// Stores a sample of a point, which has this record so far. If points are distributed over several devices of the
-    /// same model, `measured_by` is the UUID or the PCI address of the point's device, as far as it is known.
+    /// Stores a sample of a point; `record` is the point's record so far. If points are distributed over
+    /// several devices of the same model, `measured_by` is the UUID or the PCI address of the point's device;
+    /// `None` if both are unknown.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
     /// Stores the end of a launch whose points had enough samples.
@@ -35,15 +37,15 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;
-    /// Returns the end of a launch of an earlier session or attempt; `None` if it is not stored.
+    /// Returns the end of a launch of an earlier session or attempt; `None` if no end is stored.
     fn past_end(&self, launch: u32) -> Option<LaunchEnd>;
     /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
     /// several devices of the same model. Returns `None` if points were not distributed, so that each record names the
     /// device that measured it, or if the launch measured only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
-    /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
-    /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds,
-    /// `rounds.jsonl`.
+    /// Returns the core-to-core latency of near processors in nanoseconds; infinity if the latency is
+    /// unknown. Near processors run on cores at their usual distance. The latency is computed from all lines
+    /// of the folder's journal of rounds, `rounds.jsonl`.
     fn near_ns(&self) -> f64;
 }
 

@@ -32,7 +32,7 @@ pub struct Results {
     launch_ends: JsonLines<LaunchEnd>,
     rounds: JsonLines<RoundLoad>,
     anchors: JsonLines<AnchorSample>,
-    /// The journal of control points, if there are any.
+    /// The journal of control points; `None` until this session stores the first record of a control point.
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
@@ -54,22 +54,22 @@ pub struct MeasuredOn {
 }
 
 impl MeasuredOn {
-    /// Returns whether the launch may have been measured on `device`, as far as that is known. Equal names are not
-    /// enough: they only number the devices that a session sees, and other sessions may see other devices, or see them
-    /// in another order.
+    /// Returns true if the launch may have been measured on `device`: the names are equal, and the UUIDs or
+    /// PCI addresses are equal or unknown. Equal names alone are not enough. A name only numbers the devices
+    /// that a session sees, and other sessions may see other devices, or see them in another order.
     pub fn may_be(&self, device: &DeviceInfo) -> bool {
         let known = self.hardware.as_deref().zip(device.hardware.id());
         self.slug == device.slug() && known.is_none_or(|(one, other)| one == other)
     }
 }
 
-/// The results that existed before the current session: those of earlier sessions in the folder, or of earlier
-/// attempts.
+/// The results that existed before the current session: results of earlier sessions in the folder, or of
+/// earlier attempts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Past {
     /// The last record of each finished point, in the journal's order.
     pub records: Vec<Record>,
-    /// The samples of every point, by the point's key, in the order in which they were taken.
+    /// The samples of every point, by the point's key, in the order of measurement.
     pub samples: HashMap<String, Vec<Taken>>,
     /// The ends of launches whose points had enough samples, by the launches' numbers.
     pub ends: HashMap<u32, LaunchEnd>,
@@ -102,15 +102,15 @@ impl Results {
         Self::resume(folder, environment)
     }
 
-    /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
-    /// attempts ended. Points with a record in an earlier attempt count as finished, except points that
-    /// exceeded a limit of the device that may differ from session to session
+    /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where
+    /// earlier attempts ended. Points with a record in an earlier attempt count as finished, except points
+    /// that exceeded a limit of the device that may differ from session to session
     /// ([`Record::is_of_the_session`]). If `retry_failed` is true, a point is also unfinished if its record
     /// is not final ([`Record::is_final`]): a failure, or a lack of memory that may be temporary. If a launch
-    /// has samples of unfinished points, all its samples that count, its end, the anchor's times and the load
-    /// of its rounds are copied. Each copied sample names the attempt and launch that took it. Unless
-    /// `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual
-    /// latency do not count. The earlier folders are not changed.
+    /// has samples of unfinished points, the following data of this launch are copied: all samples that
+    /// count, the end, the anchor's times, and the load of the rounds. Each copied sample names the attempt
+    /// and launch that took the sample. Unless `keeps_moved_samples` is true, samples whose core-to-core
+    /// latency was far from their attempt's usual latency do not count. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -141,7 +141,7 @@ impl Results {
         let lock = Lock::take(folder)?;
         let [records, samples, launch_ends, rounds, anchors] =
             [RECORDS, SAMPLES, LAUNCHES, ROUNDS, ANCHORS].map(|name| folder.join(name));
-        // No other run writes to the folder while this one holds the lock.
+        // No other run writes to the folder while this run holds the lock.
         remove_leftovers(folder, Duration::ZERO);
         keep_environment(folder, |path| environment.write(path))?;
         let mut results = Self {
@@ -175,9 +175,9 @@ impl Results {
         &self.peak
     }
 
-    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain. Neither
-    /// stores nor keeps rates of the run's `devices` with another driver or in another state, since these rates are not
-    /// those of the run's points. Returns the rates that are left out.
+    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain.
+    /// Rates of the run's `devices` that were measured with another driver or in another state are left out,
+    /// since the run's points do not have these rates. Returns the rates that are left out.
     pub fn keep_peak(&mut self, peak: Vec<Peak>, devices: &[&DeviceInfo]) -> Result<Vec<Peak>> {
         let all = peak.into_iter().chain(self.peak.clone());
         let (left_out, usable): (Vec<Peak>, Vec<Peak>) = all.partition(|peak| peak.are_outdated(devices));
@@ -190,8 +190,8 @@ impl Results {
         Ok(left_out)
     }
 
-    /// Stores a record. Fails if the folder was removed or replaced, so that the run ends at once, and not only when it
-    /// has measured all points.
+    /// Stores a record. Fails if the folder was removed or replaced, so that the run ends at once, and not
+    /// only after it has measured all points.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.check_place()?;
         self.records.append(record)
@@ -256,7 +256,7 @@ impl Results {
     /// In the peak rates, replaces the devices' names by the names that the plan uses. A device's name depends on the
     /// machine's other devices, so an earlier session may have used another name.
     fn rename_peak(&mut self, plan: &CurrentPlan) -> Result<()> {
-        // If the folder's earlier plan cannot be read, it is treated as empty, since the new plan replaces it.
+        // An earlier plan that cannot be read is treated as empty, since the new plan replaces it.
         let earlier = CurrentPlan::read(&self.folder).ok().flatten().unwrap_or_default();
         let of_records = self.past.records.iter().map(|record| (record.key.as_str(), record.device.as_str()));
         let points = || earlier.devices().into_iter().chain(of_records.clone());
@@ -288,9 +288,10 @@ impl Results {
 }
 
 impl Past {
-    /// Reads the results that `--resume` continues; none if the folder has no records. Damaged lines are reported and
-    /// ignored; a point whose record is damaged is measured again. The folder's lock is not needed: a run that is
-    /// writing to the folder only appends to it.
+    /// Reads the results that `--resume` continues. Returns no results if the folder has no journal of
+    /// records. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
+    /// The caller need not hold the folder's lock, since a run that writes to the folder only appends to the
+    /// journals.
     pub fn in_folder(folder: &Path) -> Result<Self> {
         if !existing::exists(&folder.join(RECORDS))? {
             return Ok(Self::default());
@@ -300,8 +301,8 @@ impl Past {
         let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
         let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
         let ends = lines_of::<LaunchEnd>(folder, LAUNCHES)?;
-        // A launch's number is never used again, even if a journal was lost or damaged: records whose launches have the
-        // same numbers are compared as if they had been measured together.
+        // A launch's number is never used again, even if a journal was lost or damaged. Records whose
+        // launches have equal numbers would be compared as if they had been measured together.
         let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
         let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
         let of_ends = ends.iter().map(|end| end.launch);
@@ -363,13 +364,15 @@ fn keep_environment(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> R
         number += 1;
     }
     let kept = earlier(number);
-    // The old file gets a second name, and keeps its first name until the new file replaces it: if the disk is full, or
-    // if this process is killed now, the folder still has its environment. Some file systems have no second names.
+    // The old file gets a second name, and keeps its first name until the new file replaces it: if the disk
+    // is full, or if this process is killed now, the folder still has its environment. On a file system
+    // without second names, the old file is renamed.
     let linked = std::fs::hard_link(&path, &kept);
     linked.or_else(|_| std::fs::rename(&path, &kept)).map_err(|error| Error::unwritable(&kept, &error))?;
     write(&path).inspect_err(|_| {
-        // The session did not begin, so its predecessor is not an earlier one. If this fails, the file is listed twice.
-        // If the new file is in its place (only the folder could not be written to the disk), both files stay.
+        // The session did not begin, so the previous session is still the latest one, and its file gets back
+        // its only name. If this fails, the file keeps both names. If the new file is already at `path` (only
+        // the folder's list of files could not be written to the disk), both files stay.
         let is_old =
             || matches!((std::fs::read(&path), std::fs::read(&kept)), (Ok(now), Ok(old)) if now == old);
         let _ = match existing::exists(&path) {
@@ -437,7 +440,7 @@ mod tests {
         let [now, earlier] = ["environment.json", "environment-1.json"].map(|name| folder.path().join(name));
         let write = |text: &'static str| {
             keep_environment(folder.path(), |path| {
-                // The earlier file is there until the new one replaces it.
+                // The earlier file keeps its name until the new file replaces it.
                 assert_eq!(path.exists(), text != "first");
                 crate::record::write_whole(path, text.as_bytes())
             })
@@ -477,7 +480,7 @@ mod tests {
         assert_eq!(Past::in_folder(folder.path()).unwrap(), Past::default());
     }
 
-    /// Otherwise, the run would measure all points, and nobody would find the results.
+    /// If the run went on, it would measure all points, and nobody would find the results.
     #[cfg(unix)]
     #[test]
     fn a_run_whose_folder_is_removed_or_replaced_ends_at_the_next_launch_or_point() {
@@ -565,8 +568,8 @@ mod tests {
         let of = |key: &str, device: &str| Record { device: device.into(), ..record(key, Outcome::Measured) };
         let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
         first.keep_peak(peaks(&["gpu", "cpu", "other"]), &[]).unwrap();
-        // The first session finished a point of the CPU, and none of the GPU. The first session's plan names the
-        // devices of all points.
+        // The first session finished a point of the CPU, and no point of the GPU. The first session's plan
+        // names the devices of all points.
         first.record(&of("b", "cpu")).unwrap();
         first.plan(&CurrentPlan::of(&[of("a", "gpu"), of("b", "cpu")])).unwrap();
         assert_eq!(first.peak(), peaks(&["gpu", "cpu", "other"]));
@@ -601,7 +604,7 @@ mod tests {
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
         assert_eq!(results.past().ends, HashMap::from([(0, end(0))]));
         assert_eq!(lines_of::<LaunchEnd>(&second, LAUNCHES).unwrap(), [end(0)]);
-        // Latencies of the earlier attempt are not used, since it may have run on another machine.
+        // Latencies of the earlier attempt are not used, since that attempt may have run on another machine.
         let taken = &results.past().samples["a"][0];
         assert_eq!((results.near_ns(), taken.core_to_core_ns), (f64::INFINITY, None));
         let anchors = lines_of::<AnchorSample>(&second, ANCHORS).unwrap();

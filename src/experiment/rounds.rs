@@ -10,15 +10,15 @@ pub trait Rounds {
     /// Takes one sample of a point: casts a frame or a batch of frames. Returns `None` if the worker process was lost
     /// or the point failed. A failed point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns whether the sample counts. A sample does not count if the processors of a
-    /// virtual machine shared a core during the sample, or ran on cores that were further apart than during other
-    /// samples.
+    /// Is called after each sample. Returns true if the sample counts. A sample does not count if the
+    /// processors of a virtual machine shared a core during the sample, or ran on cores that were further
+    /// apart than during other samples.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
         Ok(())
     }
-    /// Returns whether the samples cannot be used because the worker process was lost.
+    /// Returns true if the launch's samples cannot be used because a worker process was lost.
     fn is_broken(&self) -> bool {
         false
     }
@@ -35,31 +35,32 @@ pub enum End {
     Broken,
 }
 
-/// The largest number of samples of a launch in which some samples do not count, as a multiple of the number that the
-/// launch would need if all samples counted. Such a launch ends at the latest after the round in which it reaches this
-/// number.
+/// The largest number of samples of a launch in which some samples do not count, as a multiple of the number
+/// that the launch would need if all samples counted. The launch ends at the latest after the round in which
+/// it reaches this number.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);
 
-/// The samples of all points. If a round took a sample of a point twice, only the second one is in the list. `None`
-/// stands for a point that failed.
+/// The samples of all points. If a round took a sample of a point twice, the list has only the second sample.
+/// `None` stands for a point that failed.
 type Samples = [Option<Vec<Timed>>];
 
-/// Returns a number that no other round of any launch has. The random order of the points in a round depends on this
-/// number, so each launch has its own orders. An order affects a point's time, for example through the frame that was
-/// cast before, and this effect therefore differs from launch to launch and widens the intervals.
+/// Returns a number that no other round of any launch has. The random order of the points in a round depends
+/// on this number, so each launch has its own orders. The order affects a point's time, for example through
+/// the frame that was cast before. Since each launch has its own orders, this effect differs from launch to
+/// launch and widens the intervals.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
 
-/// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
-/// number after which the launch would end if all samples counted. Samples that do not count are taken again in the
-/// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that
-/// count after the usual number of rounds, the launch continues until every point has enough. It ends earlier
-/// if it has taken [`MOST`] times as many samples as there are in the usual number of rounds. If no sample of
-/// a point counts, the launch ends after the usual number of rounds.
+/// Measures rounds of `points` points until each point has enough samples that count. The usual number of
+/// rounds is the number after which the launch would end if all samples counted. Samples that do not count
+/// are taken again in the same round, unless they are too many (see [`sample_round`]). If a point still has
+/// too few samples that count after the usual number of rounds, the launch continues until every point has
+/// enough of them. The launch ends earlier if it has taken [`MOST`] times as many samples as there are in the
+/// usual number of rounds. If no sample of a point counts, the launch ends after the usual number of rounds.
 pub fn measure(
     points: usize,
     rule: &StoppingRule,
@@ -99,11 +100,12 @@ pub fn measure(
     Ok(End::AllFailed)
 }
 
-/// Takes a sample of each point, in this order, and adds it to `samples`. A sample does not count if the host of a
-/// virtual machine had moved the machine's processors to other cores (see [`Rounds::sampled`]). Samples that do not
-/// count are taken again, once, at the end of the round. If more than half of the round's samples do not count, none is
-/// taken again: the host has probably not moved the processors back yet, so the new samples would not count either.
-/// Returns the time that each cast took, in milliseconds; `None` if the worker process was lost.
+/// Takes a sample of each point, in the order `order`, and adds the samples to `samples`. A sample does not
+/// count if the host of a virtual machine had moved the machine's processors to other cores (see
+/// [`Rounds::sampled`]). Samples that do not count are taken again, once, at the end of the round. If more
+/// than half of the round's samples do not count, no sample is taken again. The host has probably not moved
+/// the processors back yet, so new samples would not count either. Returns the time that each cast took, in
+/// milliseconds; `None` if the worker process was lost.
 fn sample_round(
     round: u32,
     order: Vec<usize>,
@@ -130,8 +132,9 @@ fn sample_round(
     Ok(Some(elapsed_ms))
 }
 
-/// Takes a sample of a point, and adds its time to `elapsed_ms`. Returns whether the sample counts (true if the point
-/// has failed); `None` if the worker process was lost.
+/// Takes a sample of a point, and adds its time to `elapsed_ms`. Returns `Some(true)` if the sample counts or
+/// the point has failed, `Some(false)` if the sample does not count, and `None` if the worker process was
+/// lost.
 fn sample(
     point: usize,
     round: u32,
@@ -148,7 +151,7 @@ fn sample(
         return Ok(Some(true));
     };
     let counts = rounds.sampled(point, round, &times)?;
-    // The anchor may be run after a sample, and the worker process may be lost while it runs the anchor.
+    // The anchor may run after a sample, and the worker process may be lost while it runs the anchor.
     if rounds.is_broken() {
         return Ok(None);
     }
@@ -157,7 +160,7 @@ fn sample(
     Ok(Some(counts))
 }
 
-/// Returns the times of those samples of each point for which `is_meant` is true.
+/// Returns, for each point, the times of the samples for which `is_meant` is true.
 fn times_ms(points: &[&Vec<Timed>], is_meant: fn(&Timed) -> bool) -> Vec<Vec<f64>> {
     let of = |samples: &&Vec<Timed>| samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect();
     points.iter().map(of).collect()
@@ -255,18 +258,18 @@ mod tests {
     fn a_sample_that_does_not_count_is_taken_again_at_the_end_of_its_round() -> Result<()> {
         let mut fake = Fake { lost: vec![3], ..Fake::default() };
         assert_eq!(measure(2, &RULE, 0, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
-        // The second round begins with the third cast, whose sample does not count. The fifth cast repeats it at the
-        // end of the round.
+        // The second round begins with the third cast, whose sample does not count. The fifth cast, at the
+        // end of the round, repeats this sample.
         assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
-        // The repeated sample replaces the one that does not count.
+        // The repeated sample replaces the sample that does not count.
         let mut samples = [Some(Vec::new()), Some(Vec::new())];
         let mut fake = Fake { lost: vec![1], ..Fake::default() };
         let casts = sample_round(0, vec![0, 1], &mut samples, &mut fake)?;
         assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
         let counting = samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
         assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
-        // Two of the second round's three samples do not count. That is more than half of them, so neither is taken
-        // again. The launch therefore needs an eighth round.
+        // Two of the second round's three samples do not count. That is more than half of the samples, so no
+        // sample is taken again. The launch therefore needs an eighth round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
         measure(3, &RULE, 0, 1, &mut fake)?;
         assert_eq!(fake.order.len(), 3 * 8);

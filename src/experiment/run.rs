@@ -38,10 +38,11 @@ pub struct Run<'a> {
     /// True if the points are distributed over several devices of the same model. Otherwise, each device
     /// measures all points.
     pub spread: bool,
-    /// The blocks to measure, if the plan is cut into blocks: those of a shard, or all blocks for `--spread`.
+    /// The blocks to measure, if the plan is cut into blocks: the blocks of a shard or, with `--spread`, all
+    /// blocks.
     pub blocks: Option<&'a [Block]>,
-    /// Builds programs before their points are checked; with `None`, each program is built during
-    /// its point's check.
+    /// Builds programs before their points are checked. If `None`, the check of a point builds the point's
+    /// program.
     pub ahead: Option<&'a Ahead>,
     /// True if all samples count. If false, groups that are measured on CPUs leave out samples whose
     /// core-to-core latency was far from the run's usual latency, because the host of a virtual machine had
@@ -54,7 +55,8 @@ pub struct Run<'a> {
 /// virtual machine had moved the machine's processors to other cores.
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
-/// Returns whether the user wants all samples to count, whatever their core-to-core latency.
+/// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
+/// whatever their core-to-core latency.
 pub fn keeps_moved_samples() -> bool {
     std::env::var_os(MOVED_SAMPLES).is_some_and(|value| value == "keep")
 }
@@ -95,13 +97,13 @@ impl Run<'_> {
         self.experiment.scenes.iter().map(|choice| choice.load(first_size)).collect()
     }
 
-    /// Returns the jobs of the run's workers: one per device, or a single one for the host if there are no devices.
-    /// If the run compares two folders of kernels, the jobs for the other folder follow.
+    /// Returns the jobs of the run's workers: one job per device, or a single job for the host if there are
+    /// no devices. If the run compares two folders of kernels, the jobs for the other folder follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Returns the run's kernels. If they are compared with other kernels, the other kernels follow.
+    /// Returns the run's kernels and then, if the run compares two folders of kernels, the other kernels.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }
@@ -180,7 +182,7 @@ mod tests {
         };
         let jobs = |run: &Run<'_>| run.jobs(Path::new("out"), fault);
         assert_eq!(jobs(&run), [expected(&one), expected(&two)]);
-        // All points are named after the first device, although each device measures some of them.
+        // All records name the first device, although each device measures some of the points.
         let spread = Run { spread: true, ..run };
         let of_first = |device| Job { device_count: 1, stands_for: Some(one.clone()), ..expected(device) };
         assert_eq!(jobs(&spread), [of_first(&one), of_first(&two)]);

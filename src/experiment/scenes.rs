@@ -6,10 +6,10 @@ use crate::config::{Experiment, SceneChoice};
 use crate::error::Result;
 use crate::record::{Record, tell_scenes_apart};
 
-/// Loads the scenes of an experiment, one at a time. Of several scenes with the same content, keeps only the first one,
-/// which gets a note for each scene that is left out. Gives the scenes the names that they have in results. Points of
-/// scenes with the same content would have the same keys, so the plan would count a measurement several times although
-/// it is made only once.
+/// Loads the scenes of an experiment, one at a time. If several scenes have the same content, keeps only the
+/// first scene, and adds a note to this scene for each scene that is left out. Gives the scenes the names
+/// that they have in results. If scenes with the same content were kept, their points would have the same
+/// keys, and the plan would count one measurement several times.
 ///
 /// # Errors
 ///
@@ -75,8 +75,9 @@ mod tests {
     use std::path::Path;
     use tempfile::TempDir;
 
-    /// Returns an experiment with these scenes, and its folder. The folder has three files `tri.toml`, in `a`, `b` and
-    /// `c`, of which the last one has another content, and a file that states the name `named`.
+    /// Returns an experiment with these scenes, and its folder. The folder has the files `tri.toml` in `a`,
+    /// `b` and `c`, and a file that states the name `named`. The file in `c` has other contents than the
+    /// files in `a` and `b`.
     fn experiment(scenes: &str) -> (Experiment, TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let object = "[[object]]\nvertices = [[0, 0, -3], [1, 0, -3], [0, 1, -3]]\nfaces = [[0, 1, 2]]\n";

@@ -51,7 +51,7 @@ pub fn measure_spread(
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         });
-        // Waits for all devices, even if one failed.
+        // Waits for all devices, even if a device failed.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
     })
 }
@@ -60,7 +60,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A sink (a receiver of results) that the threads of several devices use. It stores all results in one folder.
+/// A sink (a receiver of results) that the threads of several devices use. The sink stores all results in one
+/// folder.
 struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut FolderSink<'k>>);
 
 impl ResultSink for Shared<'_, '_, '_> {

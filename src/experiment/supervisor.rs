@@ -11,10 +11,10 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The interval at which a waiting run checks whether the user has interrupted it.
+/// The interval at which a waiting run checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Number of workers that may die while they serve requests about a point, before raycl gives up on the point and
-/// records it as crashed. The first worker may have died from an outside cause.
+/// After this many workers have died while they served requests about a point, raycl records the point as
+/// crashed. One dead worker is not enough, since it may have died from an outside cause.
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
@@ -27,8 +27,8 @@ pub trait Spawner {
     /// Starts a worker for the job with this number. A job is the task of the workers of one device, with one folder of
     /// kernels. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>>;
-    /// Lets the worker that `spawn` starts next compile its programs again, and remove the stored ones, since a stored
-    /// program may have crashed the driver of a worker that died.
+    /// Lets the worker that `spawn` starts next compile its programs again and remove the stored programs. A
+    /// stored program may have crashed the driver of a worker that died.
     fn compile_afresh(&mut self) {}
 }
 
@@ -38,7 +38,8 @@ pub trait Worker {
     fn send(&mut self, request: &Request);
     /// Waits for the reply.
     fn wait(&mut self, limit: Duration) -> Wait;
-    /// Tells the worker to end, since no request will follow, so that several workers can end at the same time.
+    /// Tells the worker that no request will follow, so that it ends. The call does not wait for the end, so
+    /// several workers can end at the same time.
     fn dismiss(&mut self) {}
 }
 
@@ -62,9 +63,9 @@ pub struct Death {
     pub last_words: String,
 }
 
-/// Adds up how long raycl has waited for a worker's reply. A single wait is meant to end after at most
-/// `LOOK_UP` (or `limit`, if that is shorter). If it takes more than twice `LOOK_UP`, raycl and its workers
-/// were stopped meanwhile (by Ctrl-Z, or by a scheduler that suspends jobs), so only twice `LOOK_UP` is
+/// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
+/// `limit`, if `limit` is shorter). If a wait takes more than twice `LOOK_UP`, raycl and its workers were
+/// stopped during the wait (by Ctrl-Z, or by a scheduler that suspends jobs), so only twice `LOOK_UP` is
 /// added.
 pub struct Quiet {
     limit: Duration,
@@ -85,8 +86,8 @@ impl Quiet {
         reply
     }
 
-    /// Returns whether the sum of all waits has reached the limit. The sum also includes waits that ended with a reply,
-    /// so callers ask only after [`Wait::Silence`].
+    /// Returns true if the sum of all waits has reached the limit. The sum also includes waits that ended
+    /// with a reply, so callers ask only after [`Wait::Silence`].
     pub fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }
@@ -126,8 +127,8 @@ struct Post {
     ready: HashSet<usize>,
 }
 
-/// The result of a check, in which a worker casts a point once and compares its picture with the reference: the point's
-/// record, and whether the point can be cast. If it cannot be cast, the record says why.
+/// The result of a check, in which a worker casts a point once and compares its picture with the reference:
+/// the point's record, and whether the point can be cast. If the point cannot be cast, the record says why.
 pub type Checked = (Box<Record>, bool);
 
 /// Sends requests to workers, and replaces workers that are lost.
@@ -138,11 +139,12 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// The running workers, by the numbers of their jobs and scenes.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started early, and have not yet reported that they are ready.
+    /// Workers that were started early, and have not yet replied [`Reply::Started`].
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// The number of the current launch.
     launch: u32,
-    /// For each job and point: the number of workers of the job that died while they served a request about the point.
+    /// For each job and point: how many of the job's workers died while they served a request about the
+    /// point.
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
@@ -222,7 +224,8 @@ impl<'a> Supervisor<'a> {
         self.losses
     }
 
-    /// Casts a point once and compares its image with the reference.
+    /// Casts a point once and compares its image with the reference. Returns the point's record or, as the
+    /// inner error, the point's failure if its worker was lost.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };
@@ -246,9 +249,9 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Takes one sample of a point. If the point has not passed a check in its current worker, it is checked first.
-    /// Returns `None` if the worker was lost and the point may be tried again. Another try needs a new launch, since
-    /// all samples of a launch come from the same workers.
+    /// Takes one sample of a point. A point that has not passed a check in its current worker is checked
+    /// first. Returns `None` if the worker was lost and the point may be tried again. The point may only be
+    /// tried again in a new launch, since all samples of a launch come from the same workers.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {
@@ -289,9 +292,9 @@ impl<'a> Supervisor<'a> {
         Ok(Some(Err(error)))
     }
 
-    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is dropped. A
-    /// worker is also dropped if it reports that its device refused or failed to run a kernel. The context of a GPU may
-    /// be unusable after a fault, and every later point of this worker would then fail too.
+    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
+    /// dropped. A worker that reports that its device refused or failed to run a kernel is dropped too. The
+    /// context of a GPU may be unusable after a fault, and every later point of this worker would then fail.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
@@ -337,7 +340,7 @@ impl<'a> Supervisor<'a> {
         self.spawner.spawn(post.0)
     }
 
-    /// Waits until a worker has opened its device.
+    /// Waits until a worker has opened its device. Returns the inner error if the worker died or hung.
     fn opens(&self, worker: &mut dyn Worker) -> Result<std::result::Result<(), Loss>> {
         match self.wait(worker, false)? {
             Ok(Reply::Started) => Ok(Ok(())),
@@ -351,8 +354,8 @@ impl<'a> Supervisor<'a> {
         loop {
             match quiet.wait(worker) {
                 Wait::Reply(reply) => return Ok(Ok(reply)),
-                // Whatever interrupted the run may have ended the worker too, so its death does not count as a failure
-                // of the point.
+                // The cause of the interruption may have ended the worker too, so the worker's death does not
+                // count as a failure of the point.
                 Wait::Dead(death) => {
                     self.stop_if_interrupted()?;
                     return Ok(Err(Loss::Died(death)));
@@ -371,7 +374,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Returns the failure of a point whose worker was lost; `None` if the point is to be tried again.
+    /// Returns the failure of a point whose worker was lost; `None` if the point should be tried again.
     fn refusal(&mut self, task: Task<'_>, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let end = loss.describe();
@@ -393,7 +396,7 @@ impl<'a> Supervisor<'a> {
     }
 }
 
-/// Returns whether a device refused or failed to run a point's kernel.
+/// Returns true if a reply says that a device refused or failed to run a point's kernel.
 fn is_failed_launch(reply: &Reply) -> bool {
     match reply {
         Reply::Checked { record, ready: false } => record.outcome == Outcome::LaunchFailed,

@@ -1,5 +1,5 @@
-//! The pictures that a run saves for each image: the image, the reference, its certain pixels, the
-//! differences, and the cost of each pixel.
+//! The pictures that a run saves for each image: the image, the reference, the reference's certain pixels,
+//! the differences from the reference, and the cost of each pixel.
 
 use super::Pictures;
 use crate::error::Result;
@@ -13,8 +13,8 @@ use std::cell::LazyCell;
 
 /// The colour of uncertain pixels, which stands out from any grey, also for colour-blind readers.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Images with more pixels get no pictures of costs. Such pictures would take minutes on the host, and would show no
-/// more than those of a smaller image.
+/// Images with more pixels get no pictures of costs. Pictures of costs of a larger image would take minutes
+/// on the host, and would show no more than pictures of costs of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves the pictures of an image. Identical images share their files. Adds the names of the pictures to the image's
@@ -57,8 +57,9 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
 }
 
 /// Saves pictures of the cost of each pixel's rays. One picture shows the number of triangles against which
-/// these rays are tested: all triangles, or those that a tree finds. With a tree, a second picture shows the
-/// number of nodes that the rays visit. A rasteriser casts no primary rays, so it gets no pictures of costs.
+/// these rays are tested: all triangles, or the triangles in the leaves that the rays reach. With a tree, a
+/// second picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays, so it
+/// gets no pictures of costs.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,
@@ -82,9 +83,9 @@ fn keep_costs(
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Costs are counted once for both pictures, and not at all if both pictures exist. `in_tree` fails only if the
-        // scene has more triangles than a tree can index. For such a scene, raycl refuses every strategy with a tree,
-        // so `in_tree` does not fail here.
+        // Costs are counted once for both pictures, and not at all if both pictures exist. `in_tree` fails
+        // only if the scene has more triangles than a tree can index. raycl refuses strategies with a tree
+        // for a scene of this size, so `in_tree` does not fail here.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{prefix}-tests-tree{sides}"), tests)?);

@@ -69,8 +69,9 @@ fn answer(
     Ok(())
 }
 
-/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a launcher that
-/// ends a whole process group. The run decides when its workers end: it closes their standard input.
+/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a
+/// launcher that ends a whole process group. The run decides when its workers end, and ends them by closing
+/// their standard input.
 fn ignore_interrupts() -> Result<()> {
     for (signal, name) in [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM")] {
         signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)))
@@ -79,8 +80,8 @@ fn ignore_interrupts() -> Result<()> {
     Ok(())
 }
 
-/// Reads standard input line by line. The end of standard input means that the run has ended. The process then ends at
-/// once, since a worker that hangs in a driver would otherwise never end.
+/// Reads standard input line by line. The end of standard input means that the run has ended. The process
+/// then ends at once. Otherwise, a worker that hangs in a driver would never end.
 fn input_lines() -> Result<Receiver<String>> {
     let (sender, lines) = channel();
     let read = move || {
@@ -95,7 +96,8 @@ fn input_lines() -> Result<Receiver<String>> {
     Ok(lines)
 }
 
-/// Opens the device with this identity, unless it is another device than the one with which the run began.
+/// Opens the device with which the run began: the device with this identity, whose UUID and PCI address do
+/// not contradict `hardware`. Returns an error if this device is not listed any more.
 fn find(identity: &str, hardware: &Hardware, sources: &Sources) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| Ok(index_of(identity, hardware, infos));
     pick_one(&Cache::of_user(), sources, LaneTest::Now, choose)?.ok_or_else(|| gone(identity))
@@ -116,8 +118,8 @@ fn index_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option
     infos.iter().position(fits)
 }
 
-/// Returns whether two devices may be the same one: neither their UUIDs nor their PCI addresses differ. A UUID or a PCI
-/// address that is unknown does not count as different.
+/// Returns true if two descriptions may belong to the same device: neither the UUIDs nor the PCI addresses
+/// differ. A UUID or a PCI address that is unknown does not count as different.
 fn may_be(one: &Hardware, other: &Hardware) -> bool {
     let agree =
         |one: &Option<String>, other: &Option<String>| one.is_none() || other.is_none() || one == other;
@@ -134,9 +136,10 @@ fn reply(reply: &Reply) -> Result<()> {
     send(reply, &mut std::io::stdout().lock())
 }
 
-/// Replies to the present request that the device fails, since the crate `ocl` has panicked and this process ends.
+/// Replies to the current request that the device failed. The crate `ocl` has panicked, and this process will
+/// end.
 fn refuse(reason: &str) {
-    // If nobody reads the reply, nobody needs it.
+    // An error is ignored: if nobody reads the reply, nobody needs the reply.
     let _ = reply(&Reply::Refused(PointFailure::new(Outcome::LaunchFailed, reason)));
 }
 
@@ -188,7 +191,7 @@ mod tests {
             |wanted: &DeviceInfo, infos: &[DeviceInfo]| index_of(&wanted.identity(), &wanted.hardware, infos);
         let both = [device(0, Some("a"), Some("1")), device(1, Some("b"), Some("2"))];
         assert_eq!([index(&both[0], &both), index(&both[1], &both)], [Some(0), Some(1)]);
-        // The second device is now the only one, so it has the first one's identity.
+        // The second device is now the only device, so it has the identity that the first device had.
         for left in [device(0, Some("b"), None), device(0, None, Some("2"))] {
             assert_eq!(index(&both[0], &[left]), None);
         }

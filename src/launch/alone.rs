@@ -8,16 +8,17 @@ use crate::program::Sources;
 use ocl::builders::KernelBuilder;
 use ocl::{Buffer, Kernel, OclPrm, Program};
 
-/// A program on the first device.
+/// A program that was built for the first device that raycl finds.
 pub struct Alone {
-    /// The device.
+    /// The queue of the device that runs the program.
     pub queue: Queue,
     program: Program,
 }
 
 impl Alone {
-    /// Builds a program from three parts: `before` defines macros that the kernel files need, `files` names these
-    /// kernel files, and `after` has kernels that call the functions of these files.
+    /// Builds a program for the first device. `before` defines macros that the kernel files need, `files`
+    /// names the kernel files, and `after` has kernels that call functions of the kernel files. `options` are
+    /// the compiler's options.
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let queue = Queue::open(&device).unwrap();
@@ -35,7 +36,8 @@ impl Alone {
         builder
     }
 
-    /// Runs a kernel and returns the `len` results that it writes to its buffer.
+    /// Runs the kernel that `kernel` makes, and returns the `len` results that the kernel writes. `kernel`
+    /// gets the buffer for these results.
     pub fn results<T: OclPrm>(
         &self,
         len: usize,

@@ -52,7 +52,7 @@ argument_from! {
 }
 
 impl<'a> Argument<'a> {
-    /// Returns whether the value can be bound to a parameter of this OpenCL C type.
+    /// Returns true if the value can be bound to a parameter of the OpenCL C type `of_type`.
     fn fits(&self, of_type: &str) -> bool {
         const QUALIFIERS: [&str; 5] = ["const", "volatile", "restrict", "__global", "SOURCE_SPACE"];
         let mut words = of_type.split([' ', '*']).filter(|word| !word.is_empty());
@@ -60,11 +60,12 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // Two counters are buffers of `i32` here and of `uint` in kernels. One counts the used values of the heap,
-            // the buffer from which kernels allocate working vectors. The other counts the entries of the queue of
-            // leftover shadow rays.
+            // Two counters are buffers of `i32` in Rust, and buffers of `uint` in kernels. One counts the
+            // used values of the heap, the buffer from which kernels allocate working vectors. The other
+            // counts the entries of the queue of leftover shadow rays.
             Self::Ints(_) => (true, &["int", "uint"]),
-            // A tree's nodes contain both floats and integers.
+            // A tree's nodes contain floats and integers, so a kernel may read the buffer of `u32` as
+            // `float`.
             Self::Words(_) => (true, &["uint", "float", "Index"]),
             Self::Shorts(_) => (true, &["Index"]),
             Self::Pairs(_) => (true, &["uint2"]),
@@ -79,8 +80,8 @@ impl<'a> Argument<'a> {
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    /// Binds the value to the kernel's next parameter. Parameters that depend on the camera, the sample or the
-    /// background can be bound to other values later, by their names.
+    /// Binds the value to the kernel's next parameter. Values of the types that [`Arguments::rebind`]
+    /// supports are bound by `name`, so that these values can be replaced later.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -123,7 +124,7 @@ impl<'a> Arguments<'a> {
         self
     }
 
-    /// Adds an argument, if there is a value.
+    /// Adds the argument `name` if `value` is not `None`.
     #[must_use]
     pub fn with_any(self, name: &'static str, value: Option<impl Into<Argument<'a>>>) -> Self {
         match value {
@@ -132,8 +133,8 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// Binds the arguments of a strategy's kernel, in the order in which the manifest (the table of kernels) lists the
-    /// kernel's parameters.
+    /// Binds the arguments of a strategy's kernel, in the order in which the manifest (the table of kernels)
+    /// lists the kernel's parameters. Returns [`LaunchError::Argument`] if no argument fits a parameter.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,
@@ -162,8 +163,8 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds these arguments to those parameters of the kernel that may change between frames. Other arguments are
-    /// ignored.
+    /// Replaces the values of a kernel's parameters. The kernel's parameter and the argument must have the
+    /// same name, and `bind` must have bound the parameter by this name. All other arguments are ignored.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {

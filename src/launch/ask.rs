@@ -8,7 +8,7 @@ use crate::program::{BuiltProgram, ProgramCache, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The answer for an undefined macro.
+/// The answer for a name that the compiler does not define.
 const ABSENT: i64 = i64::MIN;
 
 /// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a macro that the compiler

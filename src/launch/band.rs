@@ -19,8 +19,8 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Returns the time of each part in milliseconds. The times add up to `whole_ms`. If the costs are unknown, the
-    /// whole frame is the only part.
+    /// Returns the time of each part in milliseconds. The times add up to `whole_ms`. If the sum of the costs
+    /// is not a positive finite number, the whole frame is the only part.
     fn parts_ms(&self) -> Vec<f64> {
         let sum: f64 = self.parts.iter().sum();
         if !(sum > 0.0 && sum.is_finite()) {
@@ -29,8 +29,9 @@ impl Cost {
         self.parts.iter().map(|part| part / sum * self.whole_ms).collect()
     }
 
-    /// Returns the position in the frame (0 is the top, 1 the bottom) that a device reaches in `ms` if it begins at
-    /// `from`.
+    /// Returns the position in the frame (0 is the top, 1 the bottom) that a device reaches in `ms`
+    /// milliseconds if it begins at the position `from`. `parts_ms` are the device's times for parts of equal
+    /// height.
     fn reach(parts_ms: &[f64], from: f64, mut ms: f64) -> f64 {
         let count = parts_ms.len() as f64;
         let mut at = from * count;
@@ -60,8 +61,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // The fastest device alone casts the whole frame in the time `enough`, so all devices together can always cast the
-    // frame in this time.
+    // The fastest device alone casts the whole frame in `enough` milliseconds, so all devices together need
+    // no longer.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;
@@ -75,8 +76,10 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     (ends, enough)
 }
 
-/// Returns the pixel rows of each device's part: the first row, and the row after the last. A part begins with a
-/// whole row of its device's work-groups, whose height in pixels is in `group_heights`. A part may be empty.
+/// Returns the rows of pixels of each device's part: the first row, and the row after the last. `ends` are
+/// the ends of the parts, as [`balance`] returns them. `height` is the frame's height in pixels, and
+/// `group_heights` are the heights in pixels of the devices' work-groups. A part that is not empty begins
+/// with a whole row of its device's work-groups.
 pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
     let mut starts = vec![0_u32];
     for (end, group) in ends.iter().zip(&group_heights[1..]) {
@@ -110,13 +113,15 @@ mod tests {
 
     #[test]
     fn costly_rows_and_slow_devices_make_smaller_parts() {
-        // The lower half of the frame costs three times as much as the upper half: of 8 units of cost, the upper half
-        // takes 2 and the lower half 6.
+        // The lower half of the frame costs three times as much as the upper half. If the frame costs 8
+        // units, each device gets 4 units: the first device casts the upper half (2 units) and a third of the
+        // lower half (2 of 6 units).
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has its own costs. The second device spends all of its time on the lower half. Both devices take
-        // equally long if the first casts the upper two thirds and the second the lowest third.
+        // Each device has its own costs. The second device needs time only for the lower half. The two
+        // devices take equally long if the first device casts the upper two thirds and the second device
+        // casts the lowest third.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }
@@ -125,7 +130,8 @@ mod tests {
     fn a_part_begins_where_its_devices_work_groups_do() {
         let ends = balance(&vec![cost(1.0, &[]); 3]).0;
         assert_eq!(rows(&ends, 100, &[8, 16, 1]), [[0, 32], [32, 67], [67, 100]]);
-        // A device gets no part if one of its work-groups has more rows of pixels than its part would have.
+        // The device whose work-groups are 64 pixels high gets no part, because its part would have only 3 or
+        // 4 rows.
         assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
         assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
     }

@@ -1,6 +1,6 @@
-//! Makes buffers, and transfers data to and from them. OpenCL does not allow empty buffers, so every buffer has at
-//! least one value. If the device shares the host's memory, rows of a buffer are written and read in place; otherwise
-//! large transfers use pinned memory.
+//! Makes buffers, transfers data to buffers, and reads buffers. OpenCL does not allow empty buffers, so every
+//! buffer has at least one value. If the device shares the host's memory, rows of a buffer are written and
+//! read in place; otherwise large transfers use pinned memory.
 
 use super::Queue;
 use crate::device::noted;
@@ -8,7 +8,7 @@ use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of bytes that a thread copies at a time.
+/// Number of bytes that a thread of [`copy`] copies at a time.
 const COPIED_TOGETHER: usize = 1 << 18;
 
 /// Makes a read-only buffer that contains `values`.
@@ -27,9 +27,10 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .map_err(noted)
 }
 
-/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into the
-/// buffer if the device shares the host's memory, otherwise into memory from which they are transferred. Writing
-/// directly into the buffer avoids a copy, which would take longer than computing the values.
+/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` gets a range of rows, and the
+/// memory into which it writes the values of these rows. If the device shares the host's memory, this memory
+/// is the buffer itself: a copy would take longer than computing the values. Otherwise, the values are
+/// transferred from this memory to the buffer.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],
@@ -55,9 +56,10 @@ pub fn upload_rows<T: OclPrm>(
     Ok(buffer)
 }
 
-/// Passes some of a buffer's rows to `take`. Each row has `row` values. If the device shares the host's memory, `take`
-/// is called once and reads the rows in place. Otherwise, `take` gets copies of the rows. A large transfer is divided
-/// into pieces: `take` processes one piece while the next piece is being transferred.
+/// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If the device shares the host's
+/// memory, `take` is called once and reads the rows in place. Otherwise, `take` gets copies of the rows. A
+/// large transfer is divided into pieces: `take` processes one piece while the next piece is being
+/// transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
@@ -92,8 +94,8 @@ pub fn copy<T: OclPrm>(from: &[T], to: &mut [T]) {
 }
 
 fn map<T: OclPrm>(buffer: &Buffer<T>, flags: MapFlags) -> ocl::Result<MemMap<T>> {
-    // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped. The
-    // buffer is unmapped before anything else is enqueued.
+    // SAFETY: the queue is in order, and the call waits for earlier commands, so no command writes the buffer
+    // while the buffer is mapped. The buffer is unmapped before anything else is enqueued.
     unsafe { buffer.map().flags(flags).enq() }.map_err(noted)
 }
 

@@ -36,26 +36,28 @@ pub struct Caster {
     samples: Option<Samples>,
     /// The half pictures, if soft light is cast at half resolution.
     half_light: Option<Box<HalfLight>>,
-    /// The finest division of pixels in a frame: 2^`most_bits` sub-pixels across and down, each with one sample.
+    /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with
+    /// one sample.
     most_bits: u32,
     /// Number of rays in a tile, across and down; `None` if every frame casts all tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
-    /// True if the background is transparent; images then contain the coverage (alpha) of each pixel.
+    /// True if the background is transparent: images contain the coverage (alpha) of each pixel.
     transparent: bool,
     /// True if the program contains a kernel file that the user added or changed.
     has_own_file: bool,
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
-    /// The tree, whose buffers the kernels use. Some of these buffers may be lists in the memory of the mesh. While
-    /// this reference exists, neither the buffers nor the mesh are freed.
+    /// The tree, whose buffers the kernels use. Some of these buffers may be lists in the memory of the mesh.
+    /// This reference keeps the buffers and the mesh from being freed.
     _tree: Option<Arc<DeviceTree>>,
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows of
-    /// work-groups that one of several devices casts). Even for a band, buffers have the size of the whole frame, and
-    /// all triangles are prepared and rasterised, as for a whole frame.
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of the frame (the rows
+    /// of work-groups that one of several devices casts). Even for a band, buffers have the size of the whole
+    /// frame, and all triangles are prepared and rasterised. While the caster exists, it keeps `bytes`, the
+    /// count of its buffers' bytes.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -124,8 +126,8 @@ impl Caster {
         })
     }
 
-    /// Returns the device time for preparing the records of triangles, if the strategy uses them.
-    /// The preparation is done once and is not part of a frame's time.
+    /// Returns the device time in milliseconds for preparing the records of triangles; `None` if the strategy
+    /// has no records. The preparation is done once and is not part of a frame's time.
     pub fn records_ms(&self) -> Option<f64> {
         self.records_ms
     }
@@ -135,19 +137,19 @@ impl Caster {
         self.size
     }
 
-    /// Casts the frame once and waits for it.
+    /// Casts the frame once, waits until the frame is complete, and returns its times.
     pub fn cast(&self) -> Result<FrameTimes, LaunchError> {
         self.cast_batch(1)
     }
 
-    /// Casts the frame `frames` times, waits for the last one, and returns the mean times of a
+    /// Casts the frame `frames` times, waits until the last one is complete, and returns the mean times per
     /// frame.
     pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
         self.cast_extent(frames, Extent::default())
     }
 
-    /// Casts a frame `frames` times, with the rays of `extent`, waits for the last one, and returns
-    /// the mean times of a frame.
+    /// Casts the frame `frames` times, and waits until the last one is complete. `extent` says how many rays
+    /// each pixel has and how many tiles are cast. Returns the mean times per frame.
     fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -179,8 +181,10 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy supports
-    /// several samples per frame. The image becomes the mean of the samples. Returns the total times of all frames.
+    /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy
+    /// supports several samples per frame. The image becomes the mean of the samples. If `sampling` asks for
+    /// soft light at half resolution, the half pictures are cast, too, and applied to the image. Returns the
+    /// total times of all frames.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -205,13 +209,13 @@ impl Caster {
         Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
     }
 
-    /// Returns the half pictures if a sampling uses them; otherwise `None`.
+    /// Returns the half pictures; `None` if the caster has none or `sampling` does not use them.
     fn half_light(&self, sampling: &Sampling) -> Option<&HalfLight> {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts both rounds of samples (the first samples of every pixel, then the later samples of rough blocks),
-    /// without soft light at half resolution.
+    /// Casts two rounds of samples: the first samples of every pixel, then the later samples of rough blocks.
+    /// Does not cast soft light at half resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
@@ -251,7 +255,7 @@ impl Caster {
         Ok(read.transpose()?)
     }
 
-    /// Casts one frame with one sample of every pixel that needs more samples, and adds these samples to the mean
+    /// Casts one frame with one sample of every pixel that needs more samples. Adds these samples to the mean
     /// in the image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
         self.cast_together(camera, slice::from_ref(sample), None)
@@ -293,24 +297,24 @@ impl Caster {
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    // The bytes for the working vectors of half pictures are left out here, because half pictures have buffers of their
-    // own.
+    // This workload leaves out the working vectors of half pictures, because half pictures have buffers of
+    // their own.
     let own = Workload { half_light: false, ..*workload };
     let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {
         WorkingMemory::Private | WorkingMemory::Local => Working::None,
         WorkingMemory::Scratch => Working::Scratch(allocate(queue, bytes / 4)?),
         WorkingMemory::Heap => {
-            // `Requirements::check` refuses a heap of more values than a `u32` counts.
+            // `Requirements::check` refuses a heap with more values than a `u32` can count.
             let size = (bytes / 4 / strategy.width.rays()) as u32;
             Working::Heap { pool: allocate(queue, bytes / 4)?, top: allocate(queue, 1)?, size }
         }
     })
 }
 
-/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye and for all lights. If the
-/// strategy casts shadow rays to a few lights at a time, each triangle has planes only for the eye and for these few
-/// lights.
+/// Allocates memory for the planes of every triangle: planes through the eye and through each light. If the
+/// strategy casts shadow rays to a few lights at a time, each triangle has planes only for the eye and for
+/// these few lights. Returns `None` if the strategy's ray-triangle test uses no planes.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

@@ -34,8 +34,8 @@ pub enum LaunchError {
         /// The parameter, with its type.
         parameter: String,
     },
-    /// The program lacks a kernel for one of a frame's tasks, such as shading (a role): a bug in raycl. A program
-    /// contains only the kernels that its frames need.
+    /// The program has no kernel for a role (one of a frame's tasks, such as shading): a bug in raycl. A
+    /// program contains only the kernels that its frames need.
     #[error("a bug in raycl: this program of the kernel family {family} has no kernel for {role}")]
     Kernel {
         /// The family's name.
@@ -43,8 +43,8 @@ pub enum LaunchError {
         /// The kernel's role.
         role: String,
     },
-    /// A program with kernel files of the user lacks a kernel that raycl starts, or this kernel has other parameters
-    /// than raycl's kernel: a mistake of the user.
+    /// A mistake in kernel files that the user changed or added: the program lacks a kernel that raycl
+    /// starts, or the kernel has other parameters than raycl's own kernel.
     #[error("{0}")]
     OwnKernel(String),
     /// A kernel uses more `__local` memory than the headers of the user's files state: a mistake of the user.
@@ -66,16 +66,16 @@ pub enum LaunchError {
         used: u64,
         /// Number of values that the heap holds.
         size: u64,
-        /// Whether the program contains a kernel file that the user added or changed.
+        /// True if the program contains a kernel file that the user added or changed.
         has_own_file: bool,
     },
 }
 
 impl LaunchError {
-    /// Returns the [`LaunchError`] for `error`, with which OpenCL refused to make the kernel of this name or to set its
-    /// arguments. `own_files` are the paths of those kernel files of the program that the user added or changed. If
-    /// there are such files, a missing kernel or other parameters are a mistake of the user, and the message names the
-    /// files.
+    /// Returns the [`LaunchError`] for OpenCL's `error` about the kernel with the name `kernel`: OpenCL could
+    /// not make the kernel or set its arguments. `own_files` are the paths of the program's kernel files that
+    /// the user added or changed. If `own_files` is not empty, a missing kernel or a parameter that differs
+    /// from raycl's is a mistake of the user, and the message names the files.
     pub(crate) fn of_kernel(kernel: &str, own_files: &[String], error: ocl::Error) -> Self {
         let (status, files) = (error.api_status(), some_of(own_files));
         match status {
@@ -97,8 +97,9 @@ impl LaunchError {
         }
     }
 
-    /// Returns the error about a kernel that uses `used` bytes of `__local` memory, although `stated` bytes follow from
-    /// the headers of kernel files. `own_files` are those of the user's files whose headers may be wrong.
+    /// Returns the error about a kernel that uses `used` bytes of `__local` memory, although `stated` bytes
+    /// follow from the headers of kernel files. `own_files` are the paths of the user's files whose headers
+    /// may be wrong.
     pub(crate) fn of_local_memory(kernel: &str, [used, stated]: [u64; 2], own_files: &[String]) -> Self {
         let headers = if own_files.len() == 1 { "the header" } else { "the headers" };
         Self::OwnHeader(format!(
@@ -107,8 +108,8 @@ impl LaunchError {
         ))
     }
 
-    /// Returns the message of an error on a device. If memory may be missing, the message says how much of the
-    /// device's memory other processes use.
+    /// Returns the error's message. If memory may be missing, and other processes use memory of `device`, the
+    /// message says how much memory they use.
     pub fn on(&self, device: &DeviceInfo) -> String {
         self.with(|| used_memory(&device.hardware))
     }
@@ -139,7 +140,7 @@ impl From<ocl::Error> for LaunchError {
     }
 }
 
-/// Returns whether a driver returns this status if an argument does not fit its parameter.
+/// Returns true if drivers return `status` when an argument does not fit its parameter.
 fn of_arguments(status: Status) -> bool {
     matches!(
         status,

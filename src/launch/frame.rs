@@ -28,8 +28,8 @@ pub struct FrameTimes {
     pub frame_ms: f64,
     /// Time for primary rays; `None` if the kernel that casts them also casts shadow rays.
     pub primary_ms: Option<f64>,
-    /// Time for shadow rays, if the kernel that casts them does not cast primary rays too. If `shade_ms` is `None`,
-    /// this time includes shading.
+    /// Time for shadow rays; `None` if the kernel that casts them also casts primary rays. If `shade_ms` is
+    /// `None`, this time includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose work-items
     /// share tiles have this time. With fused passes and one sample per pixel, this time includes the leftover shadow
@@ -46,11 +46,13 @@ pub struct FrameTimes {
     pub sensed: Option<SensorReading>,
 }
 
-/// A frame's time on the device's clock is impossible if it is more than this many times the time on the host's clock.
+/// A frame's time on the device's clock is impossible if it exceeds this multiple of the time on the host's
+/// clock.
 const IMPOSSIBLY_LONG: f64 = 1.5;
-/// Times on the two clocks may always differ by this many milliseconds per sample.
+/// On the two clocks, the times of a sample may always differ by this many milliseconds.
 const TOLERANCE_MS: f64 = 1.0;
-/// A sample that takes this many steps of the device's timer on the host's clock cannot take no time on the device's.
+/// If a sample takes more than this many steps of the device's timer on the host's clock, a device time of 0
+/// is impossible.
 const MANY_STEPS: f64 = 1000.0;
 
 /// Returns the duration of a finished command in milliseconds, on the device's clock.
@@ -68,13 +70,14 @@ impl FrameTimes {
         Self { frame_ms, host_ms, ..Self::default() }
     }
 
-    /// Returns the median of the times that `time` selects from the frames (one per frame); `None` if no frame has this
-    /// time.
+    /// Returns the median of the frames' times. `time` selects one time of a frame, or `None` if the frame
+    /// lacks this time. Returns `None` if all frames lack it.
     pub(crate) fn median_of(frames: &[Self], time: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
         median_of(&frames.iter().filter_map(time).collect::<Vec<_>>())
     }
 
-    /// Returns the total times of two frames.
+    /// Returns the sums of the times of two frames. If only one of the frames has a time, the sum is this
+    /// time. `processor_ms`, `batch` and `sensed` are `None`.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         let both = |a: Option<f64>, b: Option<f64>| a.map(|a| a + b.unwrap_or(0.0)).or(b);
@@ -88,14 +91,15 @@ impl FrameTimes {
         }
     }
 
-    /// Returns the time of the sample that these times belong to, in milliseconds on the host's clock: the time for all
-    /// frames of the sample's batch.
+    /// Returns the time of the sample to which these times belong: the time for all frames of the sample's
+    /// batch, in milliseconds on the host's clock.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
 
-    /// Returns why the driver's times cannot be right; `None` if they can. The host's time contains the device's time.
-    /// `timer_ns` is a step of the device's timer, if it is known.
+    /// Returns why the driver's times are impossible; `None` if these times are possible. The host's time
+    /// includes the device's time. `timer_ns` is a step of the device's timer in nanoseconds; `None` if it is
+    /// unknown.
     pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {
         let (device_ms, host_ms, frames) = (self.frame_ms, self.host_ms, f64::from(self.batch.unwrap_or(1)));
         if device_ms > IMPOSSIBLY_LONG * host_ms && (device_ms - host_ms) * frames > TOLERANCE_MS {
@@ -117,14 +121,15 @@ impl FrameTimes {
         })
     }
 
-    /// Returns the time of the shortest pass, or of the whole frame if it has no separate passes.
+    /// Returns the time of the shortest pass, or of the whole frame if the frame has no separate passes.
     pub fn shortest_ms(&self) -> f64 {
         let passes = [self.primary_ms, self.shadow_ms, self.shade_ms];
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)
     }
 
-    /// Sums the durations of finished commands and divides by the number of `frames`. Only `host_ms` includes the
-    /// time between commands, in which some drivers compile a kernel when it is first started.
+    /// Returns the mean times per frame of the finished commands `steps`, which belong to `frames` frames.
+    /// `host_ms` is the host's time for all these frames. Only the host's time includes the time between
+    /// commands. In this time, some drivers compile a kernel that is started for the first time.
     pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());
@@ -177,7 +182,8 @@ mod tests {
         assert!(long.contains("a frame takes 1208 ms, but by the host's clock, it takes 1.25 ms"), "{long}");
         let none = why(0.0, 2.0, Some(1)).expect("it is impossible");
         assert!(none.starts_with("the driver reports no times: ") && none.ends_with(" 2.00 ms"), "{none}");
-        // A timer with steps of 10 us may report 0 for a frame of 2 ms, most of which is the start of its kernels.
+        // A timer with steps of 10 us may report 0 for a frame of 2 ms: most of the 2 ms is the time for
+        // starting its kernels.
         assert_eq!(why(0.0, 2.0, Some(10_000)), None);
         assert_eq!(why(0.0, 2.0, None), None);
         let batch = FrameTimes { batch: Some(256), ..FrameTimes::whole(0.0, 0.05) };

@@ -1,6 +1,6 @@
-//! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one without
-//! shadows. One kernel filters the ratio of these two pictures, and another multiplies the whole picture (the picture
-//! of full size) by the filtered ratio.
+//! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one
+//! without shadows. One kernel filters the ratio of these two pictures. Another kernel multiplies the whole
+//! picture (the picture of full size) by the filtered ratio.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -48,8 +48,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
-    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly different aspect
-    /// ratio, so their camera needs this size to show the same view.
+    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly
+    /// different aspect ratio, so the camera of the half pictures needs this size to show the same view.
     whole_size: [u32; 2],
 }
 
@@ -77,7 +77,7 @@ impl HalfLight {
         Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
-    /// Casts the half pictures. Returns the times.
+    /// Casts the half pictures. Returns the sums of their times.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let camera = camera.covering(self.whole_size);
         let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
@@ -85,7 +85,8 @@ impl HalfLight {
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
 
-    /// Filters the half pictures' ratio and multiplies the whole picture by the filtered ratio.
+    /// Filters the ratio of the half pictures and multiplies the whole picture by the filtered ratio. Returns
+    /// the times of both kernels together.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];

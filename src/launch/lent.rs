@@ -17,8 +17,8 @@ pub(super) struct Lent<T: OclPrm> {
 }
 
 impl<T: OclPrm> Lent<T> {
-    /// Makes a buffer that contains the list that `list` returns. If the device has memory of its own, the list is
-    /// copied.
+    /// Makes a buffer that contains the list that `list` returns. If the device has memory of its own, the
+    /// list is copied. The buffer of an empty list has one value.
     pub fn of(
         queue: &Queue,
         mesh: &Arc<Mesh>,

@@ -1,5 +1,5 @@
-//! Tests of offsets and indices that have more than 31 bits. The kernels of these tests compute addresses, but do not
-//! read from them, so that the tests need no large buffers.
+//! Tests of offsets and indices that have more than 31 bits. The kernels of these tests compute addresses,
+//! but read nothing from these addresses, so that the tests need no large buffers.
 
 use super::alone::Alone;
 use super::buffers::allocate;
@@ -8,11 +8,11 @@ use crate::scene::Material;
 use crate::sources::Sources;
 use ocl::Buffer;
 
-/// Bytes of a number in a kernel.
+/// Size of a `float` in kernels, in bytes.
 const FLOAT: u64 = 4;
 
-/// Runs a kernel whose parameters are a list of `len` results and a buffer. A result that is an address is relative to
-/// the buffer's start.
+/// Runs a kernel with two parameters: a list of `len` results, and a buffer. From a result that is an
+/// address, the kernel subtracts the address of the buffer's start.
 fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
     let buffer: Buffer<f32> = allocate(&device.queue, 1).unwrap();
     device.results(len, |results| device.kernel(kernel, 1).arg(results).arg(&buffer).build())

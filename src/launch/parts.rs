@@ -14,8 +14,8 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
-/// A driver may report up to this many bytes of `__local` memory more than a kernel's arrays have, since arrays begin
-/// at multiples of some number of bytes. NVIDIA's driver 580 reports up to 16 B more.
+/// A driver may report up to this many bytes of `__local` memory more than a kernel's arrays have, since the
+/// driver aligns arrays. NVIDIA's driver 580 reports up to 16 B more.
 const PADDING_BYTES: u64 = 128;
 
 /// The inputs of all kernels of a frame.
@@ -57,7 +57,7 @@ impl<'a> Parts<'a> {
         [across, self.band.as_ref().map_or(down, rows)]
     }
 
-    /// Checks that the built kernel supports the local size.
+    /// Returns [`LaunchError::WorkGroup`] if the built kernel does not support the local size.
     fn check_work_group(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let items = self.setup.workload.local_size.iter().product::<u32>() as usize;
         match kernel.wg_info(self.setup.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
@@ -68,8 +68,9 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Checks that a kernel with files of the user uses no more `__local` memory than the files' headers state. From
-    /// the headers, raycl computed whether the kernel fits on the device; if it does not fit, some drivers crash.
+    /// Returns [`LaunchError::OwnHeader`] if the kernel uses more `__local` memory than the headers of the
+    /// user's files state. From the headers, raycl computes whether the kernel fits on the device; some
+    /// drivers crash if it does not fit.
     fn check_local_memory(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let Setup { queue, strategy, workload, .. } = self.setup;
         let files = self.setup.files_that_state_local_memory();
@@ -87,7 +88,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Returns the steps of a frame that one kernel casts.
+    /// Returns the steps of a frame in which one kernel casts all rays and shades.
     pub fn cast_fused(&self, image: &'a Buffer<Float4>) -> Result<Steps, LaunchError> {
         let mut steps: Steps = self.prepare_origins(Phase::Whole)?.into_iter().collect();
         steps.extend(self.reset_heap(Phase::Whole));
@@ -97,7 +98,8 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Returns the steps of a frame with separate passes: nearest hits first, then their shading.
+    /// Returns the steps of a frame with separate passes: the first finds the nearest hits, the second casts
+    /// shadow rays and shades.
     pub fn cast_separate(
         &self,
         image: &'a Buffer<Float4>,
@@ -160,8 +162,9 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel))))
     }
 
-    /// Returns the steps of a rasteriser. They clear the buffers, then find the depth of each pixel, then the triangle
-    /// at this depth.
+    /// Returns the steps of a rasteriser. The first two steps clear buffers, the third finds the depth of
+    /// each pixel, and the last finds the triangle at this depth. If there are no triangles, the buffers are
+    /// only cleared.
     fn rasterise(&self, arguments: &Arguments<'a>, nearest: &Buffer<i32>) -> Result<Steps, LaunchError> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let depth = allocate::<i32>(self.setup.queue, width * height)?;

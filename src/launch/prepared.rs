@@ -16,17 +16,18 @@ use ocl::core::{create_kernel, get_kernel_work_group_info};
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use std::sync::Arc;
 
-/// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
+/// A strategy whose program is built and whose scene is uploaded, made by a [`Session`](super::Session).
 pub struct Prepared {
     /// The sizes and features of the scene, the image and the work-groups.
     pub workload: Workload,
-    /// Number of samples per pixel.
+    /// Says how many samples each pixel gets.
     pub sampling: Sampling,
     /// The source that was compiled.
     pub spec: ProgramSpec,
     /// The compiled program.
     pub program: BuiltProgram,
-    /// The time for building the program after the scene was loaded; 0 if the program was built earlier.
+    /// The time for building the program, if this happened after the scene was loaded; 0 if the program was
+    /// built earlier.
     pub build_wait_ms: f64,
     /// The largest amount of host memory that the strategy needs at any time.
     pub host_bytes: u64,
@@ -47,7 +48,7 @@ impl Prepared {
         self.caster_of(&self.workload, None)
     }
 
-    /// Makes a caster for the frame, whose kernels come from another program with the same kernels.
+    /// Makes a caster for the frame from another program, which must have the same kernels.
     pub fn caster_of_program(&self, program: &BuiltProgram) -> Result<Caster, Refused> {
         let bytes = self.frames.count(&self.strategy, &self.workload);
         let setup = Setup { program, ..self.setup(&self.workload) };
@@ -74,14 +75,16 @@ impl Prepared {
         }
     }
 
-    /// Moves the scene's lights, starting with the next frame. Their number stays the same.
+    /// Moves the scene's lights, starting with the next frame. The number of the scene's lights stays the
+    /// same: further `lights` are ignored.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
-    /// Changes lights, sky, background, shadow bias and exposure to those of another scene, starting with the caster's
-    /// next frame. The camera is not changed here, since each cast gets its camera as an argument. Returns `false` if
-    /// the scene needs other buffers or kernels, for example because it has another mesh or another number of lights.
+    /// Replaces lights, sky, background, shadow bias and exposure by those of another scene, starting with
+    /// the caster's next frame. The camera does not change, since each cast gets its camera as an argument.
+    /// Returns `false` and changes nothing if the scene needs other buffers or kernels, for example because
+    /// it has another mesh or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -92,9 +95,9 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns whether the program and all buffers suit another scene. This is so if four properties of the two scenes
-    /// are equal: the mesh, the sizes and features (the [`Workload`]), whether the background is transparent, and
-    /// whether rays that hit nothing see a picture of the sky.
+    /// Returns true if the program and all buffers suit another scene. For this, four properties of the two
+    /// scenes must be equal: the mesh, the sizes and features (the [`Workload`]), whether the background is
+    /// transparent, and whether rays that hit nothing see a picture of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, given_rays, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
@@ -104,10 +107,11 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels, from the build log `log` and from `ptx`. `ptx` is the
-    /// program's binary if this binary is PTX, and is empty otherwise. The occupancy of each kernel is predicted for
-    /// the local size with which a frame starts this kernel. This need not be the workload's local size: kernels that
-    /// prepare or rasterise triangles, or that show the sky, have a local size of their own.
+    /// Returns properties of a frame's compiled kernels, from the build log `log` and from `ptx`. `ptx` is
+    /// the program's binary if this binary is PTX, and is empty otherwise. The occupancy of each kernel is
+    /// predicted for the local size with which a frame starts this kernel. This local size may differ from
+    /// the workload's: kernels that prepare or rasterise triangles, or that show the sky, have a local size
+    /// of their own.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
@@ -119,8 +123,8 @@ impl Prepared {
         caster.kernels().map(made).collect()
     }
 
-    /// Returns the largest number of work-items in a work-group that every kernel of a frame supports; `None` if the
-    /// driver does not tell it.
+    /// Returns the largest number of work-items in a work-group that every kernel of a frame supports; `None`
+    /// if the driver reports no such number.
     pub(super) fn most_work_items(&self) -> Option<usize> {
         let most = |name: &&str| {
             let kernel = create_kernel(self.program.program.as_core(), *name).ok()?;
@@ -159,7 +163,7 @@ impl Prepared {
     }
 }
 
-/// Returns the number of work-items in a kernel's work-groups; `None` if the driver chooses it.
+/// Returns the number of work-items in a kernel's work-groups; `None` if the driver chooses this number.
 fn group_items(kernel: &Kernel) -> Option<u32> {
     let [x, y, z] = kernel.default_local_work_size().to_lens().ok()?;
     u32::try_from(x * y * z).ok()

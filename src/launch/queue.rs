@@ -50,21 +50,22 @@ impl Queue {
         })
     }
 
-    /// Returns a queue that treats its device as if it had separate memory, and transfers data in pieces of
-    /// `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
+    /// Returns a queue that treats its device as if the device had separate memory. The queue transfers data
+    /// in pieces of `piece_bytes` bytes. Tests use this queue to imitate a device with separate memory.
     #[must_use]
     pub fn with_separate_memory(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
     }
 
-    /// Returns a queue that treats its device as if it allowed only work-groups of `group` work-items (a power of two).
+    /// Returns a queue that treats its device as if the device allowed only work-groups of `group` work-items
+    /// (a power of two).
     #[cfg(test)]
     #[must_use]
     pub(crate) fn in_groups_of(self, group: usize) -> Self {
         Self { group, ..self }
     }
 
-    /// Returns whether a transfer of `bytes` bytes uses pinned memory.
+    /// Returns true if a transfer of `bytes` bytes uses pinned memory.
     pub(super) fn pins(&self, bytes: usize) -> bool {
         !self.shares_memory && self.staging.pays(bytes)
     }

@@ -17,18 +17,19 @@ pub struct Ray {
     pub origin: Vec3,
     /// The direction, of length 1.
     pub direction: Vec3,
-    /// Hits at this distance or nearer are ignored.
+    /// Hits at the distance `t_min` or nearer are ignored.
     pub t_min: f32,
 }
 
 impl Prepared {
-    /// Returns the nearest triangle that each ray hits.
+    /// Returns, for each ray, the index of the nearest triangle that the ray hits; `None` if the ray hits
+    /// nothing.
     ///
-    /// With the common-origin test, all rays must have the same origin; the pixel-linear test supports a camera's rays
-    /// only. Working vectors must be in private or local memory, since the buffers for working vectors in other
-    /// memories have sizes that suit only images. The strategy must have been prepared by
-    /// [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since other programs lack the kernel for
-    /// arbitrary rays.
+    /// With the common-origin test, all rays must have the same origin. The pixel-linear test is refused,
+    /// since it supports only a camera's rays. Working vectors must be in private or local memory, since the
+    /// buffers for working vectors in other memories have sizes that suit only images. The strategy must have
+    /// been prepared by [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since other programs
+    /// lack the kernel for arbitrary rays.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let setup = self.setup(&self.workload);
         let Setup { queue, strategy, uploaded, .. } = setup;
@@ -61,8 +62,9 @@ impl Prepared {
     }
 }
 
-/// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support such rays, or if its
-/// program lacks this kernel because the strategy was not prepared for such rays.
+/// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support arbitrary
+/// rays. Also returns an error if the strategy was not prepared for arbitrary rays: its program then lacks
+/// the kernel.
 fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, LaunchError> {
     if !matches!(setup.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
         return Err(LaunchError::GivenRays(
@@ -91,7 +93,7 @@ fn prepare(setup: &Setup<'_>, origin: Vec3) -> Result<Option<Buffer<f32>>, Launc
         return Ok(None);
     }
     let prepared = allocate::<f32>(queue, ROW_FLOATS * uploaded.triangle_count)?;
-    let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // not used here
+    let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // unused: the planes do not depend on pixels
     let arguments = scene_arguments(uploaded, None)
         .with("eye", Float4::new(origin.x, origin.y, origin.z, 0.0))
         .with("corner", camera)

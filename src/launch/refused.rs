@@ -18,7 +18,7 @@ pub enum Refused {
     Host(Infeasible),
     /// The compiler rejects the strategy's program.
     Build(BuildError),
-    /// A step failed, usually because the driver refused it.
+    /// A step failed, usually because a function of OpenCL returned an error.
     Launch {
         /// The step, such as "uploading the scene".
         step: &'static str,
@@ -32,7 +32,8 @@ const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
 /// The remedy if a work-group has a shape that the device or the strategy does not support.
 const ANOTHER_SIZE: &str = "choose another --local-size";
-/// The remedy if the memory of a work-group exceeds a limit, but that of a smaller work-group would not.
+/// The remedy if a work-group needs more memory than a limit allows, but a smaller work-group would need less
+/// than the limit.
 const SMALLER_GROUP: &str = "choose a smaller --local-size";
 /// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str =
@@ -60,7 +61,7 @@ impl Refused {
         }
     }
 
-    /// Returns the reason in a sentence.
+    /// Returns the reason: a sentence, or the compiler's log if the build failed.
     pub fn reason(&self) -> String {
         match self {
             Self::Mistake(error) => error.to_string(),
@@ -70,8 +71,9 @@ impl Refused {
         }
     }
 
-    /// Returns the reason in a sentence. If the device may lack memory, the sentence says how much of its memory other
-    /// processes use. If the disk on which PoCL stores compiled kernels is full, a failed build's reason says so.
+    /// Returns the reason: a sentence, or the compiler's log if the build failed. If the device may lack
+    /// memory, the sentence says how much of its memory other processes use. If the disk on which PoCL stores
+    /// compiled kernels is full, a line after the log says so.
     pub fn reason_on(&self, device: &DeviceInfo) -> String {
         match self {
             Self::Launch { error, .. } => error.on(device),

@@ -1,6 +1,6 @@
-//! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a work-group: 32
-//! work-items. The frame's lights are processed in rounds of a fixed number of lights: a round casts the shadow rays to
-//! these lights, and shades.
+//! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a
+//! work-group: 32 work-items. The frame's lights are processed in rounds, a fixed number of lights in each
+//! round. A round casts the shadow rays to its lights, and shades.
 
 use super::frame::Phase;
 use super::parts::Parts;
@@ -19,11 +19,13 @@ pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
-    /// True if the kernel for primary rays also casts the shadow rays of the first round (those to the first lights).
+    /// True if the kernel for primary rays also casts the shadow rays of the first round (the rays to the
+    /// first lights).
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each pixel as
-    /// soon as it is known which shadow rays of the pixel's only primary ray are blocked. False if `fused` is false.
-    /// Also false if frames cast several samples of a pixel, since a pixel then has several primary rays.
+    /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each
+    /// pixel as soon as it is known which shadow rays of the pixel's primary ray are blocked. False if
+    /// `fused` is false. Also false if frames cast several samples of a pixel, since a pixel then has several
+    /// primary rays.
     shades_leftover: bool,
 }
 
@@ -43,10 +45,11 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Self { parts, shared, arguments, fused, shades_leftover }
     }
 
-    /// Returns the steps of a frame. Each round has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then leftover
-    /// shadow rays (each by a whole group of 32 work-items), and then shades. If `shades_leftover` is true, one kernel
-    /// both casts the leftover shadow rays and shades.
+    /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary
+    /// rays. The steps of the rounds follow. Each round has a fixed number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then
+    /// leftover shadow rays (each by a whole group of 32 work-items), and then shades. If `shades_leftover`
+    /// is true, one kernel both casts the leftover shadow rays and shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -107,9 +110,10 @@ impl<'p, 'a> Rounds<'p, 'a> {
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Returns the step that prepares the planes of a tree's triangles for some ray origins of a round of lights:
-    /// origin 0 is the eye, and origin 1 is the round's first light. The step also empties the queue of leftover shadow
-    /// rays. Returns `None` if the strategy uses no planes, or if there are no triangles or no origins.
+    /// Returns the step that prepares the planes of a tree's triangles for the ray origins `origins` of a
+    /// round. Origin 0 is the eye, origin 1 is the round's first light. The step also empties the queue of
+    /// leftover shadow rays. Returns `None` if the strategy uses no planes, or if there are no triangles or
+    /// no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

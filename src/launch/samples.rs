@@ -1,6 +1,6 @@
-//! For pictures with several samples per pixel: the device buffers with the number of samples of each block of pixels,
-//! and the kernel that marks rough blocks. Rough blocks get more samples, because neighbouring pixels in them differ
-//! visibly after the first samples.
+//! Decides how many samples each block of pixels gets, for pictures with several samples per pixel. Buffers
+//! on the device contain these numbers, and a kernel marks rough blocks. Rough blocks get more samples,
+//! because neighbouring pixels of a rough block differ visibly after the first samples.
 
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
@@ -20,13 +20,14 @@ use std::time::Instant;
 pub(super) struct Samples {
     /// The number of samples that each block of pixels gets.
     wanted: Buffer<u32>,
-    /// The rough blocks. Only these blocks get further samples after the first ones.
+    /// The positions of the rough blocks. Only these blocks get further samples after the first ones.
     rough: Buffer<u32>,
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
     /// The position of each sample of a frame within its pixel.
     positions: Buffer<f32>,
-    /// For each pixel, the number of its samples that hit something; `None` unless the scene has a picture of the sky.
+    /// For each pixel, the number of its samples that hit something; `None` if the scene has no picture of
+    /// the sky.
     hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
     mark: Option<Step>,
@@ -84,12 +85,12 @@ impl Samples {
         kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
     }
 
-    /// Sets where in their pixels the samples of the next frame lie.
+    /// Sets the positions of the next frame's samples within their pixels.
     pub fn set_positions(&self, queue: &Queue, samples: &[Sample]) -> ocl::Result<()> {
         self.positions.cmd().queue(&queue.commands).write(&positions(samples)).enq()
     }
 
-    /// Lets every pixel, not only those of rough blocks, get all samples that are cast.
+    /// Lets every pixel get all samples that are cast, even if its block is not rough.
     pub fn want_all(&self, queue: &Queue) -> ocl::Result<()> {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
@@ -109,7 +110,7 @@ impl Samples {
         Ok((count[0] as usize, times))
     }
 
-    /// Reads the number of samples of each block.
+    /// Reads how many samples each block gets.
     pub fn read(&self, queue: &Queue) -> ocl::Result<SampleCounts> {
         let mut counts = vec![0; self.wanted.len()];
         self.wanted.cmd().queue(&queue.commands).read(&mut counts).enq()?;
@@ -142,7 +143,8 @@ mod tests {
         cast_in_turn(sampling, &[sampling])
     }
 
-    /// Casts one picture for each sampling, all with the same caster; returns the last picture.
+    /// Casts one picture for each sampling, all with the same caster. Returns the last picture, the numbers
+    /// of samples of its blocks, and the scene's exposure.
     fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, f32) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
@@ -226,9 +228,10 @@ mod tests {
         translation = [0, 1, 0]
         ";
 
-    /// A pixel that may get 64 samples first gets four of them, and a pixel that may get 32 samples first gets two.
-    /// With four samples, neighbouring pixels differ less by chance than with two. If the limit for rough blocks were
-    /// the same in both cases, most of the picture would get no further samples after the first four.
+    /// A pixel that may get 64 samples first gets four of them, and a pixel that may get 32 samples first
+    /// gets two. With four samples, neighbouring pixels differ less by chance than with two. If the limit for
+    /// rough blocks were the same for two and four samples, most of the picture would get no further samples
+    /// after the first four.
     #[test]
     fn more_adaptive_samples_make_no_worse_picture() {
         let samplings = [Sampling::adaptive(32), Sampling::adaptive(64), Sampling::all(256)];
@@ -271,7 +274,7 @@ mod tests {
     /// frame.
     struct Marking {
         device: Alone,
-        /// The number of first samples.
+        /// The number of samples that each pixel gets before rough blocks are marked.
         first: u32,
     }
 
@@ -297,7 +300,8 @@ mod tests {
             self.rough_with_alpha(0.0, |x, y| opaque(pixel(x, y)))
         }
 
-        /// Returns the columns and rows of the blocks that get more samples. `pixel` returns colour and alpha.
+        /// Returns the columns and rows of the blocks that get more samples. `pixel` returns colour and
+        /// alpha. `alpha_scale` is 255 if differences of alpha make a block rough, and 0 if alpha is ignored.
         fn rough_with_alpha(
             &self,
             alpha_scale: f32,

@@ -59,8 +59,8 @@ pub(super) struct DeviceScene {
 }
 
 impl DeviceScene {
-    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the strategy's kernels read them
-    /// only from the tree.
+    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the strategy's kernels
+    /// read triangles only from the tree.
     pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;
@@ -95,8 +95,9 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
-/// Replaces the lights on a device by those of another scene, which must have the same number of lights. Also replaces
-/// the sky and the lights' radii if any of them has changed; the size of the sky's picture must stay the same.
+/// Replaces the lights on a device by those of another scene, which must have the same number of lights. Also
+/// replaces the sky and the lights' radii if the sky or a radius has changed. The size of the sky's picture
+/// must stay the same.
 pub(super) fn replace_lights(
     queue: &Queue,
     uploaded: &DeviceScene,
@@ -136,7 +137,8 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
     floats
 }
 
-/// Uploads triangles of 104 bytes each without shared vertices, like the paper's data.
+/// Uploads the triangles as 104 bytes each: three corners, their normals, and the material. No triangles
+/// share corners, as in the paper's data.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));

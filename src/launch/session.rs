@@ -1,4 +1,4 @@
-//! A session: a scene on an open device. A session prepares strategies, so that they can cast the scene.
+//! A session: a scene on an open device. A session prepares strategies for casting the scene.
 
 use super::held::Frames;
 use super::prepared::Prepared;
@@ -35,8 +35,8 @@ pub struct Session {
     frames: Frames,
 }
 
-/// [`Session::rounding_stacks`] rounds the stacks with which kernels traverse a tree up to a multiple of this number
-/// of entries. Most trees need fewer entries.
+/// [`Session::rounding_stacks`] rounds the sizes of stacks up to multiples of this number of entries. Kernels
+/// traverse a tree with a stack. Most trees need fewer entries.
 pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
@@ -66,7 +66,7 @@ impl Session {
         }
     }
 
-    /// Replaces the device's limits by lower ones, such as those of a smaller device.
+    /// Replaces the device's limits by lower limits, such as those of a smaller device.
     #[must_use]
     pub fn limited(self, limits: DeviceLimits) -> Self {
         Self { limits, ..self }
@@ -84,30 +84,32 @@ impl Session {
         Self { programs, ..self }
     }
 
-    /// Sets how many devices of the same name, but with lower numbers, cast in this process. If this count is above 0,
-    /// this session's programs get an additional define, which makes them differ from the other devices' programs. PoCL
-    /// 5.0 is aborted by an assertion (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one
-    /// process.
+    /// Sets the number of devices in this process that have the same name as the session's device, but a
+    /// lower number. If there are such devices, this session's programs get an additional define, so that
+    /// they differ from the other devices' programs. PoCL 5.0 is aborted by an assertion
+    /// (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
     }
 
-    /// Adds a program that was built before the scene was loaded, for the next strategy that needs it.
+    /// Adds a program that was built before the scene was loaded, for the next strategy that needs this
+    /// program.
     #[must_use]
     pub fn with_program(self, early: Option<(ProgramSpec, BuiltProgram)>) -> Self {
         Self { early, ..self }
     }
 
-    /// Adds a tree that was built before the device was open.
+    /// Adds a tree that was built before the device was open, with the strategy for which it was built.
     #[must_use]
     pub fn with_tree(self, early_tree: Option<(Strategy, HostTree)>) -> Self {
         Self { early_tree, ..self }
     }
 
-    /// Rounds the sizes of stacks in private memory, with which kernels traverse a tree, up to multiples of
-    /// [`ROUNDED_STACK`] entries. One program then serves most scenes, and can be built before the scene's tree is
-    /// known. Stacks in `__local` memory are not rounded, since larger ones slow a kernel down.
+    /// Rounds the sizes of stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. Kernels
+    /// traverse a tree with such a stack. With rounded sizes, one program serves most scenes, and can be
+    /// built before the scene's tree is known. Stacks in `__local` memory are not rounded, since larger ones
+    /// slow a kernel down.
     #[must_use]
     pub fn rounding_stacks(self) -> Self {
         Self { rounds_stacks: true, ..self }
@@ -125,22 +127,22 @@ impl Session {
         Self { afterwards: Afterwards { layers, ..self.afterwards }, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft shadows. Nothing is
-    /// cast at half resolution in three cases: each pixel gets one sample, the scene has no soft light, or the sky is a
-    /// picture.
+    /// Sets how many samples each pixel gets. With several samples, lights with a radius cast soft shadows.
+    /// No light is cast at half resolution in three cases: each pixel gets one sample, the scene has no soft
+    /// light, or the sky is a picture.
     #[must_use]
     pub fn with_sampling(self, sampling: Sampling) -> Self {
         let sky = self.scene.sky.as_ref();
         let is_soft = sky.is_some() || self.scene.has_soft_lights();
-        // Surfaces with highlights mirror a picture of the sky. For this mirrored light, raycl does not compute the
-        // unoccluded light that soft light at half resolution needs.
+        // Surfaces with highlights mirror a picture of the sky. raycl does not compute the unoccluded part of
+        // this mirrored light, but soft light at half resolution needs it.
         let has_picture = sky.is_some_and(|sky| sky.picture.is_some());
         let can = is_soft && !has_picture && sampling.most > 1;
         let half_light = if can { sampling.half_light } else { 0 };
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
     }
 
-    /// Returns whether `scene` is the session's scene.
+    /// Returns true if `scene` is the session's scene itself, not an equal copy.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.scene, scene)
     }
@@ -211,8 +213,9 @@ impl Session {
         self.build(strategy, workload, spec)
     }
 
-    /// Does the first step of [`Self::prepare`]: determines the workload. The workload contains the stack size, which
-    /// depends on the strategy's tree, so the tree is built here if needed.
+    /// Does the first step of [`Self::prepare`]: determines the workload. The workload contains the stack
+    /// size, which depends on the strategy's tree. This step therefore builds the tree, unless the device
+    /// already has it.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -273,20 +276,20 @@ impl Session {
         })
     }
 
-    /// Returns whether a program need not be compiled: it was built before the scene was loaded, or the cache contains
-    /// it.
+    /// Returns true if the program need not be compiled, because it was built before the scene was loaded or
+    /// is in the cache.
     pub fn has_built(&self, spec: &ProgramSpec) -> bool {
         let early = self.early.as_ref().is_some_and(|(known, _)| known == spec);
         early || BuiltProgram::is_cached(self.queue.device, spec, &self.programs)
     }
 
-    /// Returns the number of samples per pixel.
+    /// Returns how many samples each pixel gets.
     pub fn sampling(&self) -> Sampling {
         self.sampling
     }
 
-    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds it now. Also
-    /// returns how long the build took in this call; 0 if the program was built before.
+    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or builds it
+    /// now. Also returns the build time of this call in milliseconds; 0 if the program was built before.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));
@@ -335,8 +338,9 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     Infeasible::beyond(format!("{}, in addition to {held_bytes} B {others}", refused.reason))
 }
 
-/// Halves the longer side of a local size until it has at most `most` work-items, or until the strategy supports no
-/// smaller size. If work-items share tiles, a row of the local size is a tile, which cannot be halved.
+/// Halves the longer side of a local size until the local size has at most `most` work-items, or until the
+/// strategy supports no smaller size. If work-items share tiles, a row of the local size is a tile, which
+/// cannot be halved.
 fn halved(shares_tiles: bool, [mut across, mut down]: [u32; 2], most: usize) -> [u32; 2] {
     while across as usize * down as usize > most {
         if across > down && !shares_tiles {
@@ -438,7 +442,7 @@ mod tests {
         assert_eq!(half_light(under(Some(Arc::new(picture))), 4), 0);
     }
 
-    /// A picture that is far too large for the host is refused while a small one exists.
+    /// A picture that is far too large for the host is refused while the buffers of a small picture exist.
     #[test]
     fn what_other_points_hold_counts_as_the_hosts_if_the_device_shares_its_memory() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

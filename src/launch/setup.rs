@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// The inputs of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Setup<'a> {
-    /// The device.
+    /// The device, ready for commands.
     pub queue: &'a Queue,
     /// The strategy's program.
     pub program: &'a BuiltProgram,
@@ -38,8 +38,8 @@ pub(super) struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// Returns the program's kernel for a role (a part of a frame, such as shading). A program contains only the
-    /// kernels that its frames need.
+    /// Returns the program's kernel for a role (a part of a frame, such as shading). A program contains only
+    /// the kernels that its frames need. Returns [`LaunchError::Kernel`] if the program lacks this kernel.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
         let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
@@ -63,7 +63,7 @@ impl<'a> Setup<'a> {
         self.own_files.iter().filter(states).cloned().collect()
     }
 
-    /// Returns the builder of a kernel with its arguments; its numbers of work-items are not yet set.
+    /// Returns the builder of a kernel with its arguments. The numbers of work-items are not set yet.
     pub fn builder(
         &self,
         kernel: &'static manifest::Kernel,
@@ -72,14 +72,14 @@ impl<'a> Setup<'a> {
         let mut builder = Kernel::builder();
         builder.program(&self.program.program).name(kernel.name).queue(self.queue.commands.clone());
         // SAFETY: `bind` compares each argument with its parameter in the manifest, from which the kernels'
-        // parameter lists are generated. The check by `ocl` compares names of types, and would refuse a buffer of
-        // words for a tree's floats.
+        // parameter lists are generated. `ocl`'s own check compares the names of types, and would refuse the
+        // buffer of `u32` for the nodes of a tree, which kernels read as floats.
         unsafe { builder.disable_arg_type_check() };
         arguments.bind(kernel, self.strategy, &mut builder)?;
         Ok(builder)
     }
 
-    /// Makes the kernel of a builder.
+    /// Makes the kernel that `builder` describes.
     pub fn build(
         &self,
         kernel: &'static manifest::Kernel,
@@ -121,7 +121,7 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// The buffer for a frame's working vectors, if they need a buffer.
+/// The buffer for a frame's working vectors; `None` if the vectors are in private or `__local` memory.
 pub(super) enum Working {
     None,
     Scratch(Buffer<f32>),
@@ -167,7 +167,7 @@ pub(super) fn scene_arguments<'a>(
     surfaces.add_to(arguments)
 }
 
-/// Returns the arguments. If the workload has soft light, adds the arguments that soft light needs: the sky with the
+/// Adds the arguments that soft light needs to `arguments`, if the workload has soft light: the sky with the
 /// lights' radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
@@ -180,30 +180,30 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
 }
 
-/// Sets which sample of every pixel is cast, and how many samples were cast before it. Also sets the number of samples
-/// in the sample's round (the first samples of a pixel, or the later ones). If this number is set to 0, kernels compute
-/// unoccluded light.
+/// Adds three numbers to `arguments`: which sample of every pixel is cast, how many samples were cast before
+/// this sample, and how many samples the sample's round has (the first samples of a pixel, or the later
+/// ones). If the third number is 0, kernels compute unoccluded light.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };
     arguments.with("sample", Uint2::new(sample.number, count))
 }
 
-/// Returns whether rays that hit nothing see a picture of the sky.
+/// Returns true if rays that hit nothing see a picture of the sky.
 pub(super) fn sees_sky(scene: &Scene) -> bool {
     let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
     picture.is_some_and(|picture| picture.is_seen)
 }
 
-/// Sets the distance at which shadow rays start, and the background.
+/// Adds the shadow bias (the distance at which shadow rays start) and the background to `arguments`.
 pub(super) fn background_arguments<'a>(arguments: Arguments<'a>, scene: &Scene) -> Arguments<'a> {
-    // If rays see a picture of the sky, the background is black at first, and the picture is added later.
+    // If rays see a picture of the sky, the background is black, and a later kernel adds the picture.
     let background = if sees_sky(scene) { Vec3::ZERO } else { scene.background };
     let [red, green, blue] = background.to_array();
     arguments.with("bias", scene.shadow_bias).with("background", Float4::new(red, green, blue, 0.0))
 }
 
-/// Sets the origin and directions of the rays.
+/// Adds the origin and the directions of the camera's rays, and the pixels' ray cones, to `arguments`.
 pub(super) fn camera_arguments<'a>(
     arguments: Arguments<'a>,
     camera: &Camera,

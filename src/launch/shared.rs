@@ -19,8 +19,8 @@ pub(super) struct Shared {
     /// A word for each ray from the eye. The word has one bit per light of the round, which is set if the light reaches
     /// the ray's hit. Bit 31 is set if the ray has leftover shadow rays.
     pub lit: Buffer<u32>,
-    /// The queue of leftover shadow rays. Each entry belongs to a ray from the eye, and says to which lights this ray's
-    /// leftover shadow rays go.
+    /// The queue of leftover shadow rays. Each entry belongs to a ray from the eye, and names the lights to
+    /// which this ray's leftover shadow rays go.
     pub queue: Buffer<Uint2>,
     /// Number of entries in the queue.
     pub queued: Buffer<i32>,

@@ -1,5 +1,5 @@
-//! The parts of a scene that the strategies of a session share: layouts and trees on the device, each made
-//! when it is first needed.
+//! The parts of a scene that the strategies of a session share: layouts and trees on the device. Each of them
+//! is made when a strategy first needs it.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
 use crate::scene::Scene;
@@ -7,7 +7,7 @@ use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Trave
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Identifies an upload of a scene: its layout, and whether it includes the triangles.
+/// Identifies an upload of a scene: the layout, and true if the upload includes the triangles.
 pub(super) type LayoutKind = (Layout, bool);
 /// Identifies a tree of a scene, with its triangles and normals.
 pub(super) type TreeKind = (Traversal, NodeWidth, LeafSize, Layout);
@@ -32,11 +32,12 @@ impl Kind {
 pub(super) struct PartBytes {
     /// Bytes of all buffers except lists of the mesh.
     pub buffers: u64,
-    /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads them in place.
+    /// Bytes of the lists of the mesh that kernels read. A device that shares the host's memory reads these
+    /// lists in place.
     pub mesh_lists: u64,
 }
 
-/// The layouts and trees of a scene that are on the device, each with the bytes that it takes there.
+/// The layouts and trees of a scene that are on the device, each with its number of bytes on the device.
 #[derive(Default)]
 pub(super) struct SharedScene {
     layouts: HashMap<LayoutKind, (Arc<DeviceScene>, u64)>,
@@ -44,14 +45,15 @@ pub(super) struct SharedScene {
 }
 
 impl SharedScene {
-    /// Returns the tree of a strategy if it is on the device.
+    /// Returns the tree of a strategy; `None` if the tree is not on the device.
     pub fn tree(&self, strategy: &Strategy) -> Option<Arc<DeviceTree>> {
         self.trees.get(&Kind::of(strategy).tree?).map(|(tree, _)| Arc::clone(tree))
     }
 
-    /// Returns the bytes of the parts that are on the device but that `strategy` does not use. If `reads_in_place` is
-    /// true, because the device shares the host's memory, all strategies read the same lists of the mesh. These lists
-    /// then count once, or not at all if `strategy` reads them too. Otherwise, each tree has a copy of these lists.
+    /// Returns the bytes of the parts that are on the device but that `strategy` does not use.
+    /// `reads_in_place` is true if the device shares the host's memory. In this case, all strategies read the
+    /// same lists of the mesh: the lists count once, or not at all if `strategy` reads them too. If
+    /// `reads_in_place` is false, each tree has a copy of the lists, and every copy counts.
     pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);
@@ -91,8 +93,8 @@ impl SharedScene {
         Ok(())
     }
 
-    /// Returns the scene on the device, in the layout of a strategy. Uploads the scene first if it is not there in this
-    /// layout.
+    /// Returns the scene on the device, in the layout of a strategy. Uploads the scene first if the device
+    /// does not have it in this layout.
     pub fn layout(
         &mut self,
         queue: &Queue,

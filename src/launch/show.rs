@@ -13,11 +13,11 @@ use std::ops::Range;
 
 /// The kernel's source file.
 const FILE: &str = "display/show.cl";
-/// The kernel.
+/// The kernel's name.
 const KERNEL: &str = "show_pixels";
-/// Number of pixels per work-item. The bytes of these pixels fill whole words.
+/// Number of pixels per work-item. The 12 bytes of these pixels fill three words.
 const ITEM_PIXELS: usize = 4;
-/// Bytes per pixel.
+/// Bytes of a displayed pixel: red, green and blue.
 const BYTES: usize = 3;
 
 /// The program of the display transform.
@@ -44,7 +44,7 @@ impl ShowProgram {
         Ok(ProgramSpec { source, options, files })
     }
 
-    /// Builds the program for an open device, or takes it from the cache.
+    /// Builds the program for an open device, or takes the program from the cache.
     pub fn build(
         queue: &Queue,
         spec: &ProgramSpec,
@@ -75,7 +75,7 @@ impl ShowProgram {
         }
     }
 
-    /// Returns how long the build took.
+    /// Returns how long the build took, in milliseconds.
     pub fn build_ms(&self) -> f64 {
         self.built.build_ms
     }
@@ -164,7 +164,8 @@ mod tests {
         Display { exposure, gamma }
     }
 
-    /// Returns the displayed bytes, and the number of pixels that hit something.
+    /// Returns the displayed bytes, and the number of pixels that hit something; `None` if a pixel is not
+    /// finite.
     fn show(
         queue: &Queue,
         spec: &ProgramSpec,
@@ -200,8 +201,8 @@ mod tests {
     #[test]
     fn every_byte_is_the_hosts() {
         let pixels = radiances();
-        // The first queue transfers the image in pieces, the second all at once. The third queue treats its device as
-        // if it allowed only small work-groups.
+        // The first queue transfers the image in pieces, the second all at once. The third queue treats its
+        // device as if the device allowed only small work-groups.
         let queues = [queue(), queue_of(1 << 20), queue().in_groups_of(8)];
         let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
         for (display, queue) in

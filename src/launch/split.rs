@@ -22,10 +22,12 @@ const TRIAL_ROWS: u32 = 256;
 /// Minimum time of a trial frame. A shorter frame would not keep all processors of a device busy, and would not show
 /// how the cost is distributed over the frame's rows.
 const TRIAL_MS: f64 = 5.0;
-/// Number of casts per measurement; their smallest or median time is used.
+/// Number of casts per measurement. The measurement's result is the smallest or the median time of these
+/// casts.
 const CASTS: usize = 3;
-/// A device is left out if it takes more than this many times as long as the fastest. Such a device could save at most
-/// a tenth of the frame's time, and would cost time if its rows took slightly longer than measured.
+/// A device is left out if it takes more than this many times as long as the fastest device. The slow device
+/// could save at most a tenth of the frame's time. It would cost time if its rows took slightly longer than
+/// measured.
 const SLOWEST: f64 = 10.0;
 /// The reason why a device casts no part if the frame has too few rows for all devices.
 const NO_ROWS: &str = "its part of the frame would be less than one row of work-groups";
@@ -36,8 +38,8 @@ pub struct Split<'a> {
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// The number of samples per pixel. It is the same for every pixel, and soft light is cast at full resolution:
-    /// adaptive samples and half resolution would need pixels of neighbouring bands.
+    /// Says how many samples each pixel gets. All pixels get the same number, and soft light is cast at full
+    /// resolution: adaptive samples and half resolution would need pixels of neighbouring bands.
     pub sampling: Sampling,
     /// The files of the kernels.
     pub sources: &'a Sources,
@@ -135,8 +137,8 @@ impl Ready {
         fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
     }
 
-    /// Measures, for each part of a frame from top to bottom, the time per row of pixels; empty if there are fewer
-    /// rows of work-groups than parts.
+    /// Measures the time per row of pixels for each part of a frame, from top to bottom. Returns an empty
+    /// list if there are fewer rows of work-groups than parts.
     fn parts(&self, image_size: [u32; 2]) -> Result<Vec<f64>> {
         let (group, height) = (self.group_height(), image_size[1]);
         let groups = height.div_ceil(group) as usize;
@@ -171,8 +173,9 @@ impl Team<'_> {
         self.costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min)
     }
 
-    /// Removes the slowest device from the team, and returns it with the reason. `reason` gets the time in milliseconds
-    /// that this device takes for a whole trial frame.
+    /// Removes the slowest device from the team. Returns this device with the reason for its removal.
+    /// `reason` gets the time in milliseconds that this device takes for a whole trial frame. Returns `None`
+    /// if the team is empty.
     fn without_slowest(&mut self, reason: impl Fn(f64) -> String) -> Option<LeftOut> {
         let whole_ms = |index: &usize| self.costs[*index].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
@@ -217,9 +220,10 @@ impl Split<'_> {
         Ok(Ready { info: device.info.clone(), strategy: *strategy, prepared, build_ms })
     }
 
-    /// Returns the devices that cast, and the devices that are left out. The slowest device is left out for as long as
-    /// the remaining devices together do not cast a trial frame faster than the fastest device alone. If `every_device`
-    /// is set, no device is left out here.
+    /// Returns the devices that will cast, and the devices that are left out. Devices that are much slower
+    /// than the fastest are left out first ([`Self::trial`]). The slowest remaining device is then left out,
+    /// again and again, until the devices together cast a trial frame faster than the fastest device alone.
+    /// If `every_device` is true, no device is left out.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -244,10 +248,10 @@ impl Split<'_> {
         Ok((team, left_out))
     }
 
-    /// Returns the size of a trial frame: the smallest frame that takes the fastest device at least [`TRIAL_MS`], or
-    /// the full frame if it takes less time. Also measures each device's time for the trial frame. Moves devices that
-    /// are much slower than the fastest from `team` to `left_out`, unless `every_device` is set: for a larger frame,
-    /// the difference would be even larger.
+    /// Returns the size of a trial frame. The trial frame grows until it takes the fastest device at least
+    /// [`TRIAL_MS`], or until it is the full frame. Also measures each device's time for the trial frame.
+    /// Moves devices that are much slower than the fastest from `team` to `left_out`, unless `every_device`
+    /// is true: for a larger frame, the difference would be even larger.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -316,8 +320,8 @@ fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_
     Whole { image, hits, shares, left_out }
 }
 
-/// Returns the time of the slowest device when all devices cast their rows of a frame at the same
-/// time.
+/// Returns the time in milliseconds of the slowest device when all devices cast their rows of a frame at the
+/// same time.
 fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let rows = team.rows(image_size[1]);
     let pairs: Vec<(&Ready, [u32; 2])> =
@@ -325,8 +329,8 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let all_there = Barrier::new(pairs.len());
     let times = at_once(&pairs, |(ready, rows)| {
         let caster = ready.caster(image_size, *rows).and_then(|caster| cast_first(&caster).map(|()| caster));
-        // The thread of a device that failed must reach the barrier too, since the other threads wait there for all
-        // threads.
+        // The thread of a device that failed must reach the barrier, too: the other threads wait at the
+        // barrier for all threads.
         all_there.wait();
         let mut times = cast_times(&caster?)?;
         times.sort_unstable_by(f64::total_cmp);
@@ -335,36 +339,36 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1 miscounts the users of a
-/// kernel if two devices of one process compile the kernel at the same time, and aborts when the devices release the
-/// kernel.
+/// Casts the first frame of a caster, in which the driver may compile. Only one device at a time does so:
+/// PoCL 3.1 miscounts the users of a kernel if two devices of one process compile the kernel at the same
+/// time, and aborts when the devices release the kernel.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
-    // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread that holds
-    // it is harmless.
+    // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
+    // that holds the lock is harmless.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     caster.cast().map(drop).map_err(failed)
 }
 
-/// Returns the shortest time of a few casts. The timed casts follow one that is not timed, in which the driver may
-/// compile.
+/// Returns the shortest device time of a few casts, in milliseconds. The first cast, in which the driver may
+/// compile, is not timed.
 fn fastest_ms(caster: &Caster) -> Result<f64> {
     cast_first(caster)?;
     Ok(cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))
 }
 
-/// Returns the device times of a few casts.
+/// Returns the device times of a few casts, in milliseconds.
 fn cast_times(caster: &Caster) -> Result<Vec<f64>> {
     (0..CASTS).map(|_| caster.cast().map(|times| times.frame_ms).map_err(failed)).collect()
 }
 
-/// Calls `work` for each element, each in its own thread.
+/// Calls `work` for each element, in a separate thread per element.
 fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -> Result<Vec<B>> {
     in_threads(all, Builder::new, work)
 }
 
-/// Calls `work` for each element, each in a thread of its own that `builder` starts. The calls may wait for each other,
-/// so none of them begins before all threads have started.
+/// Calls `work` for each element, in a separate thread per element. `builder` makes the builder that starts a
+/// thread. The calls of `work` may wait for each other, so no call begins before all threads have started.
 fn in_threads<A: Sync, B: Send>(
     all: &[A],
     mut builder: impl FnMut() -> Builder,
@@ -399,12 +403,13 @@ mod tests {
     use crate::strategy::preset;
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    /// Number of pixels across and down. There are 31 rows of work-groups, one fewer than [`PARTS`].
+    /// Number of pixels across and down. With work-groups of two pixel rows, there are 31 rows of
+    /// work-groups, one fewer than [`PARTS`].
     const SIZE: [u32; 2] = [24, 61];
     const LOCAL_SIZE: [u32; 2] = [4, 2];
 
-    /// Returns this machine's first device several times. Each element of `names` consists of the name that the device
-    /// gets and the name of its strategy.
+    /// Returns this machine's first device several times. An element of `names` consists of the name that the
+    /// device gets, and of a strategy's name.
     fn castings(names: &[(&str, &str)]) -> Vec<Casting> {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let casting = |&(name, strategy): &(&str, &str)| {

@@ -31,7 +31,7 @@ impl Staging {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
 
-    /// Returns whether a transfer of `bytes` bytes is so large that pinned memory saves time.
+    /// Returns true if a transfer of `bytes` bytes is so large that pinned memory saves time.
     pub fn pays(&self, bytes: usize) -> bool {
         bytes > 2 * self.piece_bytes
     }
@@ -61,8 +61,8 @@ impl Staging {
                 let values = pieces.values(half, rows.len() * row);
                 fill(rows.clone(), values);
                 let mut event = Event::empty();
-                // SAFETY: the values stay in place until the event has completed; this function or `with` waits for the
-                // event.
+                // SAFETY: the values stay in place until the event has completed, since this function or
+                // `with` waits for the event.
                 unsafe {
                     enqueue_write_buffer(
                         commands,
@@ -82,9 +82,9 @@ impl Staging {
         })
     }
 
-    /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together` rows.
-    /// `enqueue` returns the buffer that contains the rows, and the index of their first value in this buffer; `take`
-    /// receives the rows.
+    /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together`
+    /// rows. `enqueue` gets the rows of a piece; it returns the buffer that will contain these rows, and the
+    /// index of their first value in this buffer. `take` receives the rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,
@@ -99,7 +99,8 @@ impl Staging {
                 let (buffer, offset) = enqueue(rows.clone())?;
                 let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
                 let mut event = Event::empty();
-                // SAFETY: nobody reads the values before the event has completed, and they stay in place until then.
+                // SAFETY: nobody reads the values before the event has completed, and the values stay in
+                // place until that moment.
                 unsafe {
                     enqueue_read_buffer(
                         commands,
@@ -118,7 +119,7 @@ impl Staging {
             let mut coming = (cut.count() > 0).then(|| begin(0, pieces)).transpose()?;
             for number in 0..cut.count() {
                 let event = coming.take();
-                // The next piece is transferred while this one is processed.
+                // The next piece is transferred while the current piece is processed.
                 if number + 1 < cut.count() {
                     coming = Some(begin(number + 1, pieces)?);
                 }
@@ -188,7 +189,8 @@ impl Pieces {
             let flags = MemFlags::READ_WRITE | MemFlags::ALLOC_HOST_PTR;
             let buffer = Buffer::<u8>::builder().queue(commands.clone()).flags(flags).len(bytes).build()?;
             let flags = MapFlags::new().read().write();
-            // SAFETY: the buffer is mapped once, no command uses it, and its mapping keeps it alive.
+            // SAFETY: the buffer is mapped once, and no command uses the buffer. The mapping keeps the buffer
+            // alive.
             unsafe { buffer.map().flags(flags).enq() }
         };
         Ok(Self([piece()?, piece()?]))
@@ -198,7 +200,7 @@ impl Pieces {
         self.0[0].len()
     }
 
-    /// Returns the first `count` values of one of the two pieces.
+    /// Returns the first `count` values of the first piece (`half` = 0) or of the second piece (`half` = 1).
     fn values<T: OclPrm>(&mut self, half: usize, count: usize) -> &mut [T] {
         let bytes = &mut self.0[half][..count * size_of::<T>()];
         // SAFETY: the slice `bytes` has room for `count` values. Mapped memory is aligned for every OpenCL type, and

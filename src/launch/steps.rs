@@ -69,8 +69,8 @@ fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     }
 }
 
-/// Returns smaller dimensions, with only as many rows of work-groups as `tiles` tiles need. In a work-group, each row
-/// of work-items casts one tile.
+/// Returns the dimensions `size` with only as many rows of work-groups as `tiles` tiles need. In a
+/// work-group, each row of work-items casts one tile.
 fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims {
     match (size, local) {
         (SpatialDims::Two(across, down), SpatialDims::Two(local_across, local_down)) => {
@@ -94,8 +94,8 @@ mod tests {
             let [all, local] = [[320, 64], [32, local_down]].map(|[x, y]| SpatialDims::Two(x, y));
             rows_for(tiles, all, local).to_lens().map(|lens| lens[1])
         };
-        // There are ten work-groups side by side. In the first assertion, each casts one tile; in the second, each
-        // casts four.
+        // There are ten work-groups side by side. In the first assertion, each work-group casts one tile; in
+        // the second, each work-group casts four tiles.
         assert_eq!([0, 1, 10, 11, 9999].map(|tiles| size(tiles, 1).ok()), [1, 1, 1, 2, 64].map(Some));
         assert_eq!([1, 40, 41, 9999].map(|tiles| size(tiles, 4).ok()), [4, 4, 8, 64].map(Some));
     }

@@ -7,7 +7,7 @@ use crate::scene::Sample;
 use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes, Traversal};
 use ocl::prm::Float16;
 
-/// Rays across and down in a vector.
+/// The rays of a vector form a square. This is the number of rays across, and down.
 const SIDE: usize = 4;
 /// A pixel's centre.
 const CENTRE: f32 = 0.5;
@@ -36,8 +36,8 @@ pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     if vectors && strategy.passes == Passes::Fused && !sees_sky(scene) { MOST_BITS } else { 0 }
 }
 
-/// Returns the number of tiles in a block of pixels, if tiles fit into blocks. `tile` is the number of rays in a tile,
-/// across and down.
+/// Returns the number of tiles in a block of pixels; `None` if a block does not consist of whole tiles.
+/// `tile` is the number of rays in a tile, across and down. Each pixel has 2^`bits` rays across and down.
 pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
     let side = (SAMPLED_BLOCK as usize) << bits;
     let fits = tile.iter().all(|rays| side.is_multiple_of(*rays));
@@ -56,9 +56,10 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
     })
 }
 
-/// Adds a frame's samples to the frame's arguments, and returns how finely the frame divides pixels. All samples belong
-/// to one round (the first samples of every pixel, or the later ones). A single sample is placed at the centre of its
-/// pixel, because the camera is shifted by the sample's offset instead.
+/// Adds a frame's samples to the frame's arguments. Also returns how finely the frame divides pixels, as the
+/// binary logarithm of the number of sub-pixels across. All samples belong to one round (the first samples of
+/// every pixel, or the later ones). A single sample is placed at the centre of its pixel, because the camera
+/// is shifted by the sample's offset instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let coordinates = |axis: usize| {
@@ -70,15 +71,15 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
     (arguments.with("sample_x", coordinates(0)).with("sample_y", coordinates(1)), bits)
 }
 
-/// Returns the position of a frame's sample within its pixel. A sub-pixel without a sample gets the position of the
-/// first sample.
+/// Returns the position of the sample `number` of a frame within its pixel. A sub-pixel without a sample gets
+/// the position of the first sample. If the frame has only one sample, the position is the pixel's centre.
 fn position_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
 }
 
-/// Returns the position of each sample within its pixel: x and y, for the largest number of samples
-/// that a frame can have.
+/// Returns x and y of each sample's position within its pixel. The list is as long as the largest number of
+/// samples of a frame requires; [`position_of`] says what follows the last sample.
 pub(super) fn positions(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| position_of(samples, number)).collect()
 }
@@ -150,7 +151,8 @@ mod tests {
         }
     }
 
-    /// Casts a picture of a scene with `cast`.
+    /// Casts a picture of the scene file `name` with `cast`, by the preset `tiles`. Returns the picture and
+    /// its number of hits.
     fn picture(name: &str, tiles: &str, count: u32, cast: impl Fn(&Caster, &Scene)) -> (Radiance, usize) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
@@ -165,7 +167,8 @@ mod tests {
         caster.read().unwrap()
     }
 
-    /// The rays of the two pictures differ by rounding, so a sample on an edge may hit another triangle.
+    /// Casting samples together or one by one rounds their rays differently, so a sample on an edge may hit
+    /// another triangle.
     #[test]
     fn samples_cast_together_are_those_cast_one_by_one() {
         let pixels = (SIZE[0] * SIZE[1]) as usize;

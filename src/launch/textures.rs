@@ -33,8 +33,8 @@ impl DeviceTextures {
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
 
-    /// Adds the textures' arguments: once for shading and, if there are cut-outs, a second time under other names, for
-    /// the test whether rays pass through the cut-outs' holes.
+    /// Adds the textures' arguments for shading. If there are cut-outs, adds the same buffers again under
+    /// other names, for the test whether rays pass through holes.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(TEXTURE_ROWS, &self.rows).with("texture_words", &self.words);
         if !self.cut_outs {
@@ -44,7 +44,7 @@ impl DeviceTextures {
     }
 }
 
-/// Writes a triangle's row; the row is longer if textures have mip levels.
+/// Writes a triangle's row. Rows are longer if textures have mip levels.
 fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     let words = mesh.textures.mapped[triangle].to_words();
     let (mapping, texel) = row.split_at_mut(words.len());

@@ -33,7 +33,7 @@ pub(super) struct DeviceTree {
     pub upload_ms: f64,
 }
 
-/// A tree on the host, and the time that building it took.
+/// A tree on the host, and the time for building the tree.
 pub struct HostTree {
     wide: WideBvh,
     build_ms: f64,
@@ -50,8 +50,9 @@ impl HostTree {
         Ok(Some(Self { wide, build_ms: start.elapsed().as_secs_f64() * 1e3 }))
     }
 
-    /// Builds the tree before a device is open, if the memory of host and device suffices. Returns `None` on an error,
-    /// since the session reports the error later.
+    /// Builds the tree before a device is open. Returns `None` if the memory of host or device does not
+    /// suffice or the build fails: the session reports the error later. Also returns `None` if the strategy
+    /// uses no tree.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,
@@ -89,8 +90,8 @@ impl Normals {
             return Ok(Self::Indexed { set, triangles });
         }
         Ok(Self::Rows(upload_rows(queue, [order.len() + 1, NORMAL_FLOATS], |range, rows| {
-            // The buffer has one more row than there are triangles, since kernels that load four floats at once read
-            // one float after the last triangle's row.
+            // The buffer has one row more than there are triangles: kernels that load four floats at once
+            // read one float beyond the last triangle's row.
             let order = &order[range.start.min(order.len())..range.end.min(order.len())];
             write_normal_rows(mesh, order, rows);
         })?))
@@ -151,7 +152,8 @@ impl DeviceTree {
         let stack_size = stack_size_of(&wide);
         let WideBvh { nodes: host_nodes, order, .. } = wide;
         let nodes = upload(queue, &host_nodes)?;
-        // Nodes of large meshes take hundreds of megabytes, so they are freed before the triangles are written.
+        // Nodes of large meshes take hundreds of megabytes, so the host's copy of the nodes is freed before
+        // the triangles are written.
         drop(host_nodes);
         let triangles = order.len();
         let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |range, rows| {

@@ -10,8 +10,7 @@ pub fn processor_time() -> Duration {
     Duration::try_from(time).unwrap_or_default()
 }
 
-/// Returns the processor time that all threads of this process have used since it started; zero if the system does not
-/// report it.
+/// Returns zero: raycl reads the processor time only on Unix.
 #[cfg(not(unix))]
 pub fn processor_time() -> Duration {
     Duration::ZERO

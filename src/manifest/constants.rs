@@ -19,20 +19,20 @@ pub const LIGHT_FLOATS: usize = 6;
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// Side in pixels of a square block of pixels; all pixels of a block get the same number of samples. A vector of rays
-/// in a tile covers one block, if each pixel has one ray.
+/// The side, in pixels, of a square block of pixels. All pixels of a block get the same number of samples. A
+/// vector of rays in a tile covers one block, if each pixel has one ray.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ in a
-/// channel of the displayed picture by more than this number of 8-bit steps. After several first samples per pixel,
-/// this number of steps is divided by the square root of the number of samples, since chance affects the mean of
-/// several samples less than a single sample.
+/// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ
+/// in a channel of the displayed picture by more than this number of 8-bit steps. If pixels have several
+/// first samples, the number of steps is divided by the square root of the number of samples, since chance
+/// affects a mean of samples less than a single sample.
 pub const ROUGH_STEPS: u32 = 30;
-/// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
-/// and down. Along each axis, the filter of soft light covers one pixel more than this number, and its two outermost
-/// pixels have half weight.
+/// The sample points of lights and the directions of the sky repeat after this many pixels of the half
+/// picture, across and down. Along each axis, the filter of soft light covers one pixel more than this
+/// number. The filter's two outermost pixels have half weight.
 pub const INTERLEAVED: u32 = 4;
-/// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from that of the
-/// filtered pixel.
+/// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from the
+/// unoccluded light of the filtered pixel.
 pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;

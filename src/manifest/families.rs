@@ -88,7 +88,8 @@ pub static RASTER: Family = Family {
     ],
 };
 
-/// The kernels whose tiles of rays walk a tree, one work-item per tile; the rays of a tile are in vectors.
+/// The kernels whose tiles of rays walk a tree, with one work-item per tile. The rays of a tile are in
+/// vectors.
 pub static TILE_CPU: Family = Family {
     name: "tile-cpu",
     label: "traversal = tile with vectors of rays (width = 16)",
@@ -141,8 +142,9 @@ pub static TILE_CPU: Family = Family {
         VECTOR_DEFINES,
     ],
     rules: &[
-        // This rule is the first, so that the message is about the width if no tile can be cast with this width, and
-        // not about values that only another width allows. Tiles with `width = 1` belong to the family `TILE_GPU`.
+        // This rule is the first. If no tile can be cast with the width, the message therefore gives this
+        // rule's reason, and not the reason of a rule about values that another width allows. Tiles with
+        // `width = 1` belong to the family `TILE_GPU`.
         only("width", &["1", "16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -305,7 +307,7 @@ const SHOW_SKY: Kernel = Kernel {
     parameters: &[SOFT, CAMERA, SIZE, IMAGE, SAMPLES, HITS_BEFORE],
 };
 
-/// The kernels for rays that are cast one by one, or several at once in the lanes of a vector.
+/// The kernels for rays that a work-item casts one by one, or together in the lanes of a vector.
 const CAST_KERNELS: &[Kernel] = &[
     Kernel {
         name: "prepare_records",
@@ -377,7 +379,7 @@ const CAST_KERNELS_DEFINES: &[Defines] = &[
     TREE_DEFINES,
 ];
 
-/// The kernel that decides which pixels get more samples; it is the same in all families.
+/// The kernel that decides which pixels get more samples. All families have the same kernel.
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 

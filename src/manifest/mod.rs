@@ -1,9 +1,10 @@
 //! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. The row names the family's
-//! kernels with their parameters, the defines for compilation, the values of axes that the family supports, and one
-//! file, which includes all other files of the family. The row determines which source is compiled and hashed, how
-//! arguments are bound, which kernel's registers are reported and which strategies are allowed.
+//! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. The row names
+//! the family's kernels with their parameters, the defines for compilation, and the values of axes that the
+//! family supports. It also names one file, which includes all other files of the family. The row determines
+//! which source is compiled and hashed, how arguments are bound, which kernel's registers are reported and
+//! which strategies are allowed.
 
 mod constants;
 mod define_lists;
@@ -54,7 +55,7 @@ pub enum Fact {
     Environment,
     /// Soft light is cast at half resolution: a property of the picture.
     HalfLight,
-    /// The kernel for primary rays also does as much of the rest of a frame as it can.
+    /// The kernel for primary rays also does as much of the rest of a frame as possible.
     Fused,
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
@@ -80,7 +81,7 @@ pub enum Role {
     Shadow,
     /// Casts leftover shadow rays.
     Leftover,
-    /// Shades the nearest hits; if no kernel has the role `Shadow`, the shading kernel casts shadow rays too.
+    /// Shades the nearest hits. If no kernel has the role `Shadow`, this kernel also casts shadow rays.
     Shade,
     /// Shows the sky where rays have hit nothing.
     Background,
@@ -110,13 +111,14 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns whether the kernel casts primary rays. The registers and the occupancy of this kernel are reported for
-    /// the strategy.
+    /// Returns true if the kernel casts primary rays. The registers and the occupancy of this kernel are
+    /// reported for the strategy.
     pub fn is_main(&self) -> bool {
         matches!(self.role, Role::Frame | Role::Primary)
     }
 
-    /// Returns those parameters whose condition (`when`) is true. `holds` returns whether a condition is true.
+    /// Returns the kernel's parameters whose condition (`when`) is true. `holds` returns true if a condition
+    /// is true.
     pub fn parameters(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static Parameter> {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
@@ -135,14 +137,14 @@ pub enum Values {
     Only(&'static [&'static str]),
     /// All values except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. If a condition is given, only the values for which it is
-    /// false.
+    /// The values that have a file in this folder. If a condition is given, values for which the condition is
+    /// true are excluded.
     FilesIn(&'static str, Option<Fact>),
 }
 
 impl Values {
-    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder.
-    /// `holds` returns whether a condition is true of a strategy with the value.
+    /// Returns true if a value is supported. `has_file` returns true if the value has a file in a folder.
+    /// `holds` returns true if a condition is true of a strategy with the value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
@@ -157,7 +159,8 @@ impl Values {
 pub struct Rule {
     /// The name of the axis.
     pub axis: &'static str,
-    /// The supported values. If the family ignores the axis, it supports only one value of it.
+    /// The supported values. If the axis has no effect in the family, the family supports only one value of
+    /// the axis.
     pub takes: Values,
     /// The reason why the family supports only these values. In messages, the reason follows the family's label, for
     /// example "uses its own edge functions".
@@ -182,12 +185,13 @@ pub struct Family {
 }
 
 impl Family {
-    /// Returns the family's first kernel with this role, if any.
+    /// Returns the family's first kernel with this role; `None` if the family has no such kernel.
     pub fn kernel(&self, role: Role) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.role == role)
     }
 
-    /// Returns whether the family supports scenes with this property: textures, soft lights or a sky.
+    /// Returns true if the family supports scenes with this property (`Textured`, or `Soft` for soft lights
+    /// and a sky): one of the family's kernels has a parameter with this condition.
     pub fn takes(&self, fact: Fact) -> bool {
         let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
         parameters.into_iter().any(|parameter| parameter.when == fact)
@@ -198,13 +202,13 @@ impl Family {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }
 
-    /// Returns the names of the defines whose condition is true. `holds` returns whether a condition is true.
+    /// Returns the names of the defines whose condition is true. `holds` returns true if a condition is true.
     pub fn defines(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static str> {
         self.defines.iter().copied().flatten().filter(move |(when, _)| holds(*when)).map(|(_, name)| *name)
     }
 }
 
-/// Returns whether the kernel of this name casts primary rays; the registers of such a kernel are reported.
+/// Returns true if the kernel of this name casts primary rays. The registers of this kernel are reported.
 pub fn is_main(name: &str) -> bool {
     FAMILIES.iter().filter_map(|family| family.kernel_named(name)).any(Kernel::is_main)
 }

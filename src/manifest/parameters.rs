@@ -71,10 +71,10 @@ pub const TEXTURES: &[Parameter] = &[
 /// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
 /// through the holes of cut-outs.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
-/// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in its round (the first
-/// samples of a pixel, or the later ones).
+/// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this
+/// sample's round. The first samples of a pixel are one round, and the later samples are another round.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// For each block of pixels, the number of samples per pixel that the block is to get. Also the number of
+/// For each block of pixels, the number of samples per pixel that the block should get. Also the number of
 /// samples per pixel that the image has from earlier frames.
 pub const SAMPLES: &[Parameter] = &[p(Sampled, WORDS, "wanted"), p(Sampled, "const uint", "earlier")];
 /// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, the number of samples that
@@ -85,8 +85,8 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, and the number of samples
-/// that the frame casts per pixel, for tiles that are each shared by 32 work-items. `positions` has the
+/// For tiles that are each shared by 32 work-items: the base-2 logarithm of the number of sub-pixels across a
+/// pixel in this frame, and the number of samples that the frame casts per pixel. `positions` has the
 /// position (x and y) of each sample in its pixel. The frame casts only the rough blocks of pixels, which
 /// `rough` lists, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
@@ -137,7 +137,7 @@ pub const IMAGE: &[Parameter] =
     &[p(Always, "const float4", "background"), p(Always, "__global float4 *restrict", "image")];
 pub const NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest_triangle")];
 pub const NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest_triangle")];
-/// The buffer of the working vectors, if they need a buffer.
+/// The buffer of the working vectors, if the working vectors need a buffer.
 pub const WORKING: &[Parameter] = &[
     p(Scratch, "__global float *", "scratch"),
     p(Heap, "__global float *", "heap"),

@@ -60,8 +60,8 @@ fn words(text: &str) -> Vec<&str> {
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Returns whether a text uses a name. A test whether the name is defined does not count as a use, nor does a mention
-/// in an `#error`.
+/// Returns true if a text uses a name. Tests whether the name is defined, and mentions in an `#error`, do not
+/// count as uses.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
@@ -128,8 +128,7 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
     assert!(uses.values().all(|used| *used), "{uses:?}");
 }
 
-/// In an `#if`, a macro that is not defined counts as 0, so a missing define would have no visible effect on the
-/// compilation.
+/// In an `#if`, a macro that is not defined counts as 0, so the compiler would not report a missing define.
 #[test]
 fn a_kernel_file_asks_for_each_define() {
     let read = |name: &str| Sources::Embedded.read(name).unwrap_or_else(|error| panic!("{error}"));

@@ -1,8 +1,9 @@
-//! Compares a result with an earlier one.
+//! Compares a new time with an earlier time.
 
 use super::Interval;
 
-/// The result of comparing a new time with an earlier one by their ratio. Changes up to a threshold count as equal.
+/// The result of comparing a new time with an earlier time by their ratio. Times that differ by at most a
+/// threshold count as equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
     /// The new result is faster by more than the threshold, for every ratio in the 95% interval.
@@ -11,14 +12,14 @@ pub enum Verdict {
     Slower,
     /// The difference is at most the threshold, for every ratio in the 95% interval.
     Same,
-    /// Some ratios in the 95% interval are within the threshold, others beyond it.
+    /// The 95% interval contains ratios within the threshold and ratios beyond the threshold.
     Unclear,
     /// The two times cannot be compared, since neither an anchor nor other points of the same rounds show how the
     /// machine's speed changed.
     CannotTell,
-    /// One of the results has too few samples.
+    /// One of the two points has too few samples.
     NotEnough,
-    /// One of the results has enough samples, but times of 0 are among them.
+    /// One of the two points has enough samples, but some of them are 0.
     BelowResolution,
 }
 
@@ -47,8 +48,8 @@ impl Verdict {
         }
     }
 
-    /// Returns the verdict for the 95% interval of a ratio: the new time divided by the earlier time. Changes within
-    /// `threshold` (0.02 is 2%) count as equal.
+    /// Returns the verdict for the 95% interval of a ratio: the new time divided by the earlier time. Two
+    /// times count as equal if neither exceeds the other by more than `threshold` (0.02 is 2%).
     pub fn of(change: Interval, threshold: f64) -> Self {
         let (least, most) = (1.0 / (1.0 + threshold), 1.0 + threshold);
         if change.low > most {
@@ -88,8 +89,7 @@ mod tests {
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
-        // A result that takes 1.25 times as long as another differs from it by exactly the threshold. A result that
-        // takes 0.8 times as long does too, since 0.8 is 1 / 1.25.
+        // The ratios 1.25 and 0.8 (1 / 1.25) differ from 1 by exactly the threshold.
         assert_eq!((of(0.5, 0.79), of(0.78, 1.0)), (Verdict::Faster, Verdict::Unclear));
     }
 }

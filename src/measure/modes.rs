@@ -4,18 +4,19 @@ use super::MIN_SAMPLES;
 use super::summary::quantile;
 use std::collections::BTreeMap;
 
-/// A set of n times has two modes if its [`dip`], multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
-/// sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips (Hartigan and Hartigan,
-/// *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, 99.9% of the sets of 10 to 200 times
-/// from the uniform distribution stayed below this threshold. Therefore, of the points whose times have one mode, at
-/// most one in a thousand is reported to have two. In practice there are fewer such false reports, since distributions
-/// of times have tails, unlike the uniform distribution.
+/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
+/// [`LARGEST`] - [`FEWER`] / sqrt(n). Among distributions with one mode, the uniform distribution has the
+/// largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a
+/// simulation, 99.9% of the sets of 10 to 200 times from the uniform distribution stayed below this
+/// threshold. Therefore, if the times of a point have one mode, the probability of a dip above the threshold
+/// is at most 1 in 1000. In practice the probability is lower, since distributions of times have tails,
+/// unlike the uniform distribution.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
-/// Sets of fewer times than this are not tested.
+/// [`Modes::of`] returns `None` for fewer times than this.
 const FEWEST: usize = 10;
-/// Modes closer to each other than this relative distance are treated as one mode, since a timer's steps would
-/// otherwise look like modes.
+/// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most this
+/// fraction. Without this limit, a timer's steps would look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
 /// Two values around which times cluster.
@@ -23,9 +24,9 @@ const LEAST_DISTANCE: f64 = 0.05;
 pub struct Modes {
     /// The median of the faster times, and the median of the slower times.
     pub ms: [f64; 2],
-    /// How many of the measured times belong to each mode.
+    /// The number of times in each mode, the faster mode first.
     pub samples: [usize; 2],
-    /// The boundary: the faster times are at most this long.
+    /// The longest of the faster times.
     pub parted_at_ms: f64,
 }
 
@@ -48,10 +49,11 @@ impl Modes {
         (are_apart && are_two).then_some(modes)
     }
 
-    /// Returns whether the times' dip is too large for times with one mode, and could be the dip of two groups of these
-    /// sizes. The dip of n times with two values is k / 2n if the rarer value occurs k times. The dip of two groups of
-    /// different values is larger by at most about 1 / 2n. If the smaller group is too small, the dip has another
-    /// reason, such as the steps of a timer, and the group consists of a few samples that took long.
+    /// Returns true if the times' dip exceeds the threshold (see [`LARGEST`]) and two groups of the sizes
+    /// `samples` can have a dip above this threshold. If n times have only two values, and the rarer value
+    /// occurs k times, the dip is k / 2n. If the values within the two groups differ, the dip is larger by at
+    /// most about 1 / 2n. If the smaller group is too small to cause the dip, it consists of a few samples
+    /// that took long, and the dip has another cause, such as the steps of a timer.
     fn have_dip(&self, sorted: &[f64]) -> bool {
         let n = sorted.len() as f64;
         let root = n.sqrt();
@@ -59,9 +61,10 @@ impl Modes {
         dip(sorted) * root > least && (fewer as f64 + 1.0) / (2.0 * n) * root > least
     }
 
-    /// Returns whether all times of each launch belong to the same mode, and each launch has at least [`MIN_SAMPLES`]
-    /// times. The dip of few times cannot show that one launch of four was slow. By chance, however, all times of a
-    /// launch are hardly ever above all others: for five of twenty times, the probability is 1 in 15,504.
+    /// Returns true if there are at least two launches, each launch has at least [`MIN_SAMPLES`] times, and
+    /// no launch has times of both modes. This test can find one slow launch of four even if the launches
+    /// have too few times for a large dip. If all launches are equally fast, the five times of one launch
+    /// exceed the fifteen times of the three other launches with a probability of only 1 in 15,504.
     fn are_launches(&self, times_ms: &[f64], launches: &[u32]) -> bool {
         let mut counts: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
         for (launch, ms) in launches.iter().zip(times_ms) {
@@ -72,8 +75,8 @@ impl Modes {
     }
 }
 
-/// Returns whether the gap between two groups of sorted times is wider than each of the groups. Otherwise, launches
-/// that all differ a little from each other would be taken for launches of two speeds.
+/// Returns true if the gap between two groups of sorted times is wider than each of the groups. If the gap is
+/// narrower, all launches may differ a little from each other, instead of having one of two speeds.
 fn is_gap_wide(fast: &[f64], slow: &[f64]) -> bool {
     let width = |group: &[f64]| group.first().zip(group.last()).map_or(0.0, |(first, last)| last - first);
     let gap = fast.last().zip(slow.first()).map_or(0.0, |(below, above)| above - below);
@@ -101,14 +104,15 @@ fn cut(sorted: &[f64]) -> usize {
     best.0
 }
 
-/// Returns the dip: the largest distance between the values' distribution function and the nearest distribution
-/// function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for
-/// Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which the mode lies. It
-/// compares the distribution function with two hulls: the greatest convex minorant (the highest convex curve that is
-/// nowhere above the function) and the least concave majorant (the lowest concave curve that is nowhere below it).
-/// Below the interval, the algorithm measures the distance between the function and the minorant; above the interval,
-/// the distance between the function and the majorant. The narrowing ends when the largest distance between the two
-/// hulls within the interval is at most the largest distance measured so far.
+/// Returns the dip: the largest distance between the values' distribution function and the nearest
+/// distribution function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic
+/// to Test for Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which
+/// the mode lies. The algorithm compares the distribution function with two hulls: the greatest convex
+/// minorant (the highest convex curve that is nowhere above the function) and the least concave majorant (the
+/// lowest concave curve that is nowhere below it). Below the interval, the algorithm measures the distance
+/// between the function and the minorant; above the interval, the distance between the function and the
+/// majorant. The narrowing ends when the interval stays the same, or when the largest distance between the
+/// two hulls within the interval is at most the largest distance measured so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut dip) = (0, n - 1, 1.0_f64);
@@ -143,8 +147,9 @@ fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns the indices of the points (value, index) that lie on a hull. `bent` takes numbers that compare like the
-/// slopes before and after a point. It returns true if the point does not lie on the hull and must be removed from it.
+/// Returns the indices of the points (value, index) that lie on a hull. The arguments of `bent` are the
+/// slopes of the hull before and after a point, multiplied by the same number. `bent` returns true if the
+/// point does not lie on the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for index in low..=high {
@@ -162,9 +167,9 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// Returns the greatest distance between the two hulls at a point of one of them. The hulls are the convex
-/// minorant `below` and the concave majorant `above`. Also returns the first and the last index of the modal
-/// interval that follows from this distance.
+/// Returns the greatest distance between the two hulls, measured at the points of both hulls. The hulls are
+/// the convex minorant `below` and the concave majorant `above`. Also returns the first and the last index of
+/// the modal interval that follows from this distance.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -183,8 +188,8 @@ fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usiz
     best
 }
 
-/// Returns the height of a hull (straight lines between the points with the indices `hull`) at the value with this
-/// index.
+/// Returns the height of a hull (straight lines between the points with the indices `hull`) at the value with
+/// the index `index`.
 fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
     let after = hull.partition_point(|touch| *touch < index);
     match (after.checked_sub(1).map(|before| hull[before]), hull.get(after)) {
@@ -194,7 +199,8 @@ fn on_hull(sorted: &[f64], hull: &[usize], index: usize) -> f64 {
     }
 }
 
-/// Returns by how much a straight line from point `one` to point `other` has risen at the value with the index `at`.
+/// Returns the height of the straight line from point `one` to point `other` above point `one`, at the value
+/// with the index `at`.
 fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
     let across = sorted[other] - sorted[one];
     if across > 0.0 { (other - one) as f64 * (sorted[at] - sorted[one]) / across } else { (at - one) as f64 }
@@ -285,7 +291,7 @@ mod tests {
         assert_eq!(with(8).map(|modes| modes.samples), Some([32, 8]));
     }
 
-    /// Five times of each of four launches are too few for a dip if one launch is slow.
+    /// With one slow launch among four launches of five times each, the dip stays below the threshold.
     #[test]
     fn a_launch_of_another_speed_is_a_mode_although_the_dip_is_small() {
         let launches: Vec<u32> = (0..20).map(|index| index / 5).collect();
@@ -297,7 +303,7 @@ mod tests {
         assert_eq!(Modes::of(&one, &launches).map(|modes| modes.samples), Some([15, 5]));
         assert_eq!(Modes::of(&times([1.0, 1.0, 1.0, 1.04]), &launches), None);
         assert_eq!(Modes::of(&times([1.0, 1.06, 1.12, 1.18]), &launches), None, "each launch differs");
-        // A fast launch has a slow sample, and the slow launch has a fast one.
+        // One fast launch has a slow sample, and the slow launch has a fast sample.
         let mut mixed = one.clone();
         mixed.swap(2, 17);
         assert_eq!(Modes::of(&mixed, &launches), None);

@@ -1,9 +1,9 @@
 //! Finds samples during which other programs used the processors.
 //!
-//! A frame that is cast on processors needs about the same processor time in every sample. If the system preempts
-//! one of the frame's threads to run another program, the frame takes longer, but needs no more processor time. The
-//! ratio of processor time to elapsed time (the utilization) therefore shows how much a sample was delayed. It does
-//! not depend on the speed of the frame itself.
+//! A frame that is cast on processors needs about the same processor time in every sample. If the system
+//! preempts one of the frame's threads to run another program, the frame takes longer, but needs no more
+//! processor time. The ratio of processor time to elapsed time (the utilization) therefore shows how much a
+//! sample was delayed. The ratio does not depend on the speed of the frame itself.
 
 use super::{MIN_SAMPLES, quantile};
 use std::collections::HashMap;
@@ -12,16 +12,17 @@ use std::collections::HashMap;
 /// anchor. Other programs delayed such a sample by over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
-/// Returns the ratio of a sample's processor time to its elapsed time. The ratio can be above 1 if several threads
-/// run. Returns `None` if it is unknown.
+/// Returns the ratio of a sample's processor time to its elapsed time. The ratio can be above 1 if several
+/// threads run. Returns `None` if the processor time is unknown or the elapsed time is 0.
 pub fn utilization(processor_ms: Option<f64>, elapsed_ms: f64) -> Option<f64> {
     let ratio = processor_ms? / elapsed_ms;
     ratio.is_finite().then_some(ratio)
 }
 
-/// Returns the samples of a point or an anchor without the preempted ones. `launch_and_utilization` returns a sample's
-/// launch and its utilization. If a launch would have fewer than five samples left, its five samples with the highest
-/// utilization remain. Returns `None` if there is no sample, or if the utilization of a sample is unknown.
+/// Returns the samples of a point or an anchor without the preempted samples. `launch_and_utilization`
+/// returns a sample's launch and its utilization. If a launch would have fewer than five samples left, its
+/// five samples with the highest utilization remain. Returns `None` if there is no sample, or if the
+/// utilization of a sample is unknown.
 pub fn without_preempted<T: Clone>(
     samples: &[T],
     launch_and_utilization: impl Fn(&T) -> Option<(u32, f64)>,
@@ -77,7 +78,7 @@ mod tests {
         let remaining_ms = remaining(&[&preempted[..], &[(0, 10.0, 0.0); 20]].concat());
         assert_eq!(remaining_ms[..5], [16.0, 18.0, 15.0, 17.0, 14.0]);
         assert_eq!(remaining_ms.len(), 25);
-        // Of samples with equal utilization, the first remain.
+        // Of samples with equal utilization, the first five remain.
         let equal = [16.0, 17.0, 18.0, 19.0, 20.0, 21.0, 22.0].map(|ms| (1, ms, 0.5 * ms));
         let remaining_ms = remaining(&[&equal[..], &[(0, 10.0, 0.0); 22]].concat());
         assert_eq!((&remaining_ms[..5], remaining_ms.len()), (&[16.0, 17.0, 18.0, 19.0, 20.0][..], 27));

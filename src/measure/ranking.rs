@@ -3,8 +3,8 @@
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point with enough samples, and every other point that ties with it. With more than one winner there
-    /// is a tie.
+    /// The fastest point with enough samples, and every other point that ties with it. If there is more than
+    /// one winner, the winners tie.
     pub winners: Vec<T>,
     /// Every point with enough samples, including the winners.
     pub ranked: Vec<T>,
@@ -13,8 +13,9 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, such as the logarithms of their times. The lowest level is the best. A point
-    /// without a level has no rank. `ties` takes a point and the best point, and returns whether the two tie.
+    /// Ranks points by their levels, such as the logarithms of their times. The lowest level is the best. A
+    /// point without a level has no rank. `ties` takes a point and the best point, and returns true if the
+    /// two points tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,
@@ -33,7 +34,7 @@ impl<T: Copy> Ranking<T> {
         Self { winners: ranked.iter().copied().filter(wins).collect(), ranked, unranked }
     }
 
-    /// Returns all points: the ranked ones first.
+    /// Returns all points: the ranked points, then the unranked points.
     pub fn all(&self) -> Vec<T> {
         self.ranked.iter().chain(&self.unranked).copied().collect()
     }

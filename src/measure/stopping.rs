@@ -3,7 +3,8 @@
 use super::MIN_SAMPLES;
 use serde::{Deserialize, Serialize};
 
-/// Number of the latest noise values (sigma / mean) that must agree before more samples are considered useless.
+/// The noise (sigma / mean) of a point has settled if the noise values after this many of the latest samples
+/// agree.
 const SETTLING: usize = 16;
 /// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
@@ -50,9 +51,9 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// Returns the rule for one of several launches of the worker processes. The limits of samples and time hold for
-    /// all launches together, so each launch gets a share of them. Each launch takes at least as many samples as a
-    /// verdict needs, unless the limit for all launches is lower.
+    /// Returns the rule for one of several launches of the worker processes. The limits of samples and time
+    /// hold for all launches together, so each launch gets a share of each limit. Each launch takes at least
+    /// [`MIN_SAMPLES`] samples, unless `max_samples` is lower.
     pub fn shared_by(self, launches: usize) -> Self {
         let least = self.least();
         Self {
@@ -63,7 +64,7 @@ impl StoppingRule {
         }
     }
 
-    /// Returns the minimum number of rounds in a launch; a launch with fewer rounds is not used.
+    /// Returns the least number of rounds that a launch needs to be used.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
@@ -83,7 +84,8 @@ impl StoppingRule {
         (rounds >= self.max_samples).then_some(StopReason::MaxSamples)
     }
 
-    /// Returns the reason to stop if more samples would not improve the result of any point.
+    /// Returns the reason to stop if more samples would not improve the result of any point; otherwise
+    /// `None`.
     fn known(&self, points_ms: &[Vec<f64>]) -> Option<StopReason> {
         let noise: Vec<_> = points_ms.iter().map(|samples| running_noise(samples)).collect();
         let precise = |noise: &Vec<f64>| noise.last().is_some_and(|&last| last < self.relative_sigma);
@@ -105,14 +107,15 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
         squares += distance * (sample - mean);
         if before > 0 {
             let sigma = (squares / before as f64).sqrt();
-            // If all samples are below the clock's resolution, they are 0, and sigma / mean would not be a number.
+            // If all samples are 0, because the frames take less than a step of the clock, sigma / mean would
+            // not be a number.
             noise.push(if sigma == 0.0 { 0.0 } else { sigma / mean });
         }
     }
     noise
 }
 
-/// Returns whether the last noise values agree.
+/// Returns true if there are at least [`SETTLING`] noise values and the last of them agree (see [`SETTLED`]).
 fn settled(noise: &[f64]) -> bool {
     noise.last_chunk::<SETTLING>().is_some_and(|last| {
         let (mean, sigma) = super::mean_and_sigma(last);

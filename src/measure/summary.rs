@@ -12,7 +12,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Summarises samples in any order; `None` if there are none or one is not finite.
+    /// Summarises samples in any order. Returns `None` if there are no samples or if a sample is not finite.
     pub fn of(samples: &[f64]) -> Option<Self> {
         if samples.is_empty() || !samples.iter().all(|sample| sample.is_finite()) {
             return None;
@@ -27,7 +27,7 @@ impl Summary {
     }
 }
 
-/// Returns the median of values in any order; `None` if there are none.
+/// Returns the median of values in any order; `None` if there are no values.
 pub(crate) fn median_of(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

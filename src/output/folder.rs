@@ -27,8 +27,9 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's place, or
-    /// if this process may not make the folder or create files in it.
+    /// Reads the list of a folder. The folder and the list need not exist. Fails if a file is in the folder's
+    /// place, or if this process may not make the folder or create files in it. Without `--force`, also fails
+    /// if the file with the list's name is not such a list.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -54,13 +55,14 @@ impl OutFolder {
         self.choice
     }
 
-    /// Returns whether raycl wrote into the folder before.
+    /// Returns true if raycl wrote into the folder before.
     pub fn is_known(&self) -> bool {
         self.results || !self.made.is_empty()
     }
 
-    /// Checks before any work is done whether [`write`](Self::write) would refuse files of these names. The contents
-    /// are not known yet, so a file that raycl did not make is refused even if it equals the new content.
+    /// Returns an error if [`write`](Self::write) would refuse files of these names. Commands call this
+    /// function before their work, when the new contents are not known yet. The function therefore also
+    /// refuses a file that raycl did not make but that equals the new content.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -177,8 +179,8 @@ fn remedy(choice: Choice) -> String {
     format!("`{}` writes elsewhere", choice.elsewhere)
 }
 
-/// Returns whether a name leads to a file in the folder to which it is joined. A name with `..` may lead out of the
-/// folder, and if the name is an absolute path, `Path::join` drops the folder.
+/// Returns true if a path made of a folder and `name` surely leads to a file in this folder. A name with `..`
+/// may lead out of the folder. If the name is an absolute path, `Path::join` drops the folder.
 fn is_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }

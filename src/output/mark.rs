@@ -61,7 +61,7 @@ pub fn key(file: &mut File) -> Option<String> {
     unchanged.then(|| String::from_utf8_lossy(key).into_owned())
 }
 
-/// Adds a blank mark to JSON text, as the first field of its first object.
+/// Returns the JSON text with a blank mark as the first field of its first object.
 pub fn json(text: &str) -> String {
     text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
 }
@@ -73,7 +73,7 @@ pub fn seal(file: &mut File) -> Result<()> {
     file.write_all(&mark.filled)
 }
 
-/// Returns who made a file, by its mark.
+/// Returns the maker of a file, as the file's mark shows it.
 pub fn maker(file: &mut File) -> Result<Maker> {
     Ok(match MarkInFile::read(file)? {
         None => Maker::Other,

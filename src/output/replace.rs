@@ -123,7 +123,8 @@ pub(super) fn put(
     write(unfinished.file()).map_err(failed)?;
     let name = permit(path, choice, &maker)?;
     let must_be_new = name == Name::Free && !choice.force;
-    // Without a temporary name, a process that is killed now leaves nothing behind.
+    // The file has no name until `link_to` gives it the final name, so a process that is killed before leaves
+    // no file behind.
     if must_be_new && unfinished.link_to(path).map_err(|_| appeared(path, choice))? {
         return Ok(());
     }
@@ -158,7 +159,7 @@ fn irreplaceable(path: &Path, choice: Choice, error: &IoError) -> Error {
         .with_help(format!("write elsewhere with `{}`", choice.elsewhere))
 }
 
-/// Checks whether this process may create files in the folder of `path`.
+/// Returns an error if this process may not create files in the folder of `path`.
 pub(super) fn check_writable(path: &Path, choice: Choice) -> Result<()> {
     may_write(reader::folder_of(path))
         .map_err(|error| Error::input(closed(path, &error)).with_help(choice.other_folder()))
@@ -181,8 +182,8 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems cannot rename a file without the risk of replacing another. On these file systems, an empty
-        // file reserves the name first.
+        // Some file systems cannot rename a file without the risk of replacing another file. On these file
+        // systems, this function first reserves the name with an empty file.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {
@@ -197,7 +198,7 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
     file.persist(path).map(drop).map_err(|error| error.error)
 }
 
-/// Returns the folder of a new file; the folder must exist.
+/// Returns the folder of a new file. Returns an error if the folder does not exist or cannot be opened.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
     let (folder, name) = (reader::folder_of(path), path.display());
     // A deleted folder stays the current folder of a process, but no file can be created in it.

@@ -9,8 +9,9 @@ use crate::record::journals::{
 };
 use std::path::Path;
 
-/// The files that a run may leave if it ends before its first record: it is interrupted, or the disk is full. Such a
-/// run may also leave the files of earlier runs that [`is_earlier_environment`] recognises.
+/// The files that a run may leave if it ends before its first record, for example because the user interrupts
+/// it or the disk is full. Such a run may also leave the files of earlier runs that
+/// [`is_earlier_environment`] recognises.
 const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
 /// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
@@ -35,8 +36,8 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     Err(Error::input(message).with_help(help))
 }
 
-/// Returns whether an entry is one of the files that a run writes before its first record. For a folder `images` with
-/// pictures in it, returns true only if there is a `.lock` beside it.
+/// Returns true if `path` is one of the files that a run writes before its first record. For a folder
+/// `images` with pictures in it, returns true only if the file `.lock` is beside the folder.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

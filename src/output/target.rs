@@ -43,7 +43,7 @@ impl Target {
         Self { path: self.path.with_file_name(name), choice: self.choice }
     }
 
-    /// Returns whether the target is standard output.
+    /// Returns true if the target is standard output.
     pub fn is_standard_output(&self) -> bool {
         self.path.as_os_str() == STANDARD_OUTPUT
     }
@@ -53,19 +53,19 @@ impl Target {
         &self.path
     }
 
-    /// Returns whether the paths of this target and of `other` lead to the same file, even if they are written
-    /// differently; false if the file's folder does not exist.
+    /// Returns true if the paths of this target and of `other` lead to the same file, even if the paths are
+    /// written differently. Returns false if the file's folder does not exist.
     pub fn is_same_file(&self, other: &Self) -> bool {
         in_canonical_folder(&self.path).is_some_and(|path| in_canonical_folder(&other.path) == Some(path))
     }
 
-    /// Checks that the folder exists.
+    /// Returns an error if the file's folder does not exist.
     pub fn check_folder(&self) -> Result<()> {
         folder_of(&self.path).map(drop)
     }
 
-    /// Checks before any work is done whether [`write`](Self::write) would refuse the path, or may not create a file in
-    /// its folder.
+    /// Returns an error if [`write`](Self::write) would refuse the path, or if this process may not create
+    /// files in the file's folder. Commands call this function before their work.
     pub fn check(&self) -> Result<()> {
         if self.is_standard_output() {
             return Ok(());
@@ -75,9 +75,10 @@ impl Target {
         check_writable(&self.path, self.choice)
     }
 
-    /// Returns an error if the file exists and is one of those that the command reads, which not even `--force`
-    /// replaces. `is_read` returns whether the command has read, or tried to read, the file at a path. The folder in
-    /// this path is canonical. `what` names such a file in the message.
+    /// Returns an error if the file exists and the command reads it: not even `--force` replaces a file that
+    /// the command reads. `is_read` gets the file's path, with a canonical folder, and returns true if the
+    /// command has read this file or tried to. In the message, `what` says what the file is, such as "a file
+    /// of the scene".
     pub fn check_unread(&self, what: &str, is_read: impl FnOnce(&Path) -> bool) -> Result<()> {
         let path = if self.is_standard_output() { None } else { in_canonical_folder(&self.path) };
         // A file that does not exist is not replaced, even if the command tried to read it.

@@ -24,8 +24,8 @@ const SLOTS: u64 = 8;
 /// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
 /// used.
 const LARGE_BYTES: u64 = 512 << 20;
-/// The smallest distance in bytes between the steps of the pointer chase (reads each of which yields the index of the
-/// next) in global memory: a cache line.
+/// The distance in bytes between neighbouring entries of the pointer chase in global memory: a cache line. In
+/// a pointer chase, each read yields the index of the entry that is read next.
 const LINE_BYTES: usize = 128;
 /// Number of entries of the pointer chases in private and `__local` memory. The number is a prime, so that no chase
 /// ends at the entry at which it began. The entry at the end therefore shows that the chase ran.
@@ -96,7 +96,8 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     multiplied(items, width, &seconds)
 }
 
-/// Returns the multiply-adds per second of loops in which every work-item computes with vectors of this width.
+/// Returns the multiply-adds per second. In each loop, every work-item computes with vectors of `width`
+/// floats. `seconds` are the seconds per loop.
 fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
     rates((items as u64 * CHAINS * width * FMA_STEPS) as f64, seconds)
 }
@@ -168,7 +169,8 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     read_locally(items, width, &seconds)
 }
 
-/// Returns the bytes per second of loops in which every work-item reads vectors of floats of this width.
+/// Returns the bytes per second. In each loop, every work-item reads vectors of `width` floats. `seconds` are
+/// the seconds per loop.
 fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
     rates((items as u64 * SLOTS * width * 4) as f64, seconds)
 }
@@ -196,7 +198,8 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     Ok([on_device, on_host, Figure::of(&batched)])
 }
 
-/// Summarises the times on the device's clock and those on the host's; each pair has one of each.
+/// Summarises the times on the device's clock (the first of each pair) and the times on the host's clock (the
+/// second).
 fn figures(pairs: &[(f64, f64)]) -> [Figure; 2] {
     let (on_device, on_host): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     [on_device, on_host].map(|times| Figure::of(&times))
@@ -211,7 +214,8 @@ fn shortest_us(row_ms: &[(f64, f64)]) -> (f64, f64) {
 fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
     let start = Instant::now();
     for _ in 0..BATCH {
-        // SAFETY: the reasons that `Rig::launch` states hold here, too.
+        // SAFETY: as in `Rig::launch`, the kernel stays within the buffers that are bound as its arguments,
+        // and these buffers are still alive.
         unsafe { kernel.cmd().queue(&rig.queue.commands).enq() }.map_err(failed)?;
     }
     rig.queue.commands.finish().map_err(failed)?;

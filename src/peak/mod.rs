@@ -22,7 +22,8 @@ use std::path::Path;
 
 /// The name of the file with the devices' peak rates in a folder of results.
 pub const FILE: &str = "peak.json";
-/// The rates per second that a device can have. The rates of real devices and simulators are far from both ends.
+/// The rates per second that a device can have. The rates of real devices and simulators are far from the two
+/// ends of this range.
 const POSSIBLE_PER_S: RangeInclusive<f64> = 1.0..=1e18;
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
@@ -62,7 +63,8 @@ pub struct Peak {
     pub timestamp: String,
     /// raycl's version.
     pub raycl_version: String,
-    /// The highest clock that the driver reports, used to convert latencies to cycles; `None` if it reports none.
+    /// The highest clock that the driver reports, used to convert latencies to cycles; `None` if the driver
+    /// reports no clock.
     pub max_clock_mhz: Option<u64>,
     /// Single-precision fused multiply-adds per second with all units busy.
     pub fma_per_s: Figure,
@@ -87,7 +89,7 @@ pub struct Peak {
 }
 
 impl Figure {
-    /// Summarises repeats; all values are zero without repeats.
+    /// Summarises repeats. Without repeats, all values are zero.
     pub fn of(values: &[f64]) -> Self {
         let summary = Summary::of(values).map(|summary| Self {
             median: summary.median,
@@ -105,12 +107,12 @@ impl Peak {
         self.max_clock_mhz.map(|mhz| latency_ns.median * mhz as f64 * 1e-3)
     }
 
-    /// Reads the rates of one device, or a list for several devices.
+    /// Reads a file with the rates of one device, or with a list of the rates of several devices.
     pub fn read(path: &Path) -> Result<Vec<Self>> {
         let text = reader::text(path, Kind::Peaks)
             .map_err(|error| Error::unreadable("peak rates", path, &error, WRITTEN_BY))?;
-        // An untagged enum of the library serde would accept both forms (one device or a list) too, but its error would
-        // not say what is wrong, nor in which line.
+        // An untagged enum of the library serde would accept both forms (one device or a list) too, but the
+        // error of such an enum would state neither the mistake nor its line.
         let read = match text.trim_start().starts_with('[') {
             true => serde_json::from_str(&text),
             false => serde_json::from_str(&text).map(|one| vec![one]),
@@ -154,19 +156,19 @@ impl Peak {
         Ok(Vec::new())
     }
 
-    /// Writes a list for several devices.
+    /// Writes a file with a list of the rates of several devices.
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Returns whether the rates may be those of this device. The name of a device in records depends on the machine's
-    /// other devices, so the rates may have any of the names that records can use for the device.
+    /// Returns true if the rates may be those of this device. The name of a device in records depends on the
+    /// machine's other devices, so the rates may have any of the names that records can use for the device.
     pub fn may_be_of(&self, device: &DeviceInfo) -> bool {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
 
-    /// Returns whether the rates are those of one of these devices, but with another driver or in another
+    /// Returns true if the rates are those of one of these devices, but with another driver or in another
     /// state. Rates without a state count as rates of every state.
     pub fn are_outdated(&self, devices: &[&DeviceInfo]) -> bool {
         let fits = |device: &&DeviceInfo| {
@@ -177,8 +179,8 @@ impl Peak {
         !own.is_empty() && !own.iter().any(fits)
     }
 
-    /// Returns whether the rates are those of the same device with the same driver and in the same state as `earlier`.
-    /// Earlier rates without a state count as rates of every state.
+    /// Returns true if the rates are those of the same device with the same driver and in the same state as
+    /// `earlier`. Earlier rates without a state count as rates of every state.
     pub fn is_of_state_of(&self, earlier: &Self) -> bool {
         (&self.device, &self.platform, &self.driver) == (&earlier.device, &earlier.platform, &earlier.driver)
             && (earlier.state.is_none() || earlier.state == self.state)
@@ -206,9 +208,9 @@ impl Peak {
     }
 }
 
-/// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many bytes it
-/// reads. These numbers come from the headers of the strategy's kernel files. The record keeps these numbers, since a
-/// process that reads the record later may know other files.
+/// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many
+/// bytes the test reads. These numbers come from the headers of the strategy's kernel files. The record keeps
+/// these numbers, since a process that reads the record later may know other files.
 pub fn describe_test(record: &mut Record) {
     record.operations_per_test = operations_per_test(&record.strategy);
     if let Some(traffic) = Traffic::by_headers(record) {

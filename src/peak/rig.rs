@@ -30,7 +30,8 @@ const REPEATS: usize = 9;
 /// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and the cost of the
 /// launch are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
-/// If a launch takes this long by the host's clock, but no time by the device's, the device's clock does not run.
+/// If a launch takes this long by the host's clock, but no time by the device's clock, the device's clock
+/// does not run.
 const WITHOUT_TIMES_MS: f64 = 1000.0;
 /// The reason of a failure if the device's clock does not run.
 pub const NO_TIMES: &str = "by the device's clock, the kernels take no time";
@@ -54,8 +55,8 @@ impl<'a> Rig<'a> {
         Ok(Self { device, queue: Queue::open(device)?, sources })
     }
 
-    /// Returns the number of work-items per work-group. On a CPU, whose lanes are elements of vectors, it is
-    /// 1. On other devices, whose lanes are work-items, it is large.
+    /// Returns the number of work-items per work-group. The number is 1 on a CPU, whose lanes are elements of
+    /// vectors. It is large on other devices, whose lanes are work-items.
     pub fn group(&self) -> usize {
         if self.device.info.limits.is_cpu { 1 } else { self.large_group() }
     }
@@ -71,8 +72,8 @@ impl<'a> Rig<'a> {
         self.device.info.limits.compute_units.max(1) as usize * groups_a_unit * self.group()
     }
 
-    /// Returns the number of floats per vector: the device's native width, or `otherwise` if its lanes are
-    /// work-items.
+    /// Returns the number of floats per vector: the device's native width if it is above 1, else `otherwise`.
+    /// The native width is 1 on devices whose lanes are work-items.
     pub fn width(&self, otherwise: u32) -> u32 {
         let own = self.device.info.limits.native_width;
         if own > 1 { own } else { otherwise }
@@ -119,8 +120,8 @@ impl<'a> Rig<'a> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);
-        // SAFETY: every caller's arguments follow the parameters in cl/peak/. The check by `ocl` is switched off, since
-        // it does not support pointers to vectors.
+        // SAFETY: every caller's arguments follow the parameters in cl/peak/. `ocl`'s own check is switched
+        // off, since this check does not support pointers to vectors.
         unsafe { kernel.disable_arg_type_check() };
         add(&mut kernel);
         let kernel =
@@ -149,7 +150,8 @@ impl<'a> Rig<'a> {
         buffer.map_err(failed)
     }
 
-    /// Launches a kernel once; returns the milliseconds on the device's clock and on the host's.
+    /// Launches a kernel once. Returns the time in milliseconds on the device's clock and on the host's
+    /// clock.
     pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
         let start = Instant::now();
         let mut event = Event::empty();
@@ -189,8 +191,8 @@ fn too_many(name: &str, [group, most]: [usize; 2]) -> String {
     )
 }
 
-/// Returns the seconds per loop, one value per repeat, and the number of loops. `timed_ms` takes a number of loops and
-/// returns their time on the device's clock and on the host's.
+/// Returns the seconds per loop, one value per repeat, and the number of loops. `timed_ms` gets a number of
+/// loops, runs them, and returns the time in milliseconds on the device's clock and on the host's.
 fn looped(mut timed_ms: impl FnMut(i32) -> Result<(f64, f64)>) -> Result<(Vec<f64>, i32)> {
     let mut loops = 256;
     // This launch is not counted, since the first launch of a kernel may include its compilation.
@@ -228,8 +230,7 @@ mod tests {
             Ok((device_ms, device_ms))
         });
         let (seconds, loops) = looped_run.expect("it is measured");
-        // The loops must take `LONG_ENOUGH_MS` (20,000 loops do); 2^15 is the first power of two that is larger than
-        // 20,000.
+        // 20,000 loops take `LONG_ENOUGH_MS`. 2^15 is the first power of two that is larger than 20,000.
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
         // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.

@@ -25,9 +25,9 @@ pub struct Traffic<'a> {
 }
 
 impl<'a> Traffic<'a> {
-    /// Returns the bytes that each test of a record reads, as the record states them. Records of earlier versions do
-    /// not state them; for these records, the bytes follow from the headers of the kernel files that this process has
-    /// read.
+    /// Returns the bytes that each test of a record reads, as the record states. Records of earlier versions
+    /// do not state these bytes; for such records, the bytes follow from the headers of the kernel files that
+    /// this process has read.
     pub fn of(record: &'a Record) -> Option<Self> {
         let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
         Some(Self {

@@ -15,8 +15,8 @@ use thiserror::Error;
 /// The option with which NVIDIA's compiler prints registers and spills into the build log. This option is not part of a
 /// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
-/// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The compiler
-/// prints messages only when it really compiles, not when it uses its cache.
+/// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The
+/// compiler prints messages only when it compiles, not when it takes a program from its cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
 /// The compiler rejected a program, or the driver could not compile it.
@@ -25,18 +25,19 @@ pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 pub struct BuildError {
     /// The compiler's messages.
     pub log: String,
-    /// Whether the program contains a kernel file that the user added or changed. The mistake is then the user's, since
-    /// raycl's own files compile.
+    /// True if the program contains a kernel file that the user added or changed. The mistake is then the
+    /// user's, since raycl's own files compile.
     pub has_own_file: bool,
-    /// Whether the same build may succeed later, for example if memory was missing. The program may then be right.
+    /// True if the same build may succeed later, for example because memory was missing. The program may be
+    /// correct.
     pub may_pass: bool,
 }
 
 impl BuildError {
-    /// Replaces the names of kernel files in the log by their paths, and finds out whose mistake the error is. The
-    /// compiler names these files relative to `cl/` or to the user's folder, or names lines of the whole program. An
-    /// error that may not occur again (`may_pass`), such as missing memory, says nothing about the program, so its log
-    /// stays as it is.
+    /// Replaces the names of kernel files in the log by their paths, and finds out whose mistake the error
+    /// is. The compiler names a file relative to `cl/` or to the user's folder, or only states a line number
+    /// in the whole program. An error that may not occur again (`may_pass`), such as missing memory, says
+    /// nothing about the program, so its log stays as it is.
     pub(crate) fn located(self, sources: &Sources, spec: &ProgramSpec) -> Self {
         if self.may_pass {
             return self;
@@ -51,13 +52,14 @@ impl BuildError {
 pub struct BuiltProgram {
     /// The OpenCL program.
     pub program: Program,
-    /// Time for the build; short if the driver takes the program from its own cache.
+    /// Time for the build. The time is short if the driver takes the program from its own cache.
     pub build_ms: f64,
     /// True if the program came from raycl's cache, and nothing was compiled.
     pub from_cache: bool,
     device: Device,
     verbose: bool,
-    /// The compiler's messages, which were stored with the program; `None` if the program did not come from the cache.
+    /// The compiler's messages, which were stored with the program; `None` if the program did not come from
+    /// raycl's cache.
     cached_log: Option<String>,
     programs: ProgramCache,
     key: String,
@@ -66,7 +68,7 @@ pub struct BuiltProgram {
 }
 
 impl BuiltProgram {
-    /// Takes the program from the cache, or else compiles it. A compiled program is stored at once if the
+    /// Takes the program from raycl's cache, or else compiles it. A compiled program is stored at once if the
     /// driver can return its binary without further work.
     pub fn build(
         context: &Context,
@@ -107,13 +109,14 @@ impl BuiltProgram {
         Ok(built)
     }
 
-    /// Returns whether the cache contains a program, so that nothing needs to be compiled.
+    /// Returns true if raycl's cache contains the program, so that nothing needs to be compiled.
     pub fn is_cached(device: Device, spec: &ProgramSpec, programs: &ProgramCache) -> bool {
         programs.find(&programs.key(&spec.source, &options(device, spec))).is_some()
     }
 
-    /// Stores the compiled program in the cache, and returns whether it is stored now. This may take long, because
-    /// some drivers compile every kernel again to return the binary.
+    /// Stores the compiled program in raycl's cache. Returns true if the cache now contains the program. A
+    /// program without its messages ([`Self::lacks_log`]) is not stored. Storing may take long, because some
+    /// drivers compile every kernel again to return the binary.
     pub fn store(&self) -> bool {
         if self.from_cache || !self.programs.is_usable() {
             return self.from_cache;
@@ -125,20 +128,22 @@ impl BuiltProgram {
         !binary.is_empty() && self.programs.store(&self.key, &StoredProgram { log: self.log(), binary })
     }
 
-    /// Returns whether the compiler printed no registers although it can print them. In this case, the driver took the
+    /// Returns true if the compiler can print registers, but printed none. In this case, the driver took the
     /// program from its own cache, since the compiler prints registers only when it compiles.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
 
-    /// Stores the program if it is not stored yet, and returns its key; `None` if it cannot be stored.
+    /// Stores the program if raycl's cache does not contain it yet. Returns the program's key; `None` if the
+    /// program cannot be stored.
     pub fn stored_as(&self) -> Option<&str> {
         self.store().then_some(&self.key)
     }
 
-    /// Loads the program once from raycl's cache, if this process compiled and stored it and its binary is PTX. A
-    /// driver that returns PTX compiles this PTX when the program is loaded, in addition to its earlier compilation of
-    /// the source. The driver's cache then contains the machine code for the next process.
+    /// Loads the program once from raycl's cache. This happens only if this process compiled and stored the
+    /// program, and if the program's binary is PTX. A driver that returns PTX compiles this PTX when the
+    /// program is loaded, in addition to its earlier compilation of the source. The driver's cache then
+    /// contains the machine code for the next process.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -148,7 +153,7 @@ impl BuiltProgram {
         }
     }
 
-    /// Returns the compiler's messages; may be empty.
+    /// Returns the compiler's messages, or an empty text if there are none.
     pub fn log(&self) -> String {
         if let Some(log) = &self.cached_log {
             return log.clone();
@@ -169,15 +174,17 @@ impl BuiltProgram {
         }
     }
 
-    /// Returns the binary if it is PTX text, else an empty text. Only compilers that make PTX are queried.
+    /// Returns the binary if it is PTX text, else an empty text. Only a compiler that can print registers
+    /// (NVIDIA's) is asked for the binary.
     pub fn ptx(&self) -> String {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
     }
 }
 
-/// Returns a program's compiler options, and the option that makes the device's compiler print the kernels' resources.
-/// A compiler that cannot print resources gets the option that stops its output to the terminal, if it has one.
+/// Returns a program's compiler options, and the option that makes the device's compiler print the kernels'
+/// resources. A compiler that cannot print resources gets another option, if it has one: the option that
+/// stops its output to the terminal.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()
@@ -188,17 +195,18 @@ fn refusal(error: CallError) -> BuildError {
     BuildError { log: error.message, has_own_file: false, may_pass }
 }
 
-/// Loads a program from a stored binary; `None` if the driver does not accept it.
+/// Loads a program from a stored binary; `None` if the driver does not accept the binary.
 fn load(context: &Context, device: Device, stored: &StoredProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
     let program = create_program_with_binary(context.as_core(), &[device], &[&stored.binary]).ok()?;
-    // After a failure, the program is compiled.
+    // If loading fails, the program is compiled instead, so the driver's messages about the failure are
+    // dropped.
     build(program, device, &options).inspect_err(|_| forget_failures()).ok()
 }
 
-/// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function
-/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same answer, but needs
-/// more than the device's handle.
+/// Returns true if the device's compiler has an option to print a kernel's registers and spills. The function
+/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same answer, but
+/// needs more than the device's handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions
@@ -232,9 +240,9 @@ mod tests {
         // NVIDIA's compiler names no file.
         assert_eq!(located("<kernel>:3:1: error: no"), format!("{shade}:2:1: error: no"));
         assert_eq!(located("error: cast/shade.cl:1:1: no"), format!("error: {shade}:1:1: no"));
-        // In both of the next cases, the message must also name the user's file. In the first, the compiler names a
-        // built-in file, which may use a name that the user's file defines wrongly. In the second, the compiler names
-        // no file.
+        // In the next two cases, the message must also name the user's file. In the first, the compiler names
+        // a built-in file, which may use a name that the user's file defines wrongly. In the second, the
+        // compiler names no file.
         let why = format!("no built-in kernel file is wrong by itself, but this program contains {shade}: ");
         let note = "\nnote: cast/shade.cl:2:2: it is declared here";
         let other = located(&format!("error: cast/scene.cl:1:1: no{note}"));

@@ -1,10 +1,10 @@
-//! Determines which kernels of a program frames can need.
+//! Lists the kernels of a program that frames can need.
 
 use crate::manifest::Role;
 use crate::strategy::{Strategy, Workload};
 
-/// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run. A kernel
-/// that prepares records is one of them, although it runs only once per scene.
+/// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run.
+/// A kernel that prepares records is included, although it runs only once per scene.
 pub fn frame_kernels(strategy: &Strategy, workload: &Workload) -> Vec<&'static str> {
     let has_light = workload.lights > 0 || workload.sky;
     let is_needed = |role: Role| match role {

@@ -2,8 +2,8 @@
 //! defines make the condition false, so the program does not contain that file. Conditions that the host cannot decide
 //! count as true.
 
-/// The conditions around a line, outermost first. Each condition is true, false, or (`None`) unknown to the host;
-/// unknown conditions count as true.
+/// The conditions around a line, outermost first. A condition that the host does not know is `None`, and
+/// counts as true.
 #[derive(Default)]
 pub(super) struct Branches(Vec<Option<bool>>);
 
@@ -32,14 +32,14 @@ impl Branches {
         }
     }
 
-    /// Returns whether the compiler may see the next line.
+    /// Returns true if the compiler may see the next line: no condition around it is known to be false.
     pub fn may_be_live(&self) -> bool {
         !self.0.contains(&Some(false))
     }
 }
 
-/// Returns whether a condition is true; `None` if it is neither one of the host's defines nor the
-/// negation of one.
+/// Returns the value of a condition that is one of the host's defines or the negation of one; `None` for any
+/// other condition.
 fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
     let (name, wanted) = condition.strip_prefix('!').map_or((condition, true), |name| (name, false));
     let (_, value) = defines.iter().find(|(define, _)| *define == name)?;

@@ -78,7 +78,8 @@ impl Joiner<'_> {
     }
 }
 
-/// Replaces `{AXIS}` in a path by the strategy's value on this axis, with `_` instead of `-`.
+/// Replaces the first `{AXIS}` in a path by the strategy's value on this axis. In the value, `_` replaces
+/// `-`.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {

@@ -21,9 +21,9 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
-    /// Makes the compiler's input for a strategy and a workload. A size of the scene, such as its number of triangles
-    /// or the depth of its tree, becomes a define only if the length of an array in the kernels depends on it. Scenes
-    /// of different sizes can therefore use the same program.
+    /// Makes the compiler's input for a strategy and a workload. A size of the scene, such as its number of
+    /// triangles or the depth of its tree, becomes a define only if it determines the length of an array in
+    /// the kernels. Scenes of different sizes can therefore use the same program.
     pub fn new(
         sources: &Sources,
         strategy: &Strategy,
@@ -35,9 +35,9 @@ impl ProgramSpec {
         Ok(spec)
     }
 
-    /// Makes the same input as [`Self::new`], but without the lines at which a compiler stops if a file of the user
-    /// disagrees with its header. `raycl kernel` prints this program, so that a user can look in the printed program
-    /// for the cause of such an error.
+    /// Makes the same input as [`Self::new`], but without the lines at which a compiler stops if a file of
+    /// the user disagrees with its header. `raycl kernel` prints this program, so that a user who gets such
+    /// an error can look for its cause in the printed program.
     pub fn unchecked(
         sources: &Sources,
         strategy: &Strategy,
@@ -65,7 +65,7 @@ impl ProgramSpec {
         Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 
-    /// Returns a hash of the source and the options.
+    /// Returns a hash of the source and the options: 16 hexadecimal digits.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.options.as_bytes()).update(b"\0").update(self.source.as_bytes());
@@ -83,9 +83,10 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
-/// Returns lines at which a compiler stops if the macros of the user's file of the axis `triangles` disagree with the
-/// file's header. The picture could otherwise be wrong, since the host makes defines such as `TRIANGLES` from the
-/// header. Returns no lines if the program does not contain such a file, or if the file is built in.
+/// Returns lines at which a compiler stops if the macros of the user's file of the axis `triangles` disagree
+/// with the file's header. The picture could otherwise be wrong, since the host makes defines such as
+/// `TRIANGLES` from the header. Returns no lines if the program does not contain a user's file of the axis
+/// `triangles`, or if this file equals the built-in file.
 fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) -> Result<String> {
     let file = format!("cast/triangles/{}.cl", strategy.triangles.name().replace('-', "_"));
     if !files.contains(&file) || sources.changed_paths(slice::from_ref(&file)).is_empty() {
@@ -93,9 +94,10 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     }
     let text = sources.read(&file)?;
     let key = text.lines().position(|line| line.trim_start_matches('/').trim_start().starts_with("copied:"));
-    // The compiler must report the error at the line of `copied`. `#line` states the number of the line after it, which
-    // is the `#if`; the `#error` is one line further down. `key` counts lines from 0 and `#line` counts them from 1, so
-    // that `key` is the number of the line before `copied`: the right number for the `#if`.
+    // The compiler must report the error at the line of `copied`. `#line` states the number of the line after
+    // it: the `#if`. The `#error` has the next higher number, so the `#if` must get the number of the line
+    // before `copied`. This number is `key`, because `key` counts lines from 0 and `#line` counts them from
+    // 1.
     let line = key.unwrap_or(0).max(1);
     let copied = strategy.triangles.copied();
     let macros = [
@@ -112,8 +114,8 @@ fn check_of_staging(sources: &Sources, strategy: &Strategy, files: &[String]) ->
     Ok(macros.map(check).concat())
 }
 
-/// Returns macros for parameter lists, made from [`crate::manifest`]: one macro with the parameters that describe the
-/// camera, and one for each kernel of the strategy's family that this strategy and workload need.
+/// Returns macros for parameter lists, made from [`crate::manifest`]: one macro with the parameters that
+/// describe the camera, and one macro for each kernel that this strategy and workload need.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds_of(kernel.when, workload));
     let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));

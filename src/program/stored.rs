@@ -10,11 +10,11 @@ const KIND: &str = "program";
 /// built whether the program is stored.
 const NAME_KIND: &str = "name";
 
-/// The environment variable with which raycl starts a process again after a crash that a stored program may have caused.
-/// The process compiles its programs again, and removes the stored ones.
+/// The environment variable with which raycl starts a process again after a crash that a stored program may
+/// have caused. The new process compiles its programs again, and removes the stored programs.
 pub const AFRESH: &str = "RAYCL_COMPILE_AFRESH";
 
-/// The cache for a device's programs; by default nothing is stored.
+/// The cache for a device's programs. The default value stores nothing.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramCache {
     cache: Cache,
@@ -45,17 +45,18 @@ impl ProgramCache {
         format!("{}\n{options}\n{}", self.compiler, blake3::hash(source.as_bytes()).to_hex())
     }
 
-    /// Returns whether the cache stores anything.
+    /// Returns true if the cache can store programs.
     pub fn is_usable(&self) -> bool {
         self.cache.is_usable()
     }
 
-    /// Returns whether a driver can return a compiled program's binary without further work.
+    /// Returns true if the driver can return a compiled program's binary without further work.
     pub fn has_binaries_at_hand(&self) -> bool {
         self.at_hand
     }
 
-    /// Returns the program stored under a key.
+    /// Returns the program stored under a key; `None` if no program is stored, or if stored programs are to
+    /// be removed.
     pub fn find(&self, key: &str) -> Option<StoredProgram> {
         if self.afresh {
             return None;
@@ -63,10 +64,11 @@ impl ProgramCache {
         StoredProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
-    /// Removes the program stored under a key, if a process before this one may have crashed because of it.
+    /// Removes the program stored under a key, if an earlier process may have crashed because of a stored
+    /// program.
     pub fn distrust(&self, key: &str) {
         if self.afresh && self.cache.get(KIND, key).is_some() {
-            // An entry without content is no program.
+            // An entry without content replaces the program, and cannot be read as a program.
             self.cache.put(KIND, key, &[]);
         }
     }
@@ -76,7 +78,7 @@ impl ProgramCache {
         self.cache.put(NAME_KIND, &self.name_key(name), key.as_bytes());
     }
 
-    /// Returns whether the program of this name is stored.
+    /// Returns true if the program of this name is stored.
     pub fn has(&self, name: &str) -> bool {
         let key = self.cache.get(NAME_KIND, &self.name_key(name)).and_then(|key| String::from_utf8(key).ok());
         key.is_some_and(|key| self.find(&key).is_some())
@@ -86,7 +88,7 @@ impl ProgramCache {
         format!("{}\n{name}", self.compiler)
     }
 
-    /// Stores a program; returns whether that succeeded.
+    /// Stores a program. Returns true if the program was stored.
     pub fn store(&self, key: &str, program: &StoredProgram) -> bool {
         self.cache.put(KIND, key, &program.to_bytes())
     }

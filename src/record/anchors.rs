@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// A line of `anchors.jsonl`: one execution of the anchor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AnchorSample {
-    /// The anchor's name; equal names mean the same work on the same device, or on devices of one model that share a
-    /// run's points.
+    /// The anchor's name. Anchors with equal names do the same work on the same device, or on devices of one
+    /// model that share a run's points.
     pub anchor: String,
     /// The device's name in records.
     pub device: String,
@@ -24,17 +24,17 @@ pub struct AnchorSample {
     pub at_ms: f64,
     /// The anchor's device time in milliseconds.
     pub ms: f64,
-    /// The anchor's time on the host's clock; absent in files of earlier versions.
+    /// The anchor's time on the host's clock, in milliseconds; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host_ms: Option<f64>,
-    /// The processor time that the process used for the anchor; absent in files of earlier versions, and if the device
-    /// is not a CPU.
+    /// The processor time that the process used for the anchor, in milliseconds; absent in files of earlier
+    /// versions, and if the device is not a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
 }
 
 impl AnchorSample {
-    /// Returns the ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
+    /// Returns the ratio of the anchor's processor time to its elapsed time; `None` if a time is absent.
     fn utilization(&self) -> Option<f64> {
         utilization(self.processor_ms, self.host_ms?)
     }
@@ -48,22 +48,25 @@ pub(super) struct AnchorTimes<'a> {
     pub device: &'a str,
     /// The samples, without those during which other programs used the processors (preempted samples).
     pub remaining: Vec<&'a AnchorSample>,
-    /// The ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
+    /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
+    /// times.
     pub utilization: Option<AnchorUtilization>,
 }
 
-/// The ratio of an anchor's processor time to its elapsed time. Other programs that delay the anchor make it smaller.
+/// The ratio of an anchor's processor time to its elapsed time. Other programs that delay the anchor lower
+/// this ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AnchorUtilization {
     /// The median of the ratios of the remaining samples ([`AnchorTimes::remaining`]).
     pub remaining: f64,
-    /// The ratio for all samples together, including the preempted ones. Other programs delay a point with long frames
-    /// about as much as all samples of the anchor together.
+    /// The ratio for all samples together, including the preempted samples. Other programs delay a point with
+    /// long frames about as much as all samples of the anchor together.
     pub overall: f64,
 }
 
 impl<'a> AnchorTimes<'a> {
-    /// Returns the anchors of some launches, by name and device.
+    /// Returns one `AnchorTimes` per name and device of an anchor, with the samples of the launches
+    /// `launches`.
     pub(super) fn of_launches(launches: &HashSet<u32>, samples: &'a [AnchorSample]) -> Vec<Self> {
         let mut anchors: BTreeMap<(&str, &str), Vec<&AnchorSample>> = BTreeMap::new();
         for sample in samples.iter().filter(|sample| launches.contains(&sample.launch)) {
@@ -89,11 +92,12 @@ impl AnchorUtilization {
     }
 }
 
-/// In the samples of anchors, replaces the devices' names by the names that a plan (the list of a run's points) uses.
-/// `records` are records of the same folder, with the names under which they were stored. A device's name depends on
-/// the machine's other devices, so an earlier session may have used another name than the plan. For each sample, the
-/// record with the same launch and device shows the new name. If there is no such record, for example after a session
-/// that was interrupted, the sample gets the device name of other samples with the same anchor name.
+/// In the samples of anchors, replaces the names of devices by the names in the plan (the list of a run's
+/// points). `records` are records of the same folder, with the names under which they were stored. A device's
+/// name depends on the machine's other devices, so an earlier session may have used another name than the
+/// plan. For each sample, the record with the same launch and device shows the new name. If there is no such
+/// record, for example after a session that was interrupted, the sample gets the device name of other samples
+/// with the same anchor name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,
@@ -130,7 +134,8 @@ mod tests {
             ..Record::default()
         };
         let plan = CurrentPlan::of(&[record("a", "pocl-cpu", 0), record("b", "intel-cpu", 0)]);
-        // In earlier sessions, each device was the only one and had the name "cpu". The launch 3 belongs to no record.
+        // In each earlier session, the machine had only one device, which had the name "cpu". The launch 3
+        // belongs to no record.
         let records = [record("a", "cpu", 0), record("b", "cpu", 1), record("hidden", "cpu", 2)];
         let anchor = |name: &str, launch: u32| AnchorSample {
             anchor: name.into(),

@@ -15,7 +15,7 @@ pub struct Clocks {
 }
 
 impl Clocks {
-    /// Reads the clock frequencies of this machine. Only Linux reports them.
+    /// Reads the clock frequencies of this machine. On systems other than Linux, all values are null.
     pub fn read() -> Self {
         Self::under(Path::new("/"))
     }

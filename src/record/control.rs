@@ -12,7 +12,7 @@ use std::collections::HashMap;
 pub(super) struct Control {
     key: String,
     standing: Standing,
-    /// Whether the record in which this value is stored is the record of the control point itself.
+    /// True if this value is stored in the record of the control point itself.
     is_itself: bool,
 }
 
@@ -33,24 +33,24 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the level (the logarithm of a time) by which a record is ranked within its family (the records whose
-    /// levels can be compared). If the record's block has a control point, the control point's level in this block is
-    /// subtracted. The speeds of the blocks' machines then cancel.
+    /// Returns the level (the logarithm of a time) by which a record is ranked within its family (the records
+    /// whose levels can be compared). If the record's block has a control point, the control point's level in
+    /// this block is subtracted, so that the speeds of the blocks' machines cancel.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control
     }
 
-    /// Returns the name of the record's family. Only levels of records of one family can be compared. The blocks of the
-    /// family's records share a control point. If the records have no control point, those of the same rounds are a
-    /// family.
+    /// Returns the name of the record's family. Only levels of records of one family can be compared. All
+    /// records whose blocks have the same control point are one family. Records without a control point are
+    /// one family if they were measured in the same rounds.
     pub(super) fn family(&self) -> String {
         self.control.as_ref().map_or_else(|| self.together.to_string(), |control| control.key.clone())
     }
 
-    /// Returns the ratio of this record's time to that of `other`, computed from the ratios of both times to the time
-    /// of the control point that their blocks share. Returns `None` if a block has no control point, or if the blocks
-    /// have different ones.
+    /// Returns the ratio of this record's time to the time of `other`. The ratio is computed from the ratios
+    /// of both times to the time of the control point that the two blocks share. Returns `None` if one of the
+    /// two blocks has no control point, or if the control points differ.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |times: &Self, control: &Control| match control.is_itself {
@@ -75,9 +75,9 @@ mod tests {
         Record { control: Some(record.key.clone()), ..record }
     }
 
-    /// Returns the control point and `naive` of the first machine, and then the control point and `wide` of the second
-    /// machine. The second machine takes twice as long as the first for every point, so `wide` would take 4 ms on the
-    /// first machine.
+    /// Returns the control point and `naive` of the first machine, and then the control point and `wide` of
+    /// the second machine. For every point, the second machine takes twice as long as the first, so `wide`
+    /// would take 4 ms on the first machine.
     fn of_two_machines() -> Vec<Record> {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
@@ -98,7 +98,8 @@ mod tests {
         assert_eq!(ranking.winners[0].name, "wide");
     }
 
-    /// The control point failed in the third block, so this block's points are compared with others by their medians.
+    /// The control point failed in the third block. The points of this block are therefore compared with
+    /// points of other blocks by their medians.
     #[test]
     fn a_block_without_the_control_point_leaves_the_order_of_the_other_blocks() {
         let lone = Record { control: None, ..block("tile", 6.5, 2) };
@@ -108,9 +109,9 @@ mod tests {
         assert_eq!(names, ["wide", "tile", "naive"]);
     }
 
-    /// The control point's ratio to itself is exactly 1 and has no error. If a point of one block is compared with the
-    /// control point as measured in another block, the only error of the result is therefore that of the ratio within
-    /// the point's own block.
+    /// The control point's ratio to itself is exactly 1 and has no error. If a point of one block is compared
+    /// with the control point as measured in another block, the only error of the result is therefore the
+    /// error of the ratio within the point's own block.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let records = of_two_machines();

@@ -1,17 +1,18 @@
-//! Estimates the difference between the delays that other programs may have caused for a point and for its anchor.
+//! Estimates how much more (or less) other programs may have delayed a point than the point's anchor.
 //!
-//! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But other
-//! programs need not delay the point and the anchor by the same factor. For example, a frame of half a millisecond
-//! often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in all samples. Preempted
-//! samples are left out, but each launch keeps at least five samples. If all samples of a run are preempted, none is
-//! left out. The utilization (processor time divided by elapsed time) of the remaining samples shows by how much other
-//! programs may have delayed these samples.
+//! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. But
+//! other programs may delay the point and the anchor by different factors. For example, a frame of half a
+//! millisecond often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in
+//! all samples. Preempted samples are left out, but each launch keeps at least five samples. If all samples
+//! of a run are preempted, none is left out. The utilization (processor time divided by elapsed time) of the
+//! remaining samples shows by how much other programs may have delayed these samples.
 
 use super::types::Record;
 
-/// Returns the largest possible error of the change of a point's time from one run to another, if the change is
-/// computed relative to the anchor. The error is the logarithm of the factor by which the change may be too large
-/// because of other programs. The error is negative if the change may be too small, and 0 if nothing shows an error.
+/// Returns the largest possible error of the change of a point's time between two runs. The change is the
+/// ratio of the times, both relative to the anchor. The error is the logarithm of the factor by which the
+/// change may be too large because of other programs. The error is negative if the change may be too small,
+/// and 0 if nothing shows an error.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }
@@ -20,9 +21,10 @@ fn known(before: &Record, after: &Record) -> Option<f64> {
     let anchor = |record: &Record| record.relative_times.as_ref()?.anchor.as_ref()?.utilization;
     let (first, second) = (anchor(before)?, anchor(after)?);
     let of_anchor = delay(first.remaining, second.remaining)?;
-    // A point's utilization also changes if its kernel changed, for example if the work-groups of the new kernel take
-    // unequal times. The delay that follows from the point's utilization is therefore limited: other programs delayed a
-    // point at most by as much as all samples of the anchor together.
+    // A point's utilization also changes if its kernel changed, for example if the work-groups of the new
+    // kernel take unequal times. The delay that follows from the point's utilization is therefore limited:
+    // raycl assumes that other programs delayed the point by at most the factor by which they delayed all
+    // samples of the anchor together.
     let most = delay(first.overall, second.overall)?;
     let of_point = delay(before.utilization?, after.utilization?)?.clamp(most.min(0.0), most.max(0.0));
     Some(of_point - of_anchor)
@@ -42,8 +44,8 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// Returns a record with this utilization. Its anchor has two utilizations: one of the samples without the
-    /// preempted ones (`remaining`), and one of all samples (`overall`).
+    /// Returns a record with this utilization. The record's anchor has two utilizations: `remaining` for the
+    /// samples that were not preempted, and `overall` for all samples.
     fn record(utilization: f64, [remaining, overall]: [f64; 2]) -> Record {
         let mut record = judged([measured("cpu", "naive", 8, 1.0)]).remove(0);
         record.utilization = Some(utilization);

@@ -18,7 +18,7 @@ pub struct Environment {
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted
     /// changes; null if the revision is unknown.
     pub git_revision: Option<String>,
-    /// The build: profile, optimisation, target and its features, flags, compiler.
+    /// How raycl was built: profile, optimisation, target and the target's features, flags, compiler.
     #[serde(default)]
     pub build: String,
     /// All environment variables of OpenCL drivers and loaders that are set, as `NAME=VALUE`, even if they do not
@@ -58,8 +58,9 @@ pub struct Source {
     /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files;
     /// null if a file cannot be read.
     pub hash: Option<String>,
-    /// The commit that is checked out in the file's repository, and whether the file has been changed since this
-    /// commit. Null if the file is in no git repository, and for the kernels of the binary.
+    /// The commit that is checked out in the file's repository, and whether the file has been changed since
+    /// this commit (see [`git_state`]). Null if the file is in no git repository, and for the kernels of the
+    /// binary.
     pub git: Option<String>,
 }
 
@@ -88,8 +89,8 @@ pub struct Host {
     pub clocks: Clocks,
 }
 
-/// One OpenCL device. A value is null if the driver does not report it, or if an earlier version of raycl wrote the
-/// file and did not store this value.
+/// One OpenCL device. A value is null if the driver does not report the value, or if an earlier version of
+/// raycl wrote the file without the value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceEnvironment {
     /// The device's name in records.
@@ -134,13 +135,13 @@ pub struct DeviceEnvironment {
     /// The environment variables that affect the device's times, as `NAME=VALUE`.
     #[serde(default)]
     pub settings: Vec<String>,
-    /// Those of `settings` that raycl itself has set, because the user had not set them.
+    /// The variables of `settings` that raycl itself has set, because the user had not set them.
     #[serde(default)]
     pub set_by_raycl: Vec<String>,
 }
 
 impl DeviceEnvironment {
-    /// Returns those properties of a device that `environment.json` contains.
+    /// Returns the properties of a device that `environment.json` contains.
     pub fn of(info: &DeviceInfo) -> Self {
         let info = info.clone();
         Self {
@@ -165,9 +166,9 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether records may use the name `shown` for the device `name`. If a run was merged from
-/// machines with devices of the same name, the names in records end with a text in brackets, so that
-/// the devices differ. Pages show the device's common name instead.
+/// Returns true if the device name `shown` (from a record or a page) may mean the device `name`: `shown` must
+/// start with `name` or with the device's common name, and a text in brackets may follow. `raycl merge` adds
+/// this text if several machines have devices of the same name.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     let is_end = |rest: &str| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')');
     [name, &common_name(name)].iter().any(|name| shown.strip_prefix(*name).is_some_and(is_end))

@@ -2,8 +2,8 @@
 
 use super::summary::Group;
 
-/// The longest name without its ending, in bytes. File systems allow 255 bytes. The kind of a plot or an export is put
-/// before the name, and pictures that are derived from another one add words to its name.
+/// The longest name without its ending, in bytes. File systems allow 255 bytes. The remaining bytes are for
+/// the ending and for words that are added to the name, such as the kind of a plot.
 const LONGEST_NAME: usize = 200;
 
 /// Returns a name that is valid as a single file name on every system: all characters except ASCII letters, digits and
@@ -20,8 +20,8 @@ pub fn file_name(name: &str) -> String {
     file
 }
 
-/// Returns a file name without its ending for each group, with the group's scene, image size and device. All these
-/// names differ.
+/// Returns one file name without its ending per group. The name consists of the group's scene, image size and
+/// device. No two names are equal.
 pub fn file_names(groups: &[Group<'_>]) -> Vec<String> {
     let mut files: Vec<String> = Vec::new();
     for group in groups {

@@ -34,8 +34,8 @@ pub struct Folder {
     /// One record per point of the current plan, in the plan's order and with the plan's names. Without a plan,
     /// `records` has the latest record of every point. Different scenes with the same name are renamed.
     pub records: Vec<Record>,
-    /// The records of control points of the current plan that were measured only to compare blocks, if the plan is
-    /// divided into blocks. They are not in `records`.
+    /// The records of control points of the current plan that were measured only to compare blocks, if the
+    /// plan is divided into blocks. These records are not in `records`.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
     /// the file cannot be read.
@@ -44,9 +44,9 @@ pub struct Folder {
     pub rounds: Vec<RoundLoad>,
     /// Times of the anchors that were measured together with the points.
     pub anchors: Vec<AnchorSample>,
-    /// Notes to be shown with the results, for example on records that are not shown.
+    /// Notes that are shown with the results, for example on records that are not shown.
     pub notes: Vec<String>,
-    /// The notes that count the damaged lines of journals; they are also in `notes`.
+    /// The notes that count the damaged lines of journals. `notes` contains these notes too.
     pub damage: Vec<String>,
 }
 
@@ -87,8 +87,8 @@ impl Folder {
         sure.extend(hardly_verified_images(&records));
         sure.extend(preempted(&records));
         if hosts(&records) <= 1 {
-            // The core-to-core latencies of different machines are not compared: they differ even if no virtual
-            // machine's processors were moved to other cores.
+            // The core-to-core latencies of different machines are not compared: these latencies differ even
+            // if no virtual machine's processors were moved to other cores.
             sure.extend(moved_processors(&rounds, &records));
         }
         let torn = lines.torn.then(|| {
@@ -117,8 +117,9 @@ impl Folder {
         })
     }
 
-    /// Returns the value of a top-level key in the run's config, if the value is a text. If `--set` changed this key,
-    /// returns the value of the last such `--set`. `None` if there is no such text.
+    /// Returns the value of a top-level key in the run's config, if the value is a text. If `--set` changed
+    /// this key, returns the value of the last `--set` that changed the key. Returns `None` if neither the
+    /// config nor `--set` gives the key a text.
     pub fn config(&self, key: &str) -> Option<String> {
         let overrides = self.environment["overrides"].as_array().into_iter().flatten().rev();
         overrides.chain([&self.environment["config"]]).find_map(|text| {
@@ -127,9 +128,9 @@ impl Folder {
         })
     }
 
-    /// Returns the question and the expectation of the run's config. If the config states no question, the name of the
-    /// config's file replaces it or, if this name is not known, the folder's label. If the config states no
-    /// expectation, the expectation is empty.
+    /// Returns the question and the expectation of the run's config. If the config states no question, the
+    /// name of the config's file is returned as the question. If this name is not known either, the folder's
+    /// label is returned. If the config states no expectation, the expectation is empty.
     pub fn question(&self) -> (String, String) {
         let name =
             || Some(Path::new(self.environment["config_path"].as_str()?).file_stem()?.to_str()?.to_owned());
@@ -154,7 +155,7 @@ pub fn no_results(path: &Path) -> Error {
     Error::input(format!("{} holds no results: {RECORDS} is missing", path.display())).with_help(FOLDER)
 }
 
-/// Returns the notes that `raycl merge` stored in a folder.
+/// Returns the notes that `raycl merge` stored in a folder; empty if the folder has no readable `merge.json`.
 fn of_merge(folder: &Path) -> Vec<String> {
     let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
         .ok()
@@ -163,8 +164,9 @@ fn of_merge(folder: &Path) -> Vec<String> {
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
-/// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no plan
-/// (`plan.json`) and no line of the journal can be read: the file is then probably not raycl's.
+/// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no
+/// plan (`plan.json`) and no line of the journal can be read. The file was then probably not written by
+/// raycl.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
@@ -220,9 +222,10 @@ impl Shown {
     }
 }
 
-/// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If there is no
-/// plan, returns the records of all control points. A control point has a record for each block, and the launches of
-/// blocks differ. If a control point has several records of the same launches, the last one is used.
+/// Returns the records of control points that belong to the plan (`plan.json`), with the plan's names. If
+/// there is no plan, returns the records of all control points. A control point has a record for each block,
+/// and the launches of blocks differ. If a control point has several records of the same launches, the last
+/// record is used.
 fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
     let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
     let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
@@ -237,7 +240,8 @@ fn hosts(records: &[Record]) -> usize {
     records.iter().flat_map(Record::hosts).collect::<HashSet<_>>().len()
 }
 
-/// Returns the count and then the text `one` (if the count is 1) or `several`; `None` for zero.
+/// Returns the count, followed by the text `one` if the count is 1, and otherwise by `several`; `None` for
+/// zero.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
@@ -258,8 +262,9 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
     }
 }
 
-/// Returns a note on records whose raycl program cannot be built again, because it was built from uncommitted sources.
-/// If a record has no revision, the revision in `environment.json` is used.
+/// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
+/// build this program again. If a record has no revision, `revision` (from `environment.json`) is used.
+/// Returns `None` if there are no such records.
 fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
     let count = records.iter().filter(|record| of(record)).count();
@@ -474,7 +479,7 @@ mod tests {
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
-        // If the only line of a journal is damaged, only this line is lost.
+        // A journal whose only line is damaged counts as empty, and does not make the folder unreadable.
         for name in [CONTROLS, ROUNDS, ANCHORS] {
             std::fs::write(path(name), "nonsense\n").unwrap();
         }

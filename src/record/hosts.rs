@@ -26,27 +26,28 @@ pub struct AtHost {
     pub median_ms: f64,
     /// The 95% interval of this median; `None` with too few samples.
     pub interval_ms: Option<[f64; 2]>,
-    /// Ratio of this median to that of the fastest machine: the estimate, then the lower and the
-    /// upper end of its 95% interval. `None` with too few samples.
+    /// Ratio of this median to the median of the fastest machine: the estimate, then the lower and the upper
+    /// end of its 95% interval. `None` with too few samples.
     pub slower: Option<[f64; 3]>,
 }
 
-/// Two machines of one kind differ if the 95% interval of the ratio of their times shows that one takes longer by more
-/// than this fraction.
+/// A machine differs from the fastest machine if it takes longer by more than this fraction, even at the
+/// lower end of the 95% interval.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
-    /// Returns whether the machine takes longer than the fastest machine by more than the fraction
-    /// `DIFFERENT`, even at the lower end of the 95% interval.
+    /// Returns true if the machine takes more than 2% longer than the fastest machine, even at the lower end
+    /// of the 95% interval.
     pub fn differs(&self) -> bool {
         self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
     }
 }
 
-/// Returns the control points with their times on each machine. A control point is measured in
-/// several blocks. The record of one of these measurements is in `records` (from `records.jsonl`);
-/// the others are in `borrowed` (from `controls.jsonl`). A point has the same key on all devices of
-/// one kind. Records to which several machines contributed launches are left out.
+/// Returns the control points with their times on each machine. A control point is measured in several
+/// blocks. The record of one of these measurements is in `records` (from `records.jsonl`); the records of the
+/// other measurements are in `borrowed` (from `controls.jsonl`). Records with equal keys belong to the same
+/// control point, even if they come from different machines. Records without a median, and records with
+/// launches from several machines, are left out.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control = |record: &&Record| {
         let is_itself = record.control.as_ref() == Some(&record.key);
@@ -64,7 +65,7 @@ pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
 fn control(records: &[&Record]) -> Control {
     let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records {
-        // With `--spread`, the devices of one machine are treated as separate machines.
+        // With `--spread`, the devices of one machine are treated like separate machines.
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }
@@ -168,7 +169,7 @@ mod tests {
             let [control] = &controls(&judged(records), &[])[..] else { panic!("one point") };
             control.hosts.iter().map(|at| at.host.clone()).collect()
         };
-        // Each of two machines may have a device that it calls `gpu 1`.
+        // Two machines may both have a device with the name `gpu 1`.
         let both = [with(Some("n1"), Some("gpu 1"), 0), with(Some("n2"), Some("gpu 1"), 1)];
         assert_eq!(hosts(&both), ["n1", "n2"]);
         assert_eq!(hosts(&[with(None, Some("gpu 1"), 0), with(None, Some("gpu 2"), 1)]), ["gpu 1", "gpu 2"]);

@@ -7,13 +7,13 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Copies the 95% intervals of `records` to the journal from which the records were read. A record
-/// is written when its group ends. Later groups show more about how much launches differ, so the
-/// final interval is only known when the whole run has ended.
+/// Copies the 95% intervals of `records` to the journal from which the records were read. A record is written
+/// when its group ends. Later groups show more about how much launches differ, so the final interval is known
+/// only at the end of the run.
 ///
-/// If any interval differs, the whole file is replaced; lines without a new interval stay unchanged. The caller must
-/// hold the folder's lock (which allows one run at a time in the folder), and must open the journal again afterwards.
-/// Returns whether the file was replaced.
+/// If any interval differs, the whole file is replaced; lines without a new interval stay unchanged. The
+/// caller must hold the folder's lock (which allows one run at a time in the folder), and must open the
+/// journal again afterwards. Returns true if the file was replaced.
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =
         records.iter().map(|record| (record.key.as_str(), interval(record))).collect();
@@ -39,7 +39,7 @@ pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     Ok(replaced)
 }
 
-/// Returns a line with its record's new interval; `None` if the line need not change.
+/// Returns the line with the new interval of its record. Returns `None` if the line stays unchanged.
 fn renewed(line: &[u8], by_key: &HashMap<&str, Option<[f64; 2]>>) -> Option<Vec<u8>> {
     let mut record: Record = serde_json::from_slice(line).ok()?;
     let interval = *by_key.get(record.key.as_str())?;
@@ -58,8 +58,8 @@ mod tests {
     use super::super::{Lines, read_lines};
     use super::*;
 
-    /// Returns a record of three launches. Each launch takes longer than the one before; the
-    /// difference is the fraction `apart` of the first launch's time.
+    /// Returns a record of three launches. Each launch takes longer than the launch before. The difference is
+    /// the fraction `apart` of the first launch's time.
     fn launches(key: &str, first: u32, apart: f64) -> Record {
         let sample = |index: u32| (first + index / 10, 10.0 * (1.0 + apart * f64::from(index / 10)));
         Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }

@@ -22,25 +22,26 @@ use crate::words::counted;
 pub struct JsonLines<T> {
     path: PathBuf,
     file: File,
-    /// True if the path led to the file when it was opened. On a file system that does not number its files in a
-    /// constant way, the path may seem to lead to another file.
+    /// True if the path led to the file when it was opened. If a file system changes the numbers of its
+    /// files, the path seems to lead to another file.
     is_recognised: bool,
     line_type: PhantomData<fn(&T)>,
 }
 
 impl<T: Serialize> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed. The system
-    /// puts every write at the file's end, so that two runs that write to the file do not overwrite each other's lines.
-    /// (Usually, a lock keeps a second run out of the folder. The lock can fail: some file systems have no locks, and a
-    /// user may have removed the lock's file. On NFS, runs on two machines can still overwrite each other's lines, since
-    /// each machine has its own knowledge of where the file ends.)
+    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed. The
+    /// system puts every write at the file's end, so that two runs that write to the file do not overwrite
+    /// each other's lines. (Usually, a lock keeps a second run out of the folder. The lock can fail: some
+    /// file systems have no locks, and a user may have removed the lock's file. On NFS, runs on two machines
+    /// can still overwrite each other's lines, since each machine stores its own position of the file's end.)
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| Error::unwritable(path, &error);
         own_file(path).map_err(fail)?;
         let file = OpenOptions::new().create(true).read(true).append(true).open(path).map_err(fail)?;
         let text = std::fs::read(path).map_err(fail)?;
         let end = whole_lines(&text) as u64;
-        // A file of whole lines is not cut, since another run may have appended lines after they were read.
+        // A file of whole lines is not cut, since another run may have appended lines after the file was
+        // read.
         if end < text.len() as u64 {
             file.set_len(end).map_err(fail)?;
         }
@@ -53,10 +54,10 @@ impl<T: Serialize> JsonLines<T> {
         self.append_all(std::slice::from_ref(line))
     }
 
-    /// Appends lines. When this function returns, all of them are on the disk. They are written together, since each
-    /// write waits for the disk. After an error, none of the lines is in the file, not even the beginning of one, since
-    /// the results of another device may be appended next. (If another process has appended lines during the write, some
-    /// of the lines may stay; only whole lines stay.)
+    /// Appends lines. When this function returns, all of them are on the disk. All lines are written at once,
+    /// since each write waits for the disk. After an error, the file contains none of the lines, not even the
+    /// beginning of a line, because the next lines would be appended to this beginning. (If another process
+    /// has appended lines during the write, some whole lines may stay.)
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -69,9 +70,9 @@ impl<T: Serialize> JsonLines<T> {
             .map_err(|error| Error::unwritable(&self.path, &error))
     }
 
-    /// Returns an error if the file is no longer at its path: somebody has removed or replaced the file or its folder,
-    /// so nobody would find the lines that are appended now. If the system does not say where the file is, there is no
-    /// error, since lines can still be appended.
+    /// Returns an error if the file is no longer at its path. Then somebody has removed or replaced the file
+    /// or its folder, and nobody would find the lines that are appended now. If the system does not say where
+    /// the file is, there is no error, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
             Ok(false) if self.is_recognised => {
@@ -84,8 +85,8 @@ impl<T: Serialize> JsonLines<T> {
     }
 }
 
-/// Calls `write`, which appends `bytes` to the file. If `write` fails, removes what it appended. Lines that another
-/// process appended meanwhile stay; then only an incomplete last line is removed.
+/// Calls `write`, which appends `bytes` to the file. If `write` fails, removes the bytes that `write`
+/// appended. If another process appended lines at the same time, only an incomplete last line is removed.
 fn append_or_nothing(
     file: &mut File,
     bytes: &[u8],
@@ -93,7 +94,8 @@ fn append_or_nothing(
 ) -> IoResult<()> {
     let before = file.metadata()?.len();
     write(file).inspect_err(|_| {
-        // If this fails too, the beginning of a line stays, and makes the next line a damaged one.
+        // If this fails too, the beginning of a line stays in the file, and the next line that is appended is
+        // damaged.
         let _ = read_from(file, before).and_then(|added| {
             let kept = if bytes.starts_with(&added) { 0 } else { whole_lines(&added) };
             file.set_len(before + kept as u64)
@@ -116,7 +118,7 @@ pub struct Lines<T> {
     pub lines: Vec<T>,
     /// True if the last line is incomplete and was left out.
     pub torn: bool,
-    /// The numbers, counted from 1, of the damaged lines, which were left out because they cannot be read.
+    /// The numbers of the lines that cannot be read and were left out (damaged lines), counted from 1.
     pub damaged: Vec<usize>,
     /// Why the last damaged line cannot be read; empty if no line is damaged.
     reason: String,
@@ -138,8 +140,8 @@ impl<T> Lines<T> {
         ))
     }
 
-    /// Returns an input error (a mistake of the user) if the file has complete lines, but none of them can be read:
-    /// such a file is probably not a journal. `path` is the file's path.
+    /// Returns an input error (a mistake of the user) if the file has complete lines, but no line can be
+    /// read. The file is then probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {
             ([], [.., last]) => {
@@ -166,11 +168,11 @@ pub fn read_lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if existing::exists(path)? { read_lines(path) } else { Ok(Lines::default()) }
 }
 
-/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported.
+/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out; the result says so.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     use ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound};
     let unreadable = |error: std::io::Error| match error.kind() {
-        // The path is that of something else than a journal.
+        // These errors mean that the path is not the path of a journal.
         InvalidInput | IsADirectory | NotADirectory | NotFound => {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER)
         }
@@ -200,8 +202,8 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     Ok(read)
 }
 
-/// Returns the message of serde's error without the position. Serde counts lines within one record, so this position
-/// would contradict the line's number in the file.
+/// Returns the message of serde's error without the position. Serde counts lines within one record, so
+/// serde's position would contradict the line's number in the file.
 fn without_position(error: &serde_json::Error) -> String {
     let message = error.to_string();
     message.rsplit_once(" at line ").map_or(message.as_str(), |(reason, _)| reason).to_owned()
@@ -286,7 +288,7 @@ mod tests {
         );
     }
 
-    /// Writes to a pipe, which accepts bytes but cannot guarantee that they are on a disk.
+    /// Writes to a pipe, which accepts bytes but has no disk.
     #[cfg(unix)]
     #[test]
     fn a_line_is_on_the_disk_or_an_error() {
@@ -375,7 +377,7 @@ mod tests {
         let path = folder.path().join("records.jsonl");
         assert!(read_lines_if_any::<Record>(&path).unwrap().lines.is_empty());
         std::os::unix::fs::symlink(&path, &path).unwrap();
-        // The link leads to itself, so the system's error is not "not found". The same holds for a disk that fails.
+        // The link leads to itself. Like a disk that fails, it causes an error other than "not found".
         for read in [read_lines_if_any::<Record>, read_lines::<Record>] {
             let error = read(&path).unwrap_err();
             let expected = format!("cannot read {}: ", path.display());

@@ -1,10 +1,9 @@
-//! The names of the journals in a folder of results, and of the files and the folder beside them. Each journal contains
-//! one JSON object per line.
+//! The names of the journals and other files in a folder of results. Each journal contains one JSON object
+//! per line.
 
 /// The journal of records, which are the results of the points.
 pub const RECORDS: &str = "records.jsonl";
-/// The journal of samples, which are the single times of each point, in the order in which they
-/// were measured.
+/// The journal of samples (single measured times of points), in the order in which they were measured.
 pub const SAMPLES: &str = "samples.jsonl";
 /// The journal of the ends of launches.
 pub const LAUNCHES: &str = "launches.jsonl";
@@ -12,7 +11,7 @@ pub const LAUNCHES: &str = "launches.jsonl";
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the anchor's times.
 pub const ANCHORS: &str = "anchors.jsonl";
-/// The journal of records of control points that were measured only to make blocks of a plan comparable.
+/// The journal of control points' records that serve only to compare the blocks of a plan.
 pub const CONTROLS: &str = "controls.jsonl";
 /// The file with the plan of an experiment that is divided into shards.
 pub const SHARDS: &str = "shards.json";
@@ -31,7 +30,7 @@ pub fn earlier_environment(number: usize) -> String {
     format!("{EARLIER_ENVIRONMENT}{number}.json")
 }
 
-/// Returns whether a file's name is one that [`earlier_environment`] returns.
+/// Returns true if `name` is a file name that [`earlier_environment`] returns for some number.
 pub fn is_earlier_environment(name: &str) -> bool {
     let number = name.strip_prefix(EARLIER_ENVIRONMENT).and_then(|rest| rest.strip_suffix(".json"));
     number.and_then(|number| number.parse().ok()).is_some_and(|number| name == earlier_environment(number))

@@ -9,7 +9,8 @@ use super::parameters::{joined, parameters};
 use super::summary::{Group, groups};
 use super::types::{HOST, Outcome, Record};
 
-/// Returns the cache files: each file's name without extension, and its text.
+/// Returns the name without extension and the text of each cache file. Baselines, which run on no OpenCL
+/// device, are left out.
 pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
     let groups = groups(records);
     let named = file_names(&groups).into_iter().zip(&groups);
@@ -35,12 +36,12 @@ fn cache(group: &Group<'_>) -> String {
         members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
-    // Kernel Tuner treats a file as complete only if it ends with these two brackets.
+    // Kernel Tuner treats a file as complete only if it ends with these two closing braces.
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
-/// Returns the names of all parameters of the records. The parameters of the local size come first; the others follow
-/// in the order in which they first occur.
+/// Returns the names of all parameters of the records. The parameters of the local size come first. The other
+/// parameters follow in the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {
@@ -48,8 +49,8 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
             names.push(name.clone());
         }
     }
-    // The parameters of each record are sorted by name. The parameters `block_size...` are moved to the front, as is
-    // usual in Kernel Tuner.
+    // The parameters of each record are sorted by name. The sort moves the parameters `block_size...` to the
+    // front, as is usual in Kernel Tuner.
     names.sort_by_key(|name| !name.starts_with("block_size"));
     names
 }

@@ -4,8 +4,8 @@ use crate::measure::StopReason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The end of a launch whose points had enough samples. There is no such line for a launch that was interrupted or that
-/// lost a worker process, so a later session repeats this launch.
+/// The end of a launch whose points had enough samples. A launch that was interrupted, or that lost a worker
+/// process, has no line, and a later session repeats this launch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaunchEnd {
     /// The launch's number in the folder.

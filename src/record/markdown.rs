@@ -71,7 +71,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Describes the winner, and how much faster it is than the baselines and the best point of the preset `naive`.
+/// Names the fastest point or the points that tie, and says how much faster the fastest point is than the
+/// baselines and the best point of the preset `naive`.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {
@@ -110,7 +111,7 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     others.map(than).collect()
 }
 
-/// Names the points that cannot be ranked.
+/// Returns a sentence that names up to four of the points without a rank; empty if all points have a rank.
 fn unranked(records: &[&Record]) -> String {
     match records.is_empty() {
         true => String::new(),
@@ -165,7 +166,7 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     ]
 }
 
-/// Formats an outcome as "measured" or "measured, two modes".
+/// Formats an outcome, such as "measured" or "measured, two modes".
 fn outcome(record: &Record) -> String {
     let modes = if two_modes(record).is_some() { ", two modes" } else { "" };
     format!("{}{modes}", record.outcome.name())
@@ -179,7 +180,8 @@ fn samples(record: &Record) -> String {
     }
 }
 
-/// Returns a Markdown table whose columns are also aligned in the source text.
+/// Returns a Markdown table. The cells are padded with blanks, so that the columns are also aligned in the
+/// source text.
 fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
@@ -202,7 +204,7 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     line(&header) + &line(&rule) + &body
 }
 
-/// Returns the warnings about measured times, each with its point.
+/// Returns a Markdown list of the warnings about measured times, each with its point.
 fn warnings(group: &Group<'_>) -> String {
     let warned = group.ranking().all().into_iter().filter_map(|record| Some((record, to_mind(record)?)));
     let lines: String =
@@ -274,7 +276,8 @@ mod tests {
 
     #[test]
     fn rates_have_the_units_of_their_columns() {
-        // The frame takes 10 ms, of which its 400,000 primary rays take 5 ms; it has half as many shadow rays.
+        // The frame takes 10 ms. Its 400,000 primary rays take 5 ms of this time. The frame has half as many
+        // shadow rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
         let record = Record { primary_ms, shadow_rays, ..measured("pocl", "wide", 1, 10.0) };
         let text = summary_markdown(&judged([record]), &[], "?", "!");
@@ -424,8 +427,8 @@ mod tests {
         }
     }
 
-    /// One point takes about six times as long as the other. From launch to launch, both change by a tenth, in opposite
-    /// directions.
+    /// One point takes about six times as long as the other. From launch to launch, the times of both points
+    /// change by a tenth, in opposite directions.
     #[test]
     fn noisy_times_are_not_said_to_be_incomparable_beside_a_clear_winner() {
         let wavers = |name: &str, ms: [f64; 2]| sampled(name, (0..10).map(|n| (n / 5, ms[n as usize / 5])));

@@ -6,8 +6,8 @@ use super::types::Record;
 use crate::measure::Modes;
 use crate::words::counted;
 
-/// A launch counts as having a single mode if at most this fraction of its samples belongs to the other of the record's
-/// two modes.
+/// A launch counts as having a single mode if one of the record's two modes has at most this fraction of the
+/// launch's samples.
 const STRAYS: f64 = 0.1;
 
 /// Returns the record's warning and, if the record's samples lie around two values, a note on these values; `None` if
@@ -28,7 +28,7 @@ pub(crate) fn two_modes(record: &Record) -> Option<String> {
     Some(format!("two modes: {} ms ({many}) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
-/// Returns whether there are several launches and each of them has a single mode.
+/// Returns true if there are several launches and each of them has a single mode (see [`STRAYS`]).
 fn is_by_launch(record: &Record, modes: &Modes) -> bool {
     let of_one = |launch: &u32| {
         let own = record.sample_launches.iter().zip(&record.samples_ms).filter(|(other, _)| *other == launch);
@@ -76,7 +76,7 @@ mod tests {
         assert!(said.ends_with(", one mode per launch"), "{said}");
     }
 
-    /// A slow point has few samples, so that the dip does not show that one of four launches is slow.
+    /// A slow point has few samples, so its dip cannot show that one of four launches is slow.
     #[test]
     fn one_slow_launch_of_four_is_said_also_of_twenty_samples() {
         let sample = |index: u32| {

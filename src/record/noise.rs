@@ -30,8 +30,8 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
     /// of the median time. The value is the median over all points.
     pub own_time: Option<f64>,
-    /// A text with the number of points that were not compared, and with the reason for the first of them; `None` if
-    /// all points were compared.
+    /// A text with the number of points that were not compared with others, and the reason for the first of
+    /// these points; `None` if all points were compared.
     pub not_compared: Option<String>,
     /// The causes of noise.
     pub causes: Causes,
@@ -64,7 +64,7 @@ pub struct Causes {
 }
 
 impl Noise {
-    /// Returns the noise of every device in a folder.
+    /// Returns one `Noise` per device of the folder's records, except the host.
     pub fn of(folder: &Folder) -> Vec<Self> {
         let mut devices: Vec<&str> = folder.records.iter().map(|record| record.device.as_str()).collect();
         let mut seen = HashSet::from([HOST]);
@@ -90,8 +90,9 @@ impl Noise {
     }
 }
 
-/// Returns a text that says how many points were not compared with others, and why the first of them was not. The text
-/// also says so if there is only one point. Returns `None` if all points were compared.
+/// Returns a text that says how many points were not compared with others, and the reason for the first of
+/// these points. If there is only one point, the text says that a difference needs two points. Returns `None`
+/// if all points were compared.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),

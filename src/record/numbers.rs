@@ -1,6 +1,7 @@
 //! Formats numbers for people.
 
-/// Formats `value` with `digits` significant digits, or more if its integer part has more digits.
+/// Formats `value` with `digits` significant digits. If the integer part has more digits, all of them are
+/// shown.
 pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -10,12 +11,12 @@ pub fn significant(value: f64, digits: i32) -> String {
     format!("{value:.decimals$}")
 }
 
-/// Formats a time for a column of milliseconds.
+/// Formats a time with four significant digits, for a column of milliseconds.
 pub fn ms(value: f64) -> String {
     significant(value, 4)
 }
 
-/// Formats a time for a sentence: 1.234 s, 12.34 ms, 56.70 us.
+/// Formats a time with its unit for a sentence: 1.234 s, 12.34 ms, 56.70 us.
 pub fn duration(value_ms: f64) -> String {
     let (unit, per_ms) = unit_of(value_ms);
     format!("{} {unit}", significant(value_ms * per_ms, 4))

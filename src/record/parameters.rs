@@ -22,7 +22,8 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// Joins the parameters' values with commas into one key, in the order of `names`.
+/// Joins the parameters' values with commas into one key, in the order of `names`. A parameter that is
+/// missing has an empty value.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

@@ -19,8 +19,8 @@ pub struct CurrentPlan {
     pub points: Vec<PlannedPoint>,
 }
 
-/// A point's key, and the names and notes that are not part of the key. An earlier record with the same key may have
-/// other names and notes; raycl shows such a record with the names and notes given here.
+/// A point's key, and the names and notes that are not part of the key. An earlier record with the same key
+/// may have other names and notes. raycl shows the record with the names and notes of this point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
     /// The record's key.
@@ -56,16 +56,16 @@ impl PlannedPoint {
         Self { key, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of }
     }
 
-    /// Changes a record's names and notes to those in the plan. The notes may have changed although the point is the
-    /// same, since they also name other scenes with the same content.
+    /// Gives a record the names and notes of this point. The notes on a scene may differ between runs
+    /// although the scene is the same, since they also name other scenes with the same content.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
             self.clone();
         if let Some(notes) = scene_notes {
             record.scene_notes = notes;
         }
-        // A plan of an earlier version does not name the folder of kernels. The point's name contains the folder, so a
-        // record of the same name has the same folder.
+        // A plan of an earlier version does not name the folder of kernels. The point's name contains the
+        // folder's label, so a record with the same name has the same folder.
         if kernels_of.is_some() || record.name != name {
             record.kernels_of = kernels_of;
         }
@@ -82,19 +82,19 @@ impl CurrentPlan {
         Self { points: drafts.map(PlannedPoint::of).collect() }
     }
 
-    /// Writes the plan to a folder, replacing the previous one.
+    /// Writes the plan to a folder, and replaces the folder's previous plan.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
     }
 
-    /// Returns whether a folder has a plan (`plan.json`).
+    /// Returns true if a folder has a plan (`plan.json`).
     pub fn is_in(folder: &Path) -> bool {
         folder.join(FILE).is_file()
     }
 
-    /// Reads the plan of a folder; `None` if it has no plan, like folders of raycl before 0.2 and folders that a user
-    /// put together from single files.
+    /// Reads the plan of a folder. Returns `None` if the folder has no plan. For example, folders that raycl
+    /// before version 0.2 wrote have none.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
         if !existing::exists(&path)? {
@@ -116,9 +116,9 @@ impl CurrentPlan {
         self.points.iter().map(|point| (point.key.as_str(), point.device.as_str())).collect()
     }
 
-    /// Returns the plan's name of a device that other plans or records call `name`. `points` has the key of each point
-    /// of these other plans or records, with the name of the point's device. Returns `None` if these points do not show
-    /// which of the plan's devices is meant.
+    /// Returns the plan's name of a device that other plans or records call `name`. `points` has the key and
+    /// the device's name of each point of these other plans or records. Returns `None` if the keys of the
+    /// points on the device `name` belong to no device of the plan, or to several.
     pub fn device_called<'a>(
         &self,
         name: &str,
@@ -130,7 +130,7 @@ impl CurrentPlan {
         names.first().copied().filter(|_| names.len() == 1)
     }
 
-    /// Returns a record with the plan's names; `None` if its point does not belong to the plan.
+    /// Returns a record with the plan's names; `None` if the record's key is not in the plan.
     pub fn named(&self, mut record: Record) -> Option<Record> {
         self.points.iter().find(|point| point.key == record.key)?.name(&mut record);
         Some(record)

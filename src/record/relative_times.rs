@@ -1,15 +1,17 @@
-//! A record's relative times: how its times compare with those of the records that were measured with it.
+//! A record's relative times: how its times compare with the times of records that were measured together
+//! with it.
 
 use super::anchors::AnchorUtilization;
 use super::control::Control;
 use crate::measure::{Interval, Standing};
 
-/// A record's times relative to those of the records, the anchor and the control point that were measured with it.
+/// A record's times relative to the times of the other records, the anchor and the control point that were
+/// measured together with the record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RelativeTimes {
     /// A hash that is equal for all records that were measured together.
     pub(super) together: blake3::Hash,
-    /// The record's times, relative to those of the other records that were measured with it.
+    /// The record's times, relative to the times of the records that were measured together.
     pub(super) standing: Standing,
     /// The median of the record's samples in milliseconds. The interval of this median never depends on anchors, so
     /// every output of raycl shows the same interval.
@@ -25,8 +27,9 @@ pub struct RelativeTimes {
 pub(super) struct MeasuredAnchor {
     /// The anchor's name.
     pub(super) name: String,
-    /// The anchor's times, relative to those of the records that were measured with it.
+    /// The anchor's times, relative to the times of the records that were measured together.
     pub(super) standing: Standing,
-    /// The ratio of the anchor's processor time to its elapsed time; `None` if it is unknown.
+    /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample of the anchor lacks
+    /// one of these times.
     pub(super) utilization: Option<AnchorUtilization>,
 }

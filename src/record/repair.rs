@@ -21,8 +21,8 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals, and returns the journals that were damaged. The caller must hold the folder's lock,
-/// which allows one run at a time in the folder.
+/// Repairs a folder's journals. Returns one `Repaired` for each journal that was damaged. The caller must
+/// hold the folder's lock, which allows one run at a time in the folder.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join(RECORDS), is_a::<Record>)?,
@@ -60,7 +60,7 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
 }
 
-/// Writes a copy of a file to the disk, in the same folder and under an unused name.
+/// Writes a copy of a file to the disk, in the same folder and under an unused name. Returns the copy's path.
 fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;

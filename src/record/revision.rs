@@ -3,13 +3,13 @@
 /// The text that describes a raycl program built from uncommitted sources.
 pub const DIRTY: &str = "a raycl that was built from uncommitted changes and cannot be built again";
 
-/// Returns whether a revision is marked as having uncommitted changes.
+/// Returns true if a revision is marked as having uncommitted changes.
 pub fn is_dirty(revision: &str) -> bool {
     revision.ends_with("-dirty")
 }
 
-/// Returns a note for this program's results if the program was built from uncommitted sources;
-/// `None` if it was built from a commit, or if its revision is unknown.
+/// Returns a note for this program's results if the program was built from uncommitted sources. Returns
+/// `None` if the program was built from a commit, or if the program's revision is unknown.
 pub fn dirty_program() -> Option<String> {
     option_env!("RAYCL_GIT_REVISION")
         .filter(|revision| is_dirty(revision))

@@ -27,8 +27,8 @@ pub struct RoundLoad {
     /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
     /// a disk. Null if the system does not report it.
     pub load_1m: Option<f64>,
-    /// Time in which a cache line moved from one processor to another, measured after these rounds,
-    /// in nanoseconds; null if it was not measured.
+    /// The core-to-core latency (the time in which a cache line moves from one processor to another) after
+    /// these rounds, in nanoseconds; null if the latency was not measured.
     #[serde(default)]
     pub core_to_core_ns: Option<f64>,
 }
@@ -42,7 +42,7 @@ const LEAST_OF_MEDIAN: usize = 3;
 /// machine's processors were probably moved to other cores.
 pub(crate) const MOVED: f64 = 1.5;
 
-/// If other processes and virtual machines together used more than this fraction of the machine, they may have
+/// Other processes and virtual machines that together used more than this fraction of the machine may have
 /// disturbed the measurements. The note of [`disturbance`] states the same number.
 const DISTURBED: f64 = 0.05;
 
@@ -116,8 +116,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
-/// Returns a note on the samples that were left out because other programs used the processors; `None` if there are
-/// none.
+/// Returns a note on the samples that were left out because other programs used the processors; `None` if no
+/// samples were left out.
 pub(crate) fn preempted(records: &[Record]) -> Option<String> {
     let samples: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
     (samples > 0).then(|| {
@@ -146,9 +146,10 @@ fn moved_launches(records: &[Record]) -> u32 {
     records.iter().filter_map(of).collect::<BTreeMap<_, _>>().values().sum()
 }
 
-/// Returns a note on the launches and samples that were left out because this virtual machine's processors ran on cores
-/// further apart than in other samples, or shared a core. If nothing was left out, returns a note if the core-to-core
-/// latency changed while these records were measured, and `None` otherwise.
+/// Returns a note on the launches and samples that were left out because this virtual machine's processors
+/// ran on cores further apart than in other samples, or shared a core. If nothing was left out, but the
+/// core-to-core latency changed while these records were measured, returns a note on this change. Otherwise
+/// returns `None`.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -177,8 +178,8 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     })
 }
 
-/// Returns the median of readings of the core-to-core latency, for example those of one launch, in nanoseconds; `None`
-/// if there are too few readings.
+/// Returns the median of readings of the core-to-core latency, in nanoseconds; `None` if there are too few
+/// readings.
 fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
     readings_ns.sort_unstable_by(f64::total_cmp);
     (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
@@ -290,7 +291,8 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // One high reading of the core-to-core latency does not mean that the processors were moved to other cores.
+        // With one high reading of the core-to-core latency, the 90th percentile stays low, so there is no
+        // note.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);
@@ -322,7 +324,8 @@ mod tests {
     #[test]
     fn what_processes_and_guests_take_adds_up() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
-        // The worst launch is the one in which processes and virtual machines together used the most processors.
+        // The worst launch is the launch in which other processes and virtual machines together used the most
+        // processors.
         let launches = [line(0, 0.3), RoundLoad { stolen: 0.4, ..line(1, 0.2) }];
         let both = [Record { sample_launches: vec![0, 1], ..Record::default() }];
         let said = disturbance(&launches, &both).unwrap();
@@ -332,8 +335,8 @@ mod tests {
             ),
             "{said}"
         );
-        // The load of other virtual machines alone is too small to count as a disturbance, and so is that of other
-        // processes; both together count.
+        // Other virtual machines alone use too little of the machine to count as a disturbance. The same is
+        // true of other processes alone. Both together count as a disturbance.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
         assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Sample {
     /// The point's key.
     pub key: String,
-    /// The launch's number in the folder; files of earlier versions have a single launch.
+    /// The launch's number in the folder; 0 in files of earlier versions, which store no launch.
     #[serde(default)]
     pub launch: u32,
     /// The launch's round, counted from 0.
@@ -21,8 +21,8 @@ pub struct Sample {
     pub ms: f64,
     /// Time of the frame's primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
-    /// Time of the frame's shadow pass, if passes are separate; it includes shading if `shade_ms`
-    /// is null.
+    /// Time of the frame's shadow pass, if passes are separate. The shadow pass includes shading if
+    /// `shade_ms` is null.
     pub shadow_ms: Option<f64>,
     /// Time of the frame's shading pass, if shading is separate from shadow rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -33,8 +33,9 @@ pub struct Sample {
     /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
-    /// The core-to-core latency in nanoseconds: the larger of a reading before and a reading after the frame, or the
-    /// last reading if the frame ended shortly after it. Absent if the latency was not measured.
+    /// The core-to-core latency in nanoseconds: the larger of a reading before and a reading after the frame.
+    /// If the frame ended shortly after the last reading, raycl takes no new reading, and this value is the
+    /// last reading. Absent if the latency was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub core_to_core_ns: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single
@@ -48,8 +49,9 @@ pub struct Sample {
     /// for a baseline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_on: Option<String>,
-    /// The UUID of the device that measured the sample or, if that is unknown, its PCI address. Only samples with
-    /// `measured_on` have it. Another session may give the name in `measured_on` to another device.
+    /// The UUID of the device that measured the sample or, if the UUID is unknown, the device's PCI address.
+    /// Absent if `measured_on` is absent. In another session, the name in `measured_on` may belong to another
+    /// device; this identifier does not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_by: Option<String>,
     /// The attempt and the launch that measured the sample, if a later attempt copied the sample.

@@ -1,5 +1,6 @@
-//! Gives different names to scenes with different contents. If scenes have the same name, each gets
-//! a new name: the end of its path, with as few folders as are needed to make the names differ.
+//! Gives different names to scenes with different contents. If scenes have the same name, each gets a new
+//! name: the end of its path, with as few folders as are needed to make the names differ. If paths alone do
+//! not make the names differ, other names are used (see [`Names::others`]).
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};
@@ -7,8 +8,8 @@ use std::path::Path;
 
 /// The possible names of a scene.
 struct Names {
-    /// Names from the scene's path: the file's name alone, then with one folder before it, with two
-    /// folders, and so on.
+    /// Names from the scene's path: the file's name alone, the file's name after one folder, the file's name
+    /// after two folders, and so on.
     paths: Vec<String>,
     /// Names for scenes whose paths differ in the file's extension at most. The first name contains the extension, the
     /// second the values changed in the scene, and the third the scene's hash.
@@ -26,8 +27,8 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns new names for those scenes of the records whose names are equal although they are different scenes. The key
-/// of a new name is the hash of the scene's content.
+/// Returns new names for different scenes that have the same name in the records. The key of a new name is
+/// the hash of the scene's content.
 pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<String, String> {
     let mut contents: HashMap<&str, Vec<Content<'_>>> = HashMap::new();
     for record in records {
@@ -50,7 +51,7 @@ pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<Strin
     new_names
 }
 
-/// A scene with its camera.
+/// The content of a scene, including its camera.
 struct Content<'r> {
     hash: &'r str,
     image_sizes: HashSet<[u32; 2]>,
@@ -59,9 +60,10 @@ struct Content<'r> {
 }
 
 impl Content<'_> {
-    /// Returns whether `self` and `other` are contents of one scene whose camera raycl placed anew for images of
-    /// another shape. This is so if both have the same file with the same changed values, but no image size in common.
-    /// Records of earlier versions, in which the camera did not depend on the shape, may lack the file.
+    /// Returns true if `self` and `other` probably belong to one scene, whose camera raycl places differently
+    /// for images of different shapes. Both contents must have the same file with the same changed values,
+    /// but no image size in common. Records of earlier versions, in which the camera did not depend on the
+    /// shape, may lack the file.
     fn is_other_shape_of(&self, other: &Self) -> bool {
         let is_known = self.record.scene_file.is_some();
         is_known && self.made_of() == other.made_of() && self.image_sizes.is_disjoint(&other.image_sizes)
@@ -73,7 +75,7 @@ impl Content<'_> {
     }
 }
 
-/// Groups contents of the same name: the contents of a group belong to one scene.
+/// Divides contents of the same name into scenes. Each inner list has the contents of one scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
@@ -99,8 +101,8 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" states a value that the config changed in the scene. It remains at the end
-        // of the name.
+        // A suffix such as "+triangles=80" states a value that the config changed in the scene. The suffix
+        // remains at the end of the name.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);

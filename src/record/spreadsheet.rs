@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(cell(1, "reason"), "too \"big\", really");
     }
 
-    /// Programs that read the file expect a header, also while no point has been measured.
+    /// Programs that read the file expect a header, even if no point has been measured.
     #[test]
     fn without_records_there_is_only_the_header() {
         let header = summary_csv(&[]).unwrap();
@@ -252,7 +252,8 @@ mod tests {
             ("ci95_high_ms", high.to_string()),
             ("samples", "10".into()),
             ("launches", "2".into()),
-            // The frame of 400000 primary and 9 shadow rays takes 100 ms; its primary pass takes 3 ms.
+            // The frame of 400,000 primary and 9 shadow rays takes 100 ms. The frame's primary pass takes 3
+            // ms.
             ("frame_rays_per_s", "4000090.0".into()),
             ("registers", "40".into()),
             ("spill_store_bytes", "41".into()),

@@ -6,7 +6,7 @@ use crate::measure::{BELOW_RESOLUTION, Ranking, not_enough as not_enough_samples
 use crate::strategy::PRESETS;
 use std::collections::HashMap;
 
-/// Records that are compared with each other: those of one scene, image size and device.
+/// Records that are compared with each other: they have the same scene, image size and device.
 #[derive(Clone, Debug)]
 pub struct Group<'a> {
     /// The scene's name.
@@ -60,14 +60,15 @@ pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     notes
 }
 
-/// Returns the sort key of a record in a table.
+/// Returns the key by which the records of a group are sorted: the preset's position, the name, the number of
+/// work-items per work-group, and the local size.
 fn sort_key(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());
     (preset, &record.name, record.local_size.map(|[across, down]| across * down), record.local_size)
 }
 
 impl<'a> Group<'a> {
-    /// Ranks the measured records. Records with too few samples are returned separately.
+    /// Ranks the measured records. Records with too few samples are in [`Ranking::unranked`].
     pub fn ranking(&self) -> Ranking<&'a Record> {
         ranking(self.records.iter().copied())
     }
@@ -107,7 +108,8 @@ pub(crate) fn first_line(record: &Record) -> &str {
     reason.lines().next().unwrap_or_default()
 }
 
-/// Returns in brief why a measured record has no rank: "n = 3", or [`BELOW_RESOLUTION`].
+/// Returns in brief why a measured record has no rank: "n = 3" if the launch with the fewest samples has 3,
+/// or [`BELOW_RESOLUTION`].
 pub(crate) fn why_unranked(record: &Record) -> String {
     match is_below_resolution(record) {
         true => BELOW_RESOLUTION.to_owned(),
@@ -185,8 +187,7 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them: each record has its times relative to those of the
-    /// records that were measured with it.
+    /// Returns records as a folder shows them, with their relative times.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

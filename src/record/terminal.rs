@@ -79,9 +79,9 @@ fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
-/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy reaches; empty if the
-/// peak was not measured. The fraction is unknown if a strategy's rate of ray-triangle tests is known, but not the
-/// number of operations of a test.
+/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy reaches; empty
+/// if the peak was not measured. The fraction is "unknown" if a strategy's rate of ray-triangle tests is
+/// known, but the number of operations per test is not.
 fn peak_line(group: &Group<'_>) -> String {
     let (mut parts, mut unknown): (Vec<(&str, f64)>, Vec<&str>) = (Vec::new(), Vec::new());
     for record in group.ranking().ranked {
@@ -109,7 +109,7 @@ fn peak_line(group: &Group<'_>) -> String {
     format!("fraction of the device's peak rate of multiply-adds: {}\n{why}", parts.join(", "))
 }
 
-/// Formats a fraction as "2.4%".
+/// Formats a fraction as a percentage with two significant digits, such as "2.4%".
 pub(crate) fn percent(part: f64) -> String {
     format!("{}%", significant(100.0 * part, 2))
 }
@@ -137,7 +137,7 @@ fn few(record: &Record) -> String {
     }
 }
 
-/// Returns a mark for a time with a warning.
+/// Returns "!" for a time with a warning or with two modes, and an empty text for other times.
 fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
@@ -159,7 +159,7 @@ pub(crate) fn word(record: &Record) -> String {
     if short.len() <= 16 { short.into() } else { "infeasible".into() }
 }
 
-/// Explains the marks of a table, and the words for points without a time.
+/// Returns lines that explain the marks in the tables, and the words for points without a time.
 fn legend(groups: &[Group<'_>]) -> String {
     let kernels = || groups.iter().filter(|group| group.device != HOST);
     let mut text = String::new();

@@ -12,20 +12,23 @@ use crate::measure::{
 };
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
+/// A point ties with the fastest point unless the samples show that the point takes longer by more than this
+/// fraction.
 const TIE: f64 = 0.01;
-/// If points must differ by more than this fraction before the samples show a difference, their times are noisy. The
-/// smallest difference that can be shown between them is then stated as a factor and not as a percentage.
+/// The times of points are noisy if the points must differ by more than this fraction before the samples show
+/// a difference. The smallest difference that can be shown between noisy points is stated as a factor and not
+/// as a percentage.
 const NOISY: f64 = 1.0;
-/// The largest factor that is stated for noisy times. A larger factor would say nothing, since it is computed from the
-/// spread of only a few launches.
+/// The largest factor that is stated for noisy times. A larger factor would mean nothing, since factors are
+/// computed from the spread of only a few launches.
 const LARGEST_FACTOR: f64 = 100.0;
 /// The properties of a point on which the smallest difference that can be shown between two points may depend.
 const PROPERTIES: [&str; 3] = ["scene", "image size", "device"];
 
-/// Computes the relative times of each measured record: its times relative to those of the records that were measured
-/// with it. Records of the same launches were measured together. Records of earlier versions have no launch numbers;
-/// they are treated as measured together if their scene, image size and device are equal.
+/// Computes the relative times of each measured record: its times relative to the times of the records that
+/// were measured together. Records of the same launches were measured together. Records of earlier versions
+/// have no launch numbers. These records are treated as measured together if their scene, image size and
+/// device are equal.
 pub fn judge(records: &mut [Record]) {
     write_all_relative_times(records, &[]);
 }
@@ -44,8 +47,8 @@ pub fn judge_with_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     }
 }
 
-/// Computes each record's relative times, and those of the anchors. A record with times of 0 among its samples has no
-/// relative times: these times are below the resolution of the timer, and how far below is unknown.
+/// Computes each record's relative times, and those of the anchors. A record with times of 0 among its
+/// samples has no relative times, since a time of 0 only says that the time is below the timer's resolution.
 fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (index, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
@@ -66,18 +69,18 @@ fn write_all_relative_times(records: &mut [Record], anchors: &[AnchorSample]) {
     find_controls(records);
 }
 
-/// Returns whether a record was measured, and none of its times is 0.
+/// Returns true if a record was measured and none of its times is 0.
 fn has_time(record: &Record) -> bool {
     median(record).is_some() && record.samples_ms.iter().all(|ms| *ms > 0.0)
 }
 
-/// Records that were measured together, and the anchors that were measured with them.
+/// Records that were measured together, and the anchors that were measured in the same launches.
 struct Table {
     /// A hash that identifies these records.
     together: blake3::Hash,
     /// The indices of these records in the list of all records.
     indices: Vec<usize>,
-    /// The anchors. In `paired`, the indices of the anchors follow those of the records.
+    /// The anchors. In `paired`, the indices of the anchors follow the indices of the records.
     anchors: Vec<Anchor>,
     paired: Paired,
 }
@@ -96,7 +99,7 @@ impl Table {
         let together = name(&samples);
         let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
         let mut anchor_times = AnchorTimes::of_launches(&launches, anchors);
-        // An anchor with times of 0 cannot be compared, like a point with such times.
+        // An anchor with times of 0 cannot be compared. The same is true of a point with times of 0.
         anchor_times.retain(|anchor| anchor.remaining.iter().all(|sample| sample.ms > 0.0));
         let record_of = |anchor: &AnchorTimes<'_>| own().find(|record| record.device == anchor.device);
         let on_processors: Vec<bool> =
@@ -115,9 +118,9 @@ impl Table {
         Self { together, indices, anchors, paired }
     }
 
-    /// Returns the machine and the devices that measured the records. Times on another machine, or on another device of
-    /// the same machine, may differ from launch to launch by another amount. If devices of the same model share the
-    /// points, all records name the first device, and only `measured_on` tells which one measured them.
+    /// Returns the machine and the devices that measured the records. Only tables with the same machine and
+    /// devices show each other how much times differ between launches. If devices of the same model share the
+    /// points, all records name the first device, and only `measured_on` tells which device measured a point.
     fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String, Option<String>)> {
         let of = |index: &usize| {
             let Record { host, device, measured_on, .. } = &records[*index];
@@ -148,8 +151,8 @@ fn between_runs(record: &Record) -> BetweenRuns {
     if is_on_processors(record) { BetweenRuns::ON_PROCESSORS } else { BetweenRuns::ON_OTHER_DEVICES }
 }
 
-/// Returns whether a record's device is a CPU, or the host without OpenCL. Records of earlier versions do not contain
-/// the device's kind; if such a record contains a number of threads, the device is a CPU.
+/// Returns true if a record's device is a CPU, or the host without OpenCL. Records of earlier versions do not
+/// contain the device's kind; if such a record contains a number of threads, the device is a CPU.
 fn is_on_processors(record: &Record) -> bool {
     match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),
@@ -166,8 +169,8 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records and anchors, sorted by launch and then by time. In a sample, `point` is the
-/// record's index; the indices of the anchors follow those of the records.
+/// Returns the samples of some records and anchors, sorted by launch and then by time. In a sample, `point`
+/// is the record's index. The indices of the anchors follow the indices of the records.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[AnchorTimes<'_>],
@@ -191,8 +194,8 @@ fn in_order<'a>(
     samples.into_iter().map(|(_, sample)| sample).collect()
 }
 
-/// Returns a hash of the samples. It identifies the records that were measured together; launch numbers cannot identify
-/// them, since two folders may use the same numbers.
+/// Returns a hash of the samples. The hash identifies the records that were measured together. Launch numbers
+/// cannot identify these records, since two folders may use the same numbers.
 fn name(samples: &[PairedSample]) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for sample in samples {
@@ -232,8 +235,8 @@ fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
     of_launches.into_values().min().unwrap_or_else(all)
 }
 
-/// Returns whether a measured record has enough samples, but no rank, because some of its times are 0. This happens if
-/// a frame takes less than a step of the device's timer.
+/// Returns true if a measured record has enough samples, but no rank, because some of its times are 0. A time
+/// is 0 if a frame takes less than a step of the device's timer.
 pub(crate) fn is_below_resolution(record: &Record) -> bool {
     let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
     median(record).is_some()
@@ -242,9 +245,10 @@ pub(crate) fn is_below_resolution(record: &Record) -> bool {
         && fewest_where(record, |_| true) >= MIN_SAMPLES
 }
 
-/// Returns the ratio of two records' times. If the records were measured together, the ratio compares samples that were
-/// measured close in time. Otherwise, the ratio is computed from the control point that the records' blocks share or,
-/// without one, as by [`ratio_apart`]. Returns `None` if either record has too few samples.
+/// Returns the time of `slow` divided by the time of `fast`. If the records were measured together, samples
+/// that were measured close in time are compared. Otherwise, the ratio is computed from the control point
+/// that the records' blocks share. If the blocks share no control point, the ratio is that of
+/// [`ratio_apart`]. Returns `None` if either record has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.relative_times.as_ref()?, fast.relative_times.as_ref()?);
     if slow.together == fast.together {
@@ -253,8 +257,8 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the ratio of two records' times. Treats the records as measured apart, even if they were measured
-/// together: uses neither pairs of samples that are close in time nor control points.
+/// Returns the time of `slow` divided by the time of `fast`, from the medians of all samples. Records that
+/// were measured together are treated as measured apart. Returns `None` if either record has too few samples.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.relative_times.as_ref()?.standing.ratio_apart(&fast.relative_times.as_ref()?.standing))
 }
@@ -265,13 +269,14 @@ pub(crate) fn rounds_of(record: &Record) -> Option<blake3::Hash> {
     Some(record.relative_times.as_ref()?.together)
 }
 
-/// Returns whether two records were measured in the same rounds.
+/// Returns true if two records were measured in the same rounds.
 pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
     rounds_of(one).zip(rounds_of(other)).is_some_and(|(one, other)| one == other)
 }
 
-/// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name.
-/// `None` if the anchor was not measured, or not requested (see [`judge_with_anchors`]).
+/// Returns the name of the anchor of the record's device, and the ratio of the record's time to the anchor's
+/// time. Returns `None` if the record has no relative times, or if its anchor was not measured or not
+/// requested (see [`judge_with_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let times = record.relative_times.as_ref()?;
     let anchor = times.anchor.as_ref()?;
@@ -291,9 +296,9 @@ pub(crate) fn mean_relative_to(records: &[&Record], reference: &[&Record]) -> Op
     Some(mean(records)?.relative_to(&mean(reference)?))
 }
 
-/// Returns the ratio of the mean time of `records` to that of `earlier`. Like [`ratio_apart`], treats the two sets of
-/// records as measured apart. The records of each set must have been measured together. Returns `None` if a record has
-/// no relative times.
+/// Returns the ratio of the mean time of `records` to the mean time of `earlier`. Like [`ratio_apart`],
+/// treats the two sets of records as measured apart. The records of each set must have been measured
+/// together. Returns `None` if a record has no relative times.
 pub(crate) fn mean_relative_to_earlier(records: &[&Record], earlier: &[&Record]) -> Option<Relative> {
     Some(mean(records)?.relative_to_earlier(&mean(earlier)?))
 }
@@ -304,15 +309,16 @@ pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Inter
     ratio_of_means(&[record], others)
 }
 
-/// Returns the ratio of the mean time of `records` to that of `others`; `None` if a record has no relative times. All
-/// records must have been measured together.
+/// Returns the ratio of the mean time of `records` to the mean time of `others`; `None` if a record has no
+/// relative times. All records must have been measured together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(&mean(others)?))
 }
 
-/// Returns the ratio of the times of two passes of the same frames of a record. `ratios` has each sample's launch and
-/// ratio. A pass is treated like a point. From run to run, its time changes by two factors: one of its own, and one
-/// that all points share. The second factor cancels in the ratio. Returns `None` if there are too few samples.
+/// Returns the ratio of the times of two passes of the same frames of a record. `ratios` has each sample's
+/// launch and ratio. A pass is treated like a point. From run to run, the time of a pass changes by two
+/// factors: its own factor, and a factor that all points share. The shared factor cancels in the ratio.
+/// Returns `None` if there are too few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -332,8 +338,9 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks the measured records by their times. The winners are the fastest record and every record that ties with it. A
-/// record ties if the samples do not show that it takes more than 1% longer. A record with too few samples has no rank.
+/// Ranks the measured records by their times. The winners are the fastest record and every record that ties
+/// with it. A record ties if the samples do not show that the record takes more than 1% longer. A record with
+/// too few samples has no rank.
 ///
 /// Records are ranked by their levels, which are logarithms of times ([`RelativeTimes::level`]). Only levels of one
 /// family of records can be compared ([`RelativeTimes::family`]). The ratio of two records of different families is the
@@ -360,8 +367,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(levels, ties)
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread. Each set of
-/// records that were measured together has its own value; the least and the greatest of these values are returned.
+/// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
+/// Each set of records that were measured together has its own value. The function returns the least and the
+/// greatest of these values, or `None` if no value is known.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
@@ -371,9 +379,9 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns the smallest difference between two points, as a fraction, at which the samples can show that the points do
-/// not tie. Two points tie unless the samples show that one takes more than 1% longer. `part` is the smallest
-/// difference, as a fraction, that the samples can show at all.
+/// Returns the smallest difference between two points, as a fraction, at which the samples can show that the
+/// points do not tie. Two points tie unless the samples show that one of the points takes more than 1%
+/// longer. `part` is the smallest difference, as a fraction, that the samples can show at all.
 fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
@@ -411,8 +419,9 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     notes
 }
 
-/// Returns the note on the smallest difference that can be shown between two points. The smallest difference that can
-/// be shown between baselines says nothing about kernels, so baselines count only if there are no other points.
+/// Returns the note on the smallest difference that can be shown between two points. The smallest difference
+/// that can be shown between baselines says nothing about kernels, so baselines count only if there are no
+/// other points. Returns `None` if the smallest difference is unknown.
 pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<String> {
     let judged = records.into_iter().filter(|record| record.relative_times.is_some());
     let (baselines, kernels): (Vec<&Record>, Vec<&Record>) = judged.partition(|record| record.is_baseline());
@@ -437,9 +446,9 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
     }
 }
 
-/// Returns the smallest difference that can be shown between two of some points, such as "2.1 to 4.1% (depending on
-/// device)" or, between noisy points, "a factor of 3.2". Either all points must be noisy, or none. Returns `None` if
-/// the difference is unknown.
+/// Returns the smallest difference that can be shown between two of the points, such as "2.1 to 4.1%
+/// (depending on device)". For noisy points, the difference is a factor, such as "a factor of 3.2". Either
+/// all points must be noisy, or none. Returns `None` if the difference is unknown.
 fn smallest_difference(points: &[&Record]) -> Option<String> {
     let [part, _] = resolution(points.iter().copied())?;
     let amount = |shown: &str| match part > NOISY {
@@ -465,11 +474,11 @@ fn shown_resolution(points: &[&Record]) -> Option<[String; 2]> {
     Some(resolution(points.iter().copied())?.map(shown))
 }
 
-/// Names what the smallest difference between points depends on: "scene", "scene and device", "when the points were
-/// measured". The smallest difference depends on a property if the difference varies among points that are equal in all
-/// other properties. This test finds nothing if, for example, points of different scenes also have different devices.
-/// If the properties that it finds do not explain why the smallest difference varies, all properties in which the
-/// points differ are named.
+/// Names what the smallest difference between points depends on: "scene", "scene and device", "when the
+/// points were measured". The smallest difference depends on a property if the difference varies among points
+/// that are equal in all other properties. This test finds no property if, for example, points of different
+/// scenes also have different devices. If the properties that this test finds do not explain why the smallest
+/// difference varies, all properties in which the points differ are named.
 fn what_it_depends_on(points: &[&Record]) -> String {
     let mut equal: BTreeMap<[String; 3], Vec<&Record>> = BTreeMap::new();
     for point in points {
@@ -504,7 +513,7 @@ fn what_it_depends_on(points: &[&Record]) -> String {
     }
 }
 
-/// Returns whether a measured record has only one launch.
+/// Returns true if a record has relative times from only one launch.
 fn is_look(record: &Record) -> bool {
     record.relative_times.as_ref().is_some_and(|times| times.standing.launches() == 1)
 }

@@ -26,8 +26,8 @@ pub enum Outcome {
     OtherKind,
     /// The device's compiler rejected the program.
     BuildFailed,
-    /// The device refused or failed to run the kernel, or the point, which had been cast before, did not fit into the
-    /// memory that was free.
+    /// The device refused or failed to run the kernel. Or the point had been cast before, but the free memory
+    /// was later too small for it.
     LaunchFailed,
     /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the reference,
     /// too many uncertain pixels are outside the range of their values, or the number of pixels with a hit is wrong.
@@ -55,8 +55,8 @@ impl Outcome {
         }
     }
 
-    /// Returns whether this outcome is no failure: the point was measured, or raycl knew beforehand
-    /// that the point cannot or need not be measured.
+    /// Returns true if this outcome is not a failure: the point was measured, or raycl knew beforehand that
+    /// the point cannot or need not be measured.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
@@ -126,8 +126,9 @@ pub struct Record {
     pub triangles: Option<u64>,
     /// Number of lights in the scene.
     pub lights: Option<u64>,
-    /// Parts of the scene's file that were ignored or replaced by defaults, such as missing normals, and other scenes
-    /// of the experiment with the same content, which are not measured themselves.
+    /// Notes on the scene. A note names a part of the scene's file that was ignored or replaced by a default,
+    /// such as missing normals. Or it names another scene of the experiment with the same content, which was
+    /// not measured.
     #[serde(default)]
     pub scene_notes: Vec<String>,
     /// The outcome.
@@ -158,17 +159,18 @@ pub struct Record {
     /// When each sample was measured, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
-    /// The record's times relative to those of the records that were measured with it. They are computed when a folder
-    /// is read, and not stored.
+    /// The record's times relative to the times of the records that were measured together. raycl computes
+    /// these times when it reads a folder, and does not store them.
     #[serde(skip)]
     pub relative_times: Option<RelativeTimes>,
     /// The rule that ended the sampling in the last launch.
     pub stop_reason: Option<String>,
     /// The median time of the primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
-    /// The median time of the shadow pass, if passes are separate; it includes shading if `shade_ms` is null.
+    /// The median time of the shadow pass, if passes are separate. The shadow pass includes shading if
+    /// `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// The median time of the shading pass, if it is separate from shadow rays.
+    /// The median time of the shading pass, if shading is separate from shadow rays.
     #[serde(default)]
     pub shade_ms: Option<f64>,
     /// The median time, on the host's clock, of the frames in `samples_ms`.
@@ -188,8 +190,8 @@ pub struct Record {
     /// `records=once` prepare this data, once per scene; the time is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since the two rates are
-    /// different quantities, the only tables with this field are CSV files, and no page shows it. See
+    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. The two rates
+    /// are different quantities. Therefore only CSV files contain this field, and no page shows it. See
     /// [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
@@ -204,8 +206,8 @@ pub struct Record {
     /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference:
     /// column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification compares such
-    /// a pixel with the range of values that the moved rays yield.
+    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification
+    /// compares an uncertain pixel with the range of values that the moved rays yield.
     pub uncertain_pixels: Option<u64>,
     /// Number of pixels whose rays hit something in the reference.
     #[serde(default)]
@@ -222,14 +224,14 @@ pub struct Record {
     pub constant_bytes: Option<u64>,
     /// Bytes of global memory needed as scratch or heap memory.
     pub scratch_bytes: Option<u64>,
-    /// Bytes of private memory that all work-items of a work-group together need for their working vectors or their
-    /// tiles' rays; 0 if these need not be stored for all work-items at the same time.
+    /// Bytes of private memory that all work-items of a work-group together need for their working vectors or
+    /// their tiles' rays; 0 if the vectors or rays need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
     /// The picture's path, relative to the folder of results. The fields whose names end in `_image` contain paths
     /// relative to this folder too.
     pub image: Option<String>,
-    /// The hash of the picture's values. If a later launch casts another picture, that picture is compared with the
-    /// reference too.
+    /// The hash of the picture's values. If a later launch casts a different picture, raycl compares the new
+    /// picture with the reference too.
     #[serde(default)]
     pub image_hash: Option<String>,
     /// The picture of the differences from the reference.
@@ -276,8 +278,8 @@ pub struct Record {
     /// The mean of the sensors' readings while the samples were measured.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// Number of samples that were left out because other programs used the processors meanwhile; null if the
-    /// processor time of the samples is unknown.
+    /// Number of samples that were left out because other programs used the processors at the same time; null
+    /// if the processor time of the samples is unknown.
     #[serde(default)]
     pub preempted_samples: Option<u32>,
     /// The median, over the samples that were not left out, of a sample's processor time divided by its elapsed time;
@@ -299,7 +301,8 @@ pub struct Record {
     pub throttled_samples: Option<u32>,
     /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
-    /// The seed of two random orders: that of the groups' launches, and that of the points in each round.
+    /// The seed of two random orders: the order of the groups' launches, and the order of the points in each
+    /// round.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
@@ -322,15 +325,15 @@ impl Record {
         self.host.iter().flat_map(|names| names.split(", "))
     }
 
-    /// Returns whether the record is not a failure, and the point would have the same outcome at any other moment. A
-    /// point that lacked memory may fit when other programs, or other points of the run, hold less memory.
+    /// Returns true if the outcome is not a failure, and would be the same at any other moment. Returns false
+    /// if the point lacked memory that other programs, or other points of the run, may hold only for a time.
     pub fn is_final(&self) -> bool {
         let is_of_the_moment = self.outcome == Outcome::Infeasible
             && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
         self.outcome.is_fine() && !is_of_the_moment
     }
 
-    /// Returns whether the point exceeded a limit of the device that may differ in each session.
+    /// Returns true if the point exceeded a limit of the device that may differ in each session.
     pub fn is_of_the_session(&self) -> bool {
         let reason = self.reason.as_deref();
         self.outcome == Outcome::Infeasible && reason.is_some_and(Infeasible::is_of_the_session)
@@ -360,18 +363,19 @@ impl Record {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
 
-    /// Returns whether the point tests every ray against every triangle, so that the number of
-    /// tests is known.
+    /// Returns true if the point tests every ray against every triangle, so that the number of tests is
+    /// known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.axis("traversal") == Some("exhaustive")
     }
 
-    /// Returns whether the point's rays traverse a tree, each separately or together in a tile.
+    /// Returns true if the point's rays traverse a tree, each separately or together in a tile.
     pub fn walks_tree(&self) -> bool {
         matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
-    /// Returns whether the point's primary rays are rasterised: each triangle's pixels are found by one work-item.
+    /// Returns true if the point's primary rays are rasterised: each triangle's pixels are found by one
+    /// work-item.
     pub fn rasterises(&self) -> bool {
         self.axis("traversal") == Some("raster")
     }
@@ -406,7 +410,7 @@ impl Record {
         self.image_size.iter().map(|side| f64::from(*side)).product()
     }
 
-    /// Returns whether the record is of a baseline, which is a caster on the host.
+    /// Returns true if the record is of a baseline, a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }

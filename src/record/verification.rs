@@ -1,4 +1,4 @@
-//! Names the points whose images were hardly verified, because too few of their pixels are certain.
+//! Counts the points whose images were hardly verified, because too few pixels of these images are certain.
 
 use super::numbers::by;
 use super::types::{Outcome, Record};
@@ -11,7 +11,8 @@ pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
         let pixels = record.image_size.iter().map(|side| *side as usize).product();
-        // Records of earlier versions do not have the numbers of pixels with a surface. For them, all pixels count.
+        // Records of earlier versions do not have the numbers of pixels with a surface. For these records,
+        // all pixels count.
         let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
         hardly_verified([record.uncertain_pixels? as usize, pixels], hits)
     };

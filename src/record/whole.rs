@@ -13,8 +13,8 @@ use tempfile::NamedTempFile;
 /// Prefix of the names of temporary files. A run that is killed may leave temporary files behind.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
 
-/// Writes a temporary file in the folder of `path` and then renames it. A process that reads `path`
-/// finds either the whole old file or the whole new file, even after a crash or a loss of power.
+/// Writes a temporary file in the folder of `path` and then renames it. A process that reads `path` finds
+/// either the complete old file or the complete new file, even after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
@@ -35,8 +35,8 @@ pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file unless it exists already, and returns whether it was written. If several processes
-/// write the same file in this way, only one succeeds.
+/// Writes a file unless it exists already. Returns true if the file was written, and false if it existed. If
+/// several processes write the same file with this function, only one process succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = folder_of(path);
     let write = || -> std::io::Result<bool> {
@@ -74,8 +74,8 @@ fn replace(
     write().map_err(|error| Error::unwritable(path, &error))
 }
 
-/// Fails if the path of a folder to which raycl should write, or of a folder above it, belongs to a file or to a link
-/// without a target.
+/// Returns an input error if raycl cannot write into the folder because the path of the folder, or of a
+/// folder above it, is a file or a link without a target.
 pub fn refuse_file(folder: &Path) -> Result<()> {
     let leads_nowhere = |path: &Path| path.is_symlink() && matches!(path.try_exists(), Ok(false));
     let is_obstacle = |path: &&Path| path.is_file() || leads_nowhere(path);
@@ -88,8 +88,9 @@ pub fn refuse_file(folder: &Path) -> Result<()> {
     }))
 }
 
-/// Fails if this process may not create files in a folder; the error's help is `remedy`. If the folder does not exist,
-/// the closest folder above it that exists is checked instead, since the missing folder would have to be made there.
+/// Returns an input error with the help `remedy` if this process may not create files in a folder. If the
+/// folder does not exist, the function checks the closest existing folder above it instead, in which the
+/// missing folder would have to be made.
 pub fn refuse_closed(folder: &Path, remedy: impl Into<String>) -> Result<()> {
     let Some(existing) = folder.ancestors().map(or_current).find(|path| path.is_dir()) else { return Ok(()) };
     may_write(existing).map_err(|error| {
@@ -141,13 +142,13 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Removes those temporary files in a folder of results that nobody has changed for `age`. They were left behind by
-/// processes that were killed. If a file cannot be removed, it stays, which does no harm.
+/// Removes temporary files that killed processes left behind in a folder of results. Only files that nobody
+/// has changed for `age` are removed. A file that cannot be removed stays in the folder, which does no harm.
 pub fn remove_leftovers(folder: &Path, age: Duration) {
     let is_old = |entry: &DirEntry| {
         let changed = entry.metadata().and_then(|file| file.modified());
-        // The clock of a file server may be ahead of this machine's clock. The file then seems to be from the future,
-        // and its age counts as 0.
+        // The clock of a file server may be ahead of this machine's clock. If the file's time is in the
+        // future, the file's age counts as 0.
         changed.is_ok_and(|changed| changed.elapsed().unwrap_or_default() >= age)
     };
     // A folder that is a link is left out, since the link may lead out of the folder of results.
@@ -163,7 +164,7 @@ pub fn remove_leftovers(folder: &Path, age: Duration) {
 
 const LINK: &str = "it is a link, which may lead out of the folder";
 
-/// Fails if `path` is a pipe or a device, since reading it may never end.
+/// Fails if `path` is a pipe or a device, since reading from a pipe or a device may never end.
 pub fn ordinary(path: &Path) -> std::io::Result<()> {
     let metadata = path.metadata()?;
     match metadata.is_file() || metadata.is_dir() {
@@ -181,8 +182,8 @@ pub fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
     inside.then(|| reader::bytes(&resolved, reader::Kind::Shown).ok())?
 }
 
-/// Writes a folder's list of files to the disk. Does nothing on a file system that cannot do so for folders, such as
-/// the shared folders of VirtualBox.
+/// Writes a folder's list of files to the disk. Does nothing on a file system that cannot write a folder to
+/// the disk, such as the shared folders of VirtualBox.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     match std::fs::File::open(folder)?.sync_all() {
@@ -191,8 +192,8 @@ pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Returns whether an operation failed because the file system does not have it. If a file system has no `fsync` for
-/// folders, Linux returns `EINVAL`.
+/// Returns true if an operation failed because the file system does not support it. If a file system has no
+/// `fsync` for folders, Linux returns `EINVAL`.
 #[cfg(unix)]
 fn is_unsupported(error: &IoError) -> bool {
     use rustix::io::Errno;
@@ -338,7 +339,7 @@ mod tests {
     fn a_folder_that_would_have_to_be_made_is_refused_if_the_closest_folder_above_it_is_closed() {
         let folder = tempfile::tempdir().unwrap();
         assert!(refuse_closed(&folder.path().join("new/inner"), "").is_ok());
-        // The path `new` has an empty path above it, which means the current folder.
+        // The path above the path `new` is empty, and means the current folder.
         let above = Path::new("new").ancestors().map(or_current);
         assert_eq!(above.collect::<Vec<_>>(), ["new", "."].map(Path::new));
         if cfg!(target_os = "linux") {

@@ -1,4 +1,4 @@
-//! Scenes whose values change from frame to frame: the `[animation]` of a scene file.
+//! Animations: scenes whose values change from frame to frame, as the `[animation]` of a scene file says.
 
 mod between;
 mod track;
@@ -22,8 +22,9 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 
 /// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a copy
-/// of the scene file's TOML table, in which the frame's values have been set. A frame reuses data of the previous
-/// frame: files that both frames use are not read again, and both frames share a mesh that stays the same.
+/// of the scene file's TOML table, in which the frame's values have been set. A frame reuses data of the
+/// previous frame: files that both frames use are not read again, and both frames share a mesh that does not
+/// change.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,
@@ -59,14 +60,14 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, cache: FrameCache::default() })
     }
 
-    /// Checks for each frame in `frames` that the scene file, with the frame's values, describes a scene. If the
-    /// background of frame 1 is transparent, the backgrounds of all frames in `frames` must be transparent too;
-    /// otherwise, none of them may be transparent. No files of meshes or pictures are read.
+    /// Checks for each frame in `frames` that the scene file, with the frame's values, can be parsed as a
+    /// scene. Also checks that the background is transparent in all of these frames if it is transparent in
+    /// frame 1, and in none of them otherwise. Files of meshes and pictures are not read.
     ///
     /// # Errors
     ///
-    /// Returns a user error. If the scene file does not describe a scene at some frame, the error has the mistake's
-    /// location in the file.
+    /// Returns a user error for the first frame that fails a check. If the frame is not a scene, the error
+    /// has the mistake's location in the file.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -80,9 +81,9 @@ impl Animation {
         })
     }
 
-    /// Reads the files of all frames, so that [`INPUTS`](super::INPUTS), the list of the files that were read, contains
-    /// the pictures of all frames. A frame after the first is read only if a track that can name pictures has a value
-    /// that begins at this frame.
+    /// Reads the files of the frames, so that [`INPUTS`](super::INPUTS), the list of the files that were
+    /// read, contains the files of all frames. A frame after the first is read only if, at this frame, a
+    /// value begins in a track that can name pictures.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
@@ -92,8 +93,8 @@ impl Animation {
         }
     }
 
-    /// Returns the scene of a frame. If the frame's mesh equals the mesh of the scene `last`, the
-    /// two scenes share the mesh.
+    /// Returns the scene of a frame. If its mesh equals the mesh of the scene `last`, the two scenes share
+    /// one mesh in memory.
     ///
     /// # Errors
     ///
@@ -118,7 +119,8 @@ impl Animation {
         assemble(&document, wire, self.shot, &mut self.cache, notes)
     }
 
-    /// Parses the scene file with the values of a frame.
+    /// Returns the scene file's table with the values of a frame, the document with the same values, and the
+    /// parsed document.
     fn read(&self, frame: u32) -> Result<(Table, Document, SceneWire)> {
         let table = self.table(frame, &self.tracks)?;
         let document = self.document_of(frame, &table)?;
@@ -150,9 +152,9 @@ impl Animation {
         Ok(self.document.at_frame(frame, text, of_tracks))
     }
 
-    /// Returns the error for a frame at which the scene file, with the values of all tracks, is not a scene. To find
-    /// the mistake, the tracks are applied one by one. The error points to the first track after which the document is
-    /// invalid and stays invalid.
+    /// Returns the error for a frame whose document cannot be parsed as a scene. To find the mistake, the
+    /// tracks are applied one by one. The error points to the last track that turns a valid document into an
+    /// invalid one.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {
@@ -168,16 +170,16 @@ impl Animation {
             }
         }
         let Some((track, document, error)) = wrong else {
-            // The scene file was valid before any track was applied, and no track made it invalid. The error is
-            // therefore a mistake in raycl.
+            // No track makes the document invalid, and a file that is invalid without its tracks is refused
+            // earlier. This is therefore a mistake in raycl.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
             );
             return Error::fault(message);
         };
-        // The message names the frame, and no line of this text: the text was formatted again, so its lines have other
-        // numbers than the file's lines.
+        // The message names the frame, but no line of `document.text`: this text was formatted again, so its
+        // lines have other numbers than the file's lines.
         let name = format!("{} at frame {frame}", document.name);
         let shown = toml_error(&name, &document.text, &error, KEYS);
         let starts = |with: &[&str]| with.iter().any(|start| error.message().starts_with(start));
@@ -191,9 +193,9 @@ impl Animation {
     }
 }
 
-/// Refuses a track of an angle of the camera if the file itself or another track sets the camera's position, because
-/// the angle would have no effect. The file's own position does not count if a track replaces the whole camera. A
-/// position that an option sets is not refused: it replaces the file's camera.
+/// Refuses a track of the camera's azimuth or elevation if the file itself or another track sets the camera's
+/// position, because the angle would have no effect. The file's position does not count if a track replaces
+/// the whole camera. A position that an option sets is allowed.
 fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result<()> {
     let Some(angle) = tracks.iter().find(|track| track.is_angle()) else { return Ok(()) };
     let file: Table = document.original().parse().map_err(|error| document.misread(&error))?;
@@ -372,8 +374,8 @@ mod tests {
         assert_eq!(animation.check(3..=3).unwrap_err().to_string(), expected, "the first frame differs");
     }
 
-    /// raycl builds frame 1 when it loads the file. A mistake that the file also has without its tracks is therefore
-    /// reported with its line in the file, and without the number of a frame.
+    /// raycl builds frame 1 when it loads the file. Mistakes in frame 1 are reported with their line in the
+    /// file and without the frame's number.
     #[test]
     fn locations_in_frame_1_are_lines_of_the_file_and_tracks_are_named_only_beside_their_mistake() {
         let folder = tempfile::tempdir().unwrap();

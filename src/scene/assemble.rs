@@ -28,28 +28,27 @@ use std::sync::Arc;
 /// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 /// The least default shadow bias, as a fraction of the largest coordinate of the surfaces and of the eye.
-/// Along each axis, rounding moves a hit by up to half of `EPSILON` times this coordinate. In all, it moves
-/// the hit off its surface by less than `EPSILON` times the coordinate. With a bias of eight times `EPSILON`,
-/// only shadow rays that nearly graze the surface start below the surface.
+/// Along each axis, rounding moves a hit by up to half of `EPSILON` times this coordinate, so the hit is less
+/// than `EPSILON` times this coordinate away from its surface. With eight times `EPSILON`, only shadow rays
+/// that nearly graze the surface start below the surface.
 const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
-/// A scene counts as far from the origin if its largest coordinate is more than this many times its diagonal. At this
-/// distance, ten of the 24 significant bits of a coordinate only state the distance from the origin; the other bits
-/// distinguish the points of the scene.
+/// A scene counts as far from the origin if its largest coordinate is more than this many times its diagonal.
+/// At this distance, ten of the 24 significant bits of a coordinate are the same for all points of the scene.
 const FAR_DIAGONALS: f32 = 1000.0;
 
-/// The scene that a document (the text of a scene file) describes, with further results that callers need.
+/// The scene that a document (the text of a scene file) describes, and what callers need beside the scene.
 pub(super) struct Assembled {
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// The index of the first triangle of each object or, for a glTF file without a scene file, of each node with a
-    /// mesh. A ground that raycl added counts as the last object.
+    /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
+    /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
-    /// scene file.
+    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a mesh that has no
+    /// lights and that is given without a scene file.
     pub dressed: bool,
-    /// True if the camera may depend on the shape of the pictures, since it sees the whole scene and its position is
-    /// not set.
+    /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
+    /// scene is visible.
     pub is_framed: bool,
 }
 
@@ -123,7 +122,7 @@ pub(super) fn assemble(
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some(), is_framed })
 }
 
-/// Returns the scene's name. It is not empty, since results have files and points that are named after their scene.
+/// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.
 fn name(document: &Document, wire: &SceneWire) -> Result<String> {
     match &wire.name {
         None => Ok(document.stem.clone()),
@@ -134,16 +133,16 @@ fn name(document: &Document, wire: &SceneWire) -> Result<String> {
     }
 }
 
-/// Turns normals to the viewer. A scene on a turntable is seen from all sides, so either all of its normals are
-/// reversed or none. If only some were reversed, the camera would see dark surfaces at some angles. `around` is the
-/// ball around a scene on a turntable.
+/// Turns normals to the viewer. A scene on a turntable is seen from all sides, so either all of its normals
+/// are reversed or none: if only some were reversed, dark surfaces would be visible at some angles. `around`
+/// is the ball around the scene.
 fn turn_normals(mesh: &mut Mesh, around: Option<Ball>, camera: &Camera, shot: Shot) {
     if !shot.turns {
         return normals::turn_towards(mesh, camera.position);
     }
     normals::turn_outwards(mesh);
-    // In a room, the viewer sees the inner side of the walls from every angle. An open mesh, such as a sheet, has no
-    // outside, so the first view decides which of its sides is lit.
+    // In a room, the inner sides of the walls are visible at every angle. An open mesh, such as a sheet, has
+    // no outside. In these two cases, the first view decides which side is lit.
     let has_outside = around.is_some_and(|ball| ball.is_closed()) && !encloses(mesh, camera.position);
     if !has_outside && facing::is_averted(mesh, camera, shot.aspect) {
         normals::reverse(mesh);
@@ -173,13 +172,14 @@ fn background(
             notes.extend(not_displayed(document, colour, radiance, display));
             radiance
         }
-        // A transparent background adds no radiance: a pixel only has the surfaces' radiance,
+        // A transparent background adds no radiance. The radiance of a pixel is that of the visible surfaces,
         // multiplied by the share of the pixel that they cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
 
-/// Returns a note if the background's radiance is not displayed as the colour that the user wrote.
+/// Returns a note if the background's radiance is not displayed as `colour`, which the user wrote; otherwise
+/// `None`.
 fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: Display) -> Option<String> {
     let shown = radiance.to_array().map(|channel| transform(channel, display));
     let note = || {
@@ -200,8 +200,8 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
 pub(super) struct Joined {
     mesh: Arc<Mesh>,
     seen: Seen,
-    /// The index of the first triangle of each object or, for a glTF file without a scene file, of each node with a
-    /// mesh.
+    /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
+    /// mesh counts as an object.
     starts: Vec<u32>,
 }
 
@@ -241,7 +241,7 @@ fn join(
         }
         mesh.append(file.mesh);
     }
-    // Notes on a mesh that several objects use appear once.
+    // Notes on a mesh that several objects use are kept only once.
     let mut known = HashSet::new();
     notes.retain(|note| known.insert(note.clone()));
     if mesh.triangles.is_empty() {
@@ -252,9 +252,9 @@ fn join(
     Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
-/// Returns the lights of a scene. A mesh that is given without a scene file has the lights that the user sets or, if
-/// there are none, the lights of the mesh's own file. If both are missing and the user sets no sky, the mesh gets a key
-/// light and a fill light.
+/// Returns the lights of a scene. For a mesh without a scene file, these are the lights that the user sets.
+/// If the user sets none, these are the lights of the mesh's own file. If this file has none and the user
+/// sets no sky, these are a key light and a fill light.
 fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -296,8 +296,8 @@ fn check_lights(
     Ok(())
 }
 
-/// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. A mesh without a
-/// scene file is scaled when it is read, so it is not as small.
+/// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. A mesh
+/// without a scene file has no note, since it is scaled when it is read.
 fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     let (low, high) = (low.as_dvec3(), high.as_dvec3());
     let note = || {
@@ -311,8 +311,9 @@ fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     (Placement::of(low, high).scale > 1.0).then(note)
 }
 
-/// Returns a note if a scene with these bounds is so far from the origin that single precision distinguishes few of its
-/// points. A mesh without a scene file is moved to the origin when it is read.
+/// Returns a note if a scene with these bounds is so far from the origin that single precision distinguishes
+/// few of its points. A mesh without a scene file has no note, since it is moved to the origin when it is
+/// read.
 fn too_far(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     // The diagonal is computed in double precision, since the squares of very small lengths are 0 in single precision.
     let (farthest, diagonal) =
@@ -330,8 +331,9 @@ fn too_far(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
     (farthest > FAR_DIAGONALS * diagonal).then(note)
 }
 
-/// Returns the default shadow bias of surfaces within these bounds, seen from `eye`. The bias depends on the distance
-/// from the origin only if the surfaces or the eye are far from the origin.
+/// Returns the default shadow bias, in the scene's units, of surfaces within these bounds that are seen from
+/// `eye`. The bias depends on the distance from the origin only if the surfaces or the eye are far from the
+/// origin.
 fn default_bias((low, high): (Vec3, Vec3), eye: Vec3) -> f32 {
     let rounding = ROUNDING_SHADOW_BIAS * largest_coordinate(low.min(eye), high.max(eye));
     rounding.max(RELATIVE_SHADOW_BIAS * high.distance(low))

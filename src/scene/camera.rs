@@ -20,15 +20,15 @@ pub struct Camera {
     pub fov_is_vertical: bool,
     /// Hits are ignored if their depth along `forward` is at most this distance.
     pub z_near: f32,
-    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero unless the ray is one
-    /// of several samples of the pixel.
+    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down. It is zero if the
+    /// pixel has a single sample.
     pub shift: [f32; 2],
-    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width; less than 1 if the pixel gets
-    /// several samples.
+    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width. It is less than 1 if
+    /// the pixel's area is divided among several samples.
     pub cone_share: f32,
-    /// The size of another image whose field of view the camera's image shows. For a half picture, this is the size of
-    /// the whole picture; if that size is odd, the aspect ratios of the two pictures may differ slightly. If `None`,
-    /// the field of view follows from the aspect ratio of the camera's own image.
+    /// The size, in pixels, of another image with the same field of view. For a half picture, this is the
+    /// size of the whole picture: the two pictures' aspect ratios differ slightly if a side of the whole
+    /// picture is odd. If `None`, the field of view follows from the aspect ratio of the camera's own image.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -45,7 +45,7 @@ pub struct PixelFrame {
     pub step_x: DVec3,
     /// The change of direction per pixel down.
     pub step_y: DVec3,
-    /// Hits are visible if their depth is more than this.
+    /// Hits are visible if their depth is more than this distance.
     pub z_near: f64,
     /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray cone at
     /// this point. The width grows with the point's depth.
@@ -82,8 +82,8 @@ impl Camera {
         Self::looking_along(position, direction, up, fov_degrees, fov_is_vertical)
     }
 
-    /// Returns a camera like [`Camera::looking_at`] that looks in a direction of any length. Returns `None` if this
-    /// direction is zero, or if `up` is zero or parallel to it.
+    /// Returns a camera like [`Camera::looking_at`] that looks in the direction `direction`, which may have
+    /// any length. Returns `None` if `direction` is zero, or if `up` is zero or parallel to `direction`.
     pub(super) fn looking_along(
         position: Vec3,
         direction: DVec3,
@@ -114,15 +114,15 @@ impl Camera {
         })
     }
 
-    /// Returns the camera that casts a sample: its rays are shifted by the sample's offset, and their cones have the
-    /// sample's share of a pixel's width.
+    /// Returns the camera that casts the sample `sample` of each pixel. The rays are shifted by the sample's
+    /// offset, and the ray cones have the sample's share of a pixel's width.
     #[must_use]
     pub fn of_sample(&self, sample: &Sample) -> Self {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
-    /// Returns the camera of an image that shows the field of view of another image. `size` is the size of
-    /// the other image.
+    /// Returns the camera of an image that shows the same field of view as another image. `size` is the size
+    /// of the other image, in pixels.
     #[must_use]
     pub fn covering(&self, size: [u32; 2]) -> Self {
         Self { covers: Some(size), ..*self }

@@ -1,21 +1,23 @@
-//! Estimates which share of a picture a scene covers. If a mesh fills only a small part of the picture, few tiles have
-//! work, and other strategies are fastest (`src/strategy/fastest.rs`).
+//! Estimates which share of a picture a scene covers. If a mesh covers only a small part of the picture, few
+//! tiles contain hits, so other strategies are fastest (`src/strategy/fastest.rs`).
 
 use super::{Camera, Scene};
 use glam::{DVec2, DVec3};
 
-/// Largest number of triangles that are projected. In a larger scene, only every second, third, ... triangle is
-/// projected.
+/// Largest number of triangles that are projected. A larger scene is sampled: only every second, third or nth
+/// triangle is projected.
 const PROJECTED: usize = 4096;
-/// The picture is divided into this many columns and rows of cells. With many triangles, every cell that the scene
-/// covers contains some of the projected triangles.
+/// The picture is divided into this many columns and rows of cells. The cells are large enough for a sample
+/// of the triangles: if a large scene covers a cell, some of the projected triangles usually lie in this
+/// cell.
 const CELLS: usize = 16;
 /// The smallest depth of a projected point, if the camera's `z_near` is smaller.
 const LEAST_DEPTH: f64 = 1e-6;
 
 impl Scene {
-    /// Returns the share of the picture's cells in which triangles may be visible, between 0 and 1. A triangle counts
-    /// for all cells that the bounding rectangle of its projection overlaps.
+    /// Returns the share of the picture's cells, from 0 to 1, in which triangles may be visible. `size` is
+    /// the picture's size in pixels. A triangle counts for all cells that the bounding rectangle of its
+    /// projection overlaps.
     pub fn covered_share(&self, size: [u32; 2]) -> f64 {
         let projection = Projection::of(&self.camera, size);
         let step = self.mesh.triangles.len().div_ceil(PROJECTED).max(1);
@@ -23,8 +25,8 @@ impl Scene {
         for triangle in self.mesh.triangles.iter().step_by(step) {
             let corners = self.mesh.corners(triangle).map(|corner| projection.in_camera(corner.as_dvec3()));
             let Some([low, high]) = projection.bounds(corners) else { continue };
-            // The right and the bottom edge of the picture have the coordinate 1, and belong to the last column and the
-            // last row of cells.
+            // The coordinate 1 (the picture's right or bottom edge) belongs to the last column or row of
+            // cells.
             let [first, last] =
                 [low, high].map(|at| (at * CELLS as f64).min(DVec2::splat(CELLS as f64 - 1.0)));
             for row in &mut covered[first.y as usize..=last.y as usize] {
@@ -39,8 +41,8 @@ impl Scene {
 /// and bottom edge.
 struct Projection {
     eye: DVec3,
-    /// The camera's axes to the right, down and forward. The first two are divided by the extent of the picture at
-    /// depth 1.
+    /// The camera's axes to the right, down and forward. The first two axes are divided by the picture's
+    /// width and height at depth 1.
     axes: [DVec3; 3],
     least_depth: f64,
 }
@@ -54,15 +56,15 @@ impl Projection {
         Self { eye: frame.eye, axes, least_depth: frame.z_near.max(LEAST_DEPTH) }
     }
 
-    /// Returns the coordinates of a point relative to the camera, along the camera's axes to the right, down and
-    /// forward.
+    /// Returns a point's coordinates relative to the eye, along the three `axes`.
     fn in_camera(&self, point: DVec3) -> DVec3 {
         let from_eye = point - self.eye;
         DVec3::from_array(self.axes.map(|axis| axis.dot(from_eye)))
     }
 
-    /// Returns the bounding rectangle of the part of a triangle that lies in the picture: its smallest and its largest
-    /// coordinates. Returns `None` if no part lies in the picture.
+    /// Returns the bounding rectangle of the part of a triangle that lies in the picture: the rectangle's
+    /// smallest and largest coordinates. Returns `None` if the rectangle lies beside the picture or the
+    /// triangle is nearer than `least_depth`.
     fn bounds(&self, corners: [DVec3; 3]) -> Option<[DVec2; 2]> {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         let mut add = |point: DVec3| {
@@ -73,7 +75,7 @@ impl Projection {
             if one.z >= self.least_depth {
                 add(one);
             }
-            // An edge that crosses the plane of the least depth is cut there.
+            // An edge that crosses the plane at `least_depth` is cut at this plane.
             if (one.z >= self.least_depth) != (other.z >= self.least_depth) {
                 let cut = one.lerp(other, (self.least_depth - one.z) / (other.z - one.z));
                 add(cut.with_z(self.least_depth));

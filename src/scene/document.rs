@@ -14,12 +14,12 @@ use toml::{Table, Value};
 
 /// The help in an error about a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
-/// The text that a message gives as the expected input if the message must not quote the scene file.
+/// The words for the expected input in a message that must not quote the scene file.
 const PERMITTED: &str = "a key or value that a scene may have there";
 /// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
-/// The text of a scene file.
+/// A scene file's text, with what messages about it need.
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
@@ -33,7 +33,8 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
-    /// The number of the animation's frame that the text describes; 1 if the text is that of the whole scene file.
+    /// The number, from 1, of the animation's frame for which `text` has values. It is also 1 if no track has
+    /// set a value in `text`.
     frame: u32,
     /// The values that options, a config or tracks have set in the text, and the file's own text; `None` if no values
     /// were set.
@@ -76,7 +77,8 @@ impl Document {
         Ok(document)
     }
 
-    /// Returns a note if the file's contents do not match its extension.
+    /// Returns a note if the file's contents have another format than the file's extension names; otherwise
+    /// `None`. A file without an extension has no note. Must be called before the mesh is read.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
@@ -105,8 +107,8 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values in the text, and formats the text again. The file's own text is kept for messages: a message quotes
-    /// this text or, if the mistake is in a set value, names the setting.
+    /// Sets values in the text, and formats the text again. Keeps the file's own text, which messages quote.
+    /// If a mistake is in a value of `settings`, the message names the setting instead.
     fn set(&mut self, settings: &[Setting]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, settings)?;
@@ -132,8 +134,8 @@ impl Document {
         }
     }
 
-    /// Returns the location of a part of the text: `FILE:LINE`, or the setting from which the part comes; only the
-    /// file's name if neither is known.
+    /// Returns the location of the part `span` of the text: `FILE:LINE`, or the setting from which the part
+    /// comes. If the origin is unknown, returns only the file's name.
     pub fn location_of(&self, span: &Range<usize>) -> String {
         self.origin(span).location(&self.name, self.original())
     }
@@ -143,12 +145,14 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// Adds names to the remedy of an error: the names of all settings, and of the tracks that may have caused the
-    /// mistake. The mistake lies in the part `span` of the text, and not in a value that a setting or a track has set.
+    /// Adds names to the help of an error: the names of all settings, and of the tracks that may have caused
+    /// the mistake. `span` is the part of the text that contains the mistake. No setting and no track has set
+    /// this part.
     pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
-        // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make another frame invalid, so
-        // all tracks are named. In frame 1, the file itself may be wrong: then tracks of other parts of the scene have
-        // nothing to do with the mistake.
+        // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make a later frame
+        // invalid, so the help of a later frame's error names all tracks. In frame 1, the mistake may be in
+        // the file itself, so the help names only the tracks of the part of the scene that contains the
+        // mistake.
         let near = (self.frame == 1).then_some(span);
         let summary = self.changed.as_ref().and_then(|changed| changed.summary(&self.text, near));
         let Some(summary) = summary else { return error };
@@ -156,9 +160,9 @@ impl Document {
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame, with the text `text`. This text contains the values `tracks`, which tracks
-    /// set for the frame. If this document has opened the file of a mesh and not read it yet, the new document takes
-    /// over the open file.
+    /// Returns the document of one frame, with the text `text`. This text contains the values `tracks`, which
+    /// tracks set for the frame. If this document holds the open file of a mesh, the new document takes it
+    /// over.
     pub fn at_frame(&self, frame: u32, text: String, tracks: Vec<TrackValue>) -> Self {
         let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
         let (file, original) = (self.name.clone(), self.original().to_owned());
@@ -174,7 +178,7 @@ impl Document {
         }
     }
 
-    /// Returns the error for a text that is not a scene.
+    /// Returns the error for a text that cannot be parsed as a scene. `error` is the parser's error.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
         let mistake = mistake(error);
         let expected = || {
@@ -207,12 +211,13 @@ impl Document {
         error.placed(|message| self.error(span, message, label))
     }
 
-    /// Adds the frame to a message about a mistake that frame 1 does not have.
+    /// Adds the frame's number to a message, except in frame 1, which is built when the scene is loaded.
     fn at_this_frame(&self, message: String) -> String {
         if self.frame > 1 { format!("at frame {}: {message}", self.frame) } else { message }
     }
 
-    /// Returns an error with a location in this document.
+    /// Returns an error for a mistake in the part `span` of this document. `label` is the text beside the
+    /// marked part.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
         // Labels contain only raycl's own words, so messages may show labels even if the file must not be quoted.
         let why = if label == "here" { String::new() } else { format!(" ({label})") };
@@ -238,7 +243,8 @@ impl Document {
     }
 }
 
-/// Returns a file's name without its extensions; for standard input, `picture`.
+/// Returns a file's name without its extension and without the extension of a compressed file (`.gz`); for
+/// standard input, `picture`.
 fn stem(path: &Path) -> String {
     if path.as_os_str() == STANDARD_INPUT {
         return "picture".to_owned();
@@ -293,7 +299,8 @@ mod tests {
         }
     }
 
-    /// Loads a file with the text `text`. Returns the notes on the file, or the message of the error.
+    /// Loads a file with the text `text`, as if another file named it. The other file is in the same folder
+    /// if `is_in_folder` is true. Returns the notes on the loaded file, or the message of the error.
     fn notes_or_error(
         name: &str,
         text: &str,

@@ -1,24 +1,24 @@
-//! Tests whether surfaces lie all around the eye, as in a room. If they do, more rays hit something, and shadow rays
-//! are longer, than if the eye is in front of an object. Therefore other strategies are fastest
-//! (`src/strategy/fastest.rs`). On a turntable, an eye with surfaces all around it sees the inner sides of these
-//! surfaces (`assemble.rs`).
+//! Tests whether surfaces lie all around the eye, as in a room. In a room, more rays hit something than in a
+//! picture of an object, and shadow rays are longer, so other strategies are fastest
+//! (`src/strategy/fastest.rs`). On a turntable, an eye in a room sees the walls from inside, so the walls'
+//! normals must point inwards (`assemble.rs`).
 
 use super::{Mesh, Scene};
 use glam::Vec3;
 
-/// Largest number of triangles that are tested. In a larger scene, only every second, third, ...
+/// Largest number of triangles that are tested. A larger scene is sampled: only every second, third or nth
 /// triangle is tested.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {
-    /// Returns whether surfaces lie all around the eye.
+    /// Returns true if surfaces lie all around the eye.
     pub fn encloses_eye(&self) -> bool {
         encloses(&self.mesh, self.camera.position)
     }
 }
 
-/// Returns whether triangles have corners in each of the eight octants around the eye. The planes between the octants
-/// are perpendicular to the scene's axes.
+/// Returns true if each of the eight octants around the eye contains a triangle's corner. The planes between
+/// the octants are perpendicular to the scene's axes.
 pub(super) fn encloses(mesh: &Mesh, eye: Vec3) -> bool {
     let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);
     let mut octants = [false; 8];

@@ -6,13 +6,12 @@ use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of samples (rays that are tested) across a picture: enough to tell whether most of a surface faces away, or
-/// only little of it.
+/// Number of samples (rays that are tested) across a picture. This is enough to tell whether most of the
+/// visible surface faces away.
 const ACROSS: usize = 48;
-/// Most of the visible surface faces away if more than this fraction of it does. A note then says so, unless
-/// raycl has turned each triangle's normals to the viewer separately. On a turntable with `two_sided`,
-/// `turn_normals` (in `assemble.rs`) then reverses all normals of a scene that has no outside, such as a
-/// room.
+/// If more than this fraction of the visible surface faces away, a note says so, unless raycl has turned each
+/// triangle's normals to the viewer separately. On a turntable with `two_sided`, `turn_normals` (in
+/// `assemble.rs`) then reverses all normals of a scene that has no outside, such as a room.
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's forward axis,
@@ -36,7 +35,8 @@ pub(super) fn note(scene: &Scene, aspect: f64, is_turned: bool) -> Option<String
     })
 }
 
-/// Returns whether most of the visible surface faces away, in images whose width divided by their height is `aspect`.
+/// Returns true if most of the visible surface faces away, in images whose width divided by their height is
+/// `aspect`.
 pub(super) fn is_averted(mesh: &Mesh, camera: &Camera, aspect: f64) -> bool {
     averted_part(mesh, camera, aspect).is_some_and(|part| part > MOST)
 }

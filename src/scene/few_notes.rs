@@ -1,4 +1,5 @@
-//! Notes of one kind, such as those on pictures that cannot be read: the first are shown, and the others are counted.
+//! Notes of one kind, such as notes on pictures that cannot be read. The first three notes are shown; later
+//! notes are only counted.
 
 use crate::words::counted;
 use std::collections::HashSet;
@@ -11,16 +12,16 @@ const SHOWN: usize = 3;
 pub(in crate::scene) struct FewNotes(HashSet<String>);
 
 impl FewNotes {
-    /// Counts a note, and adds it to `notes` if it is one of the first. Of several notes with the same `about`, such as
-    /// the name of a file, only the first counts.
+    /// Counts the note `note` on the subject `about`, such as the name of a file. Only the first note on a
+    /// subject counts. Adds the note to `notes` unless `SHOWN` notes have been added before.
     pub fn add(&mut self, about: String, note: String, notes: &mut Vec<String>) {
         if self.0.insert(about) && self.0.len() <= SHOWN {
             notes.push(note);
         }
     }
 
-    /// Returns a note with the number of notes that are not shown. `what` is the word for the subject of each note,
-    /// such as "texture".
+    /// Returns a note with the number of counted notes that are not shown; `None` if all are shown. `what` is
+    /// the word for a subject, such as "texture".
     pub fn rest(&self, what: &str) -> Option<String> {
         let count = self.0.len().saturating_sub(SHOWN);
         (count > 0).then(|| format!("{} cannot be used either", counted(count, &format!("more {what}"))))

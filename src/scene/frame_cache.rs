@@ -1,5 +1,5 @@
-//! The parts of a frame that the next frame of an animation reuses. The next frame need not read their files or build
-//! their meshes again.
+//! Keeps the meshes and the pictures of one frame of an animation for the next frame, so that the next frame
+//! need not read the same files or build the same meshes again.
 
 use super::Mesh;
 use super::assemble::Joined;
@@ -18,11 +18,13 @@ use toml::{Table, Value};
 /// mesh itself.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
-/// Data that one frame passes on to the next; by default, nothing is passed on.
+/// Data that one frame passes on to the next frame.
 #[derive(Default)]
 pub(super) struct FrameCache {
+    /// True once an animation has begun a frame. Without an animation, nothing is kept.
     keeps: bool,
-    /// For each object of this frame, the text from which its mesh is built; empty if the animation changes no object.
+    /// For each object of this frame, the text that determines the object's mesh. The list is empty if the
+    /// animation changes no object.
     keys: Vec<String>,
     /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys` are the
     /// keys of this map.
@@ -37,13 +39,14 @@ pub(super) struct FrameCache {
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
     /// The file of the picture that was read last, and its texels.
     picture: Option<(PathBuf, FileTexels)>,
-    /// The texels that were multiplied last, and the file and the strength from which they were made.
+    /// The texels that were multiplied by a strength last, with the picture's file and the strength.
     strengthened: Option<((PathBuf, f32), FileTexels)>,
 }
 
 impl FrameCache {
-    /// Begins a frame, whose scene file is `document`. `objects_change` says whether the animation changes any object,
-    /// or the scene's `crease`. The meshes made so far become those of the previous frame; older meshes are dropped.
+    /// Begins a frame with the scene file `document`. `objects_change` is true if the animation changes an
+    /// object or the scene's `crease`. The meshes in `meshes` become those of the previous frame; older
+    /// meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
             (document.get("object"), ["crease", "mip_levels"].map(|key| document.get(key)));
@@ -54,8 +57,8 @@ impl FrameCache {
         self.objects = format!("{objects:?} {of_all:?}");
     }
 
-    /// Returns the joined objects. If the text of all objects is the same as in the previous frame, the joined objects
-    /// of that frame are returned; otherwise, `make` joins the objects.
+    /// Returns the objects of this frame, joined into one mesh. If the text of all objects is the same as in
+    /// the previous frame, returns the previous frame's result. Otherwise, `make` joins the objects.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);
@@ -67,9 +70,9 @@ impl FrameCache {
         Ok(joined)
     }
 
-    /// Returns the mesh of an object before its transform and materials are applied. If this frame or the
-    /// previous frame already has a mesh for the object's text in `keys`, that mesh is reused; otherwise, `make` builds
-    /// the mesh.
+    /// Returns the mesh of the object with the index `object`, before the object's transform and materials
+    /// are applied. If this frame or the previous frame has a mesh for the same text (`keys`), this mesh is
+    /// reused. Otherwise, `make` builds the mesh.
     pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
         let Some(key) = self.keys.get(object) else { return make() };
         let mesh = match self.meshes.entry(key.clone()) {
@@ -90,8 +93,9 @@ impl FrameCache {
         bounds
     }
 
-    /// Returns the texels of a sky's picture, multiplied by `strength`. Frames with the same picture and strength share
-    /// the multiplied texels. The text of an error is meant to follow the file's name in a message.
+    /// Returns the texels of a sky's picture, multiplied by `strength`. Frames with the same picture and
+    /// strength share the multiplied texels. The text of an error continues a sentence that begins with the
+    /// file's name.
     pub fn picture(&mut self, path: &Path, strength: f32) -> std::result::Result<FileTexels, String> {
         let wanted = (path.to_owned(), strength);
         if let Some((_, texels)) = self.strengthened.as_ref().filter(|(of, _)| *of == wanted) {
@@ -103,7 +107,7 @@ impl FrameCache {
         Ok(texels)
     }
 
-    /// Returns the texels of a sky's picture as they are in its file.
+    /// Returns the texels of a sky's picture as they are in the file `path`.
     fn read(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
         if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
             return Ok(texels.clone());
@@ -114,8 +118,8 @@ impl FrameCache {
     }
 }
 
-/// Returns the text of an object without the keys in `PLACING`, followed by the scene's values that apply to all
-/// objects (`of_all`).
+/// Returns the text that determines an object's mesh: the object without the keys in `PLACING`, and the
+/// scene's values that apply to all objects (`of_all`).
 fn making(object: &Value, of_all: [Option<&Value>; 2]) -> String {
     let keys = object.as_table().into_iter().flatten();
     let making: Table = keys
@@ -132,8 +136,8 @@ mod tests {
 
     const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
 
-    /// Returns whether the object's mesh is rebuilt for a frame with the scene file `text`, if the previous frame had
-    /// the scene file `OBJECT`.
+    /// Returns true if the object's mesh is built again for a frame with the scene file `text` after a frame
+    /// with the scene file `OBJECT`.
     fn is_made_again(text: &str) -> bool {
         let mut cache = FrameCache::default();
         let mut made = 0;

@@ -1,14 +1,14 @@
-//! Chooses a camera and lights for a mesh that has none.
+//! Places a camera so that it shows a whole mesh, and adds lights to a mesh that has none.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Default field of view across the height, like the view of a portrait lens, which has little distortion.
+/// Default field of view across the height. Like a portrait lens, it distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture in one direction, across or down, and at most this
-/// fraction in the other direction.
+/// The mesh fills this fraction of the picture's width or of its height. In the other direction, it fills at
+/// most this fraction.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
@@ -16,33 +16,31 @@ const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
-/// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the
-/// origin. This radius is eight to sixteen times the difference between neighbouring numbers of type f32 at this
-/// distance.
+/// Smallest radius of the ball that represents a mesh, as a fraction of the distance from the origin to the
+/// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is open if the sum of its area vectors (normal times area) has a horizontal part that is longer than this
 /// fraction of the mesh's area.
 const OPEN_PART: f64 = 0.1;
-/// A surface is a wall if it is no farther from a side of the bounding box than this fraction of the box's extent.
-/// Walls are rarely exactly parallel to the box's sides.
+/// A triangle belongs to a wall if its distance from a side of the bounding box is at most this fraction of
+/// the box's extent. The distance may be above 0, since walls are rarely exactly parallel to the box's sides.
 const WALL_DEPTH: f64 = 1.0 / 16.0;
-/// The least number of the bounding box's sides, including the bottom and the top, that have a wall if the mesh is a
-/// room or a shell.
+/// A mesh is a room or a shell only if at least this many of its bounding box's six sides have a wall.
 const LEAST_WALLS: f64 = 3.0;
-/// The walls of a mesh face outwards if at least this fraction of their area does.
+/// The walls of a mesh face outwards if at least this fraction of the walls' area faces outwards.
 const OUTWARDS_PART: f64 = 0.9;
-/// There are bodies (such as furniture) between the walls if the surfaces between the walls have at least this fraction
-/// of the mesh's area.
+/// Bodies (such as furniture) lie between the walls only if the surfaces between the walls have at least this
+/// fraction of the mesh's area.
 const BODIES_PART: f64 = 0.02;
 /// The surfaces between the walls count as bodies only if the length of the sum of their area vectors (normal times
-/// area) is at most this fraction of their area. For a cube that stands on the floor and has no bottom face, the
-/// fraction is a fifth. For a recessed part of a shell, the fraction is larger.
+/// area) is at most this fraction of their area. For a cube without a bottom face, the fraction is a fifth.
+/// For a recessed part of a shell, the fraction is larger.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's normal is
 /// less than this.
 const VERTICAL: f64 = 0.1;
-/// Distance of the lights from the centre of the mesh's ball, in radii of this ball: close enough that the shading
-/// shows the mesh's shape, far enough to light it evenly.
+/// Distance of the lights from the centre of the mesh's ball, in radii of this ball. Nearer lights would
+/// light the mesh unevenly; with lights much farther away, the shading would show less of the mesh's shape.
 const LIGHT_RADII: f64 = 10.0;
 
 /// The ball that represents a mesh in framing and lighting.
@@ -59,9 +57,9 @@ pub(super) struct Ball {
 }
 
 impl Ball {
-    /// Returns the ball that represents a mesh whose upward direction is `up`. The ball's radius is always positive,
-    /// even if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners. The radius is
-    /// then so large that f32 can distinguish the centre from an eye that is `NEAREST_RADII` away.
+    /// Returns the ball that represents a mesh whose upward direction is `up`. The radius is positive even if
+    /// the mesh is a point. If the mesh is far from the origin, the radius is at least so large that the
+    /// centre and an eye `NEAREST_RADII` away from it are different in f32.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
@@ -76,12 +74,12 @@ impl Ball {
         (self.centre, self.radius)
     }
 
-    /// Returns whether the mesh is open in a horizontal direction, such as a room without its front wall.
+    /// Returns true if the mesh is open in a horizontal direction, like a room without its front wall.
     pub fn is_open(&self) -> bool {
         self.opening.is_some()
     }
 
-    /// Returns whether the mesh encloses a volume, unlike a sheet or a room with an open side.
+    /// Returns true if the mesh encloses a volume. A sheet or a room with an open side does not.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
@@ -97,7 +95,7 @@ pub(super) struct Lens {
 }
 
 impl Lens {
-    /// Returns the camera with this field of view.
+    /// Returns `camera` with this field of view.
     pub fn on(self, camera: Camera) -> Camera {
         let Self { tan_half_fov, fov_is_vertical } = self;
         Camera { tan_half_fov, fov_is_vertical, ..camera }
@@ -120,22 +118,24 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Returns the rotations in which the pictures show the mesh: several rotations for a turntable, otherwise one.
+    /// Returns the rotations of the mesh that must fit into the pictures: `TURNS` rotations for a turntable,
+    /// otherwise only the identity.
     fn turns(&self) -> Vec<DMat3> {
         let count = if self.shot.turns { TURNS } else { 1 };
         let angle = |number: u32| f64::from(number) / f64::from(count) * std::f64::consts::TAU;
         (0..count).map(|number| DMat3::from_axis_angle(self.up, angle(number))).collect()
     }
 
-    /// Returns the directions to the right and to the front of a mesh with this upward direction. With y up,
-    /// the front is +z; with z up, the front is -y.
+    /// Returns the horizontal directions to the right and to the front of the mesh. If y is up, the front is
+    /// +z; if z is up, the front is -y.
     fn level(&self) -> [DVec3; 2] {
         let front = if self.up.z.abs() < 0.9 { DVec3::Z } else { DVec3::NEG_Y };
         let front = front.reject_from_normalized(self.up).normalize_or(DVec3::X);
         [self.up.cross(front), front]
     }
 
-    /// Returns the direction towards the eye, and the direction that is upwards in the picture.
+    /// Returns the direction from the mesh to the eye, and the direction that is upwards in the picture.
+    /// `opening` is the direction in which the mesh is open.
     fn towards_eye(&self, opening: Option<DVec3>) -> [DVec3; 2] {
         let [right, front] = self.level();
         let DVec3 { x, y, z } = THREE_QUARTER;
@@ -154,8 +154,8 @@ impl View {
     }
 }
 
-/// Returns a camera that shows the whole mesh. The mesh usually fills the fraction `FILL` of the picture's width or
-/// height, whatever the field of view is: the eye is farther away if the field of view is smaller.
+/// Returns a camera that shows the whole mesh. The distance of the eye depends on the field of view, so that
+/// the mesh usually fills the fraction `FILL` of the picture's width or height.
 pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [towards_eye, upright] = view.towards_eye(ball.opening);
     let look = Camera::looking_at(Vec3::ZERO, -towards_eye.as_vec3(), upright.as_vec3(), FOV_Y_DEGREES, true);
@@ -166,8 +166,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let aspect = view.shot.aspect;
     let (tan_x, tan_y) = if look.fov_is_vertical { (tan * aspect, tan) } else { (tan, tan / aspect) };
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Four planes through the centre of the mesh's ball are parallel to the sides of the view pyramid. `reach_after`
-    // returns five numbers. The first four say how far a corner is beyond the right, left, upper and lower plane. The
+    // The view pyramid, made narrower by `FILL`, has four sides. Consider the planes through the centre of
+    // the mesh's ball that are parallel to these sides. `reach_after` returns five numbers. The first four
+    // say how far, across or up the picture, a corner is beyond the right, left, upper and lower plane. The
     // last number says how much nearer to the eye the corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
@@ -199,11 +200,12 @@ struct Areas {
     /// The area vectors: normal times area.
     vector: DVec3,
     area: f64,
-    /// The areas, projected along x, y and z, of the walls at the bounding box's sides with the least x, y and z. An
-    /// area is positive if it faces outwards. Therefore the areas of rough surfaces, and of the opposite sides of
-    /// bodies, cancel.
+    /// The projected areas of the walls at three sides of the bounding box: those with the least x, the least
+    /// y and the least z. Each area is projected along the axis of its side. Triangles that face outwards
+    /// count as positive, and triangles that face inwards as negative. The two sides of a body at a wall, or
+    /// of a rough surface, thus cancel.
     low_walls: DVec3,
-    /// The areas, projected and summed like `low_walls`, of the walls at the sides with the greatest x, y and z.
+    /// Like `low_walls`, but for the sides of the bounding box with the greatest x, y and z.
     high_walls: DVec3,
     /// The area vectors of the triangles that lie at no side of the bounding box.
     inner_vector: DVec3,
@@ -217,7 +219,7 @@ impl Areas {
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns what one triangle adds to the sums of a mesh with the bounding box from `low` to `high`.
+    /// Returns the sums of a single triangle of a mesh that has the bounding box from `low` to `high`.
     fn of([a, b, c]: [DVec3; 3], [low, high]: [DVec3; 2]) -> Self {
         let vector = (b - a).cross(c - a);
         let area = vector.length();
@@ -245,20 +247,21 @@ impl Areas {
         }
     }
 
-    /// Returns whether the mesh is closed. The area vectors (normal times area) of a closed mesh's triangles add up to
-    /// zero.
+    /// Returns true if the mesh is closed: the area vectors (normal times area) of a closed mesh's triangles
+    /// add up to almost zero.
     fn are_closed(&self) -> bool {
         self.vector.length() <= OPEN_PART * self.area
     }
 
-    /// Returns whether there are bodies between the walls, such as the furniture of a room.
+    /// Returns true if bodies, such as furniture, lie between the walls.
     fn have_bodies_inside(&self) -> bool {
         self.inner_area >= BODIES_PART * self.area
             && self.inner_vector.length() <= BODIES_OPEN_PART * self.inner_area
     }
 
-    /// Returns the horizontal direction from the walls of a room to opposite sides that have no wall; zero if there is
-    /// no such side. `None` if the mesh is not a room with walls at the sides of its bounding box.
+    /// Returns the horizontal direction to the open sides of a room: to the upright sides of the bounding box
+    /// that have no wall, but have a wall on the opposite side. Returns zero if there is no such side, and
+    /// `None` if the mesh is not a room.
     fn away_from_walls(&self, [low, high]: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let size = high - low;
         let sides = DVec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
@@ -275,13 +278,13 @@ impl Areas {
         is_room.then(|| away.reject_from_normalized(up))
     }
 
-    /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is not open;
-    /// only the horizontal part of the sum of its area vectors counts for this (see [`OPEN_PART`]). A room is seen
-    /// through the side that has no wall. If each of its upright walls has a wall on the opposite side, the result is
-    /// `None`. If its walls face outwards, a mesh is a room only if there are bodies between the walls; otherwise it is
-    /// a shell, such as the housing of a device without its back. The shape of a shell does not tell which side is to
-    /// be seen. A shell, and any other mesh, such as the scan of a face, is therefore seen from the direction that its
-    /// front sides face on average.
+    /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is
+    /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall; the result is `None` if
+    /// each upright wall of the room has a wall on the opposite side. A mesh whose walls face outwards is a
+    /// room only if bodies lie between the walls. Otherwise it is a shell, such as the housing of a device
+    /// without its back, and its shape does not tell which side is to be seen. Any mesh that is not a room,
+    /// such as a shell or the scan of a face, is seen from the direction in which its normals point on
+    /// average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;
@@ -295,10 +298,11 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     (key_power(distance), distance)
 }
 
-/// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both lights is
-/// proportional to the square of the mesh's size, so the picture does not depend on the scale. Consider a surface with
-/// a diffuse reflectance (k_L) of 0.8 that faces the key light and receives no other light. This surface is displayed
-/// as 88% of white where the ball is nearest to the light, and as 80% of white at the ball's centre.
+/// Returns a key light at the viewer's upper left and a weaker fill light at the right; for an open mesh,
+/// both lights are near the viewer. The power of the lights is proportional to the square of the mesh's size,
+/// so the picture does not depend on the mesh's scale. Consider a surface with a diffuse reflectance (k_L) of
+/// 0.8 that faces the key light and receives no other light. At the ball's nearest point to the light, the
+/// surface is displayed as 88% of white; at the ball's centre, as 80%.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {
@@ -314,9 +318,10 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     }
 }
 
-/// Returns the power of a light that makes a surface at `distance` appear as 88% of white. The surface faces the light
-/// and has a diffuse reflectance (k_L) of 0.8. The power follows from `15 L = 0.88^2.2`, with the default exposure 15
-/// and gamma 2.2, and from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
+/// Returns the power of a light that makes a surface at `distance` appear as 88% of white. The surface faces
+/// the light and has a diffuse reflectance (k_L) of 0.8, so its radiance is
+/// `L = power / (4 pi distance^2) * 0.8 / pi`. With the default exposure of 15 and gamma of 2.2, 88% of white
+/// means `15 L = 0.88^2.2`.
 fn key_power(distance: f64) -> f64 {
     let radiance = 0.88_f64.powf(2.2) / 15.0;
     radiance * 4.0 * std::f64::consts::PI.powi(2) * distance * distance / 0.8

@@ -1,4 +1,5 @@
-//! The files from which scenes are read, for commands that read a scene again when it changes.
+//! The files from which scenes are read. Commands that render a scene again when it changes watch these
+//! files.
 
 use crate::reader::in_canonical_folder;
 use std::collections::BTreeSet;
@@ -8,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
 
-/// Files that were read, or that would have been read if they existed.
+/// Paths of files that were read, or that would have been read if they existed.
 #[derive(Debug)]
 pub(crate) struct Inputs(Mutex<BTreeSet<PathBuf>>);
 
@@ -18,13 +19,13 @@ impl Inputs {
         Self(Mutex::new(BTreeSet::new()))
     }
 
-    /// Adds a file. If the path is a link, the link's target is added too.
+    /// Adds a file's path, with a canonical folder. If the path is a link, adds the link's target too.
     pub fn add(&self, path: &Path) {
         let names = [in_canonical_folder(path), path.canonicalize().ok()];
         self.held().extend(names.into_iter().flatten());
     }
 
-    /// Returns whether a file was added. The folder in `path` must be canonical.
+    /// Returns true if the file was added. The folder in `path` must be canonical.
     pub fn contains(&self, path: &Path) -> bool {
         self.held().contains(path)
     }

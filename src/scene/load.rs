@@ -21,19 +21,18 @@ pub struct Loaded {
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// The number of the first triangle of each object or, for a glTF file without a scene file, of each node with a
-    /// mesh. A ground that raycl added counts as the last object.
+    /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
+    /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub object_starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
-    /// scene file.
+    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a mesh that has no
+    /// lights and that is given without a scene file.
     pub dressed: bool,
     /// True if a mesh was given without a scene file.
     pub is_bare: bool,
-    /// True if raycl may have placed the camera for the shape of the pictures, so that pictures of another shape need
-    /// another camera.
+    /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
+    /// scene is visible. Pictures with another aspect ratio then need another camera.
     pub is_framed: bool,
-    /// The scene's animation, if its file has one. The animation makes the scenes of the later
-    /// frames.
+    /// The animation, if the scene file has one. It makes the scenes of the frames after the first.
     pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,
@@ -49,23 +48,23 @@ pub struct Shot {
     pub turns: bool,
     /// True if a mesh without a scene file and without lights gets a ground, soft light and a sky.
     pub dressed: bool,
-    /// The largest number of triangles that can be cast; `None` if it is not known. Shapes with more triangles are
-    /// refused before they are made.
+    /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes with more
+    /// triangles are refused before their triangles are made.
     pub most_triangles: Option<u64>,
 }
 
 impl Shot {
-    /// The description of square pictures. It also suits all pictures that are wider than high, unless the scene sets
-    /// its field of view across the width.
+    /// Square pictures. A camera that is placed for square pictures also shows the whole scene in pictures
+    /// that are wider than high, unless the scene sets the field of view across the width.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show
-/// which of the two it is; if the contents are unclear, the file's extension decides. A mesh without a scene
-/// file is seen with the camera and the lights of its own file. If that file has no camera, the mesh is seen
-/// from the right, above and in front; a room is seen through its open side. The whole mesh is then visible
-/// in images that are at least as wide as high. If the file has no lights, the mesh gets a key light and a
-/// fill light. The normals of the mesh are turned to the viewer.
+/// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides. For a mesh
+/// without a scene file, the camera and the lights are those of the mesh's own file. If this file has no
+/// camera, the camera looks at the mesh from the right, above and in front, or into a room through its open
+/// side. The whole mesh is then visible in images that are at least as wide as high. If the file has no
+/// lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
 ///
 /// # Errors
 ///
@@ -75,12 +74,13 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }
 
-/// Loads a scene after changing values, each named by a dotted path in the file, such as `camera.position` or
-/// `object.0.triangles`. A mesh without a scene file is treated like a scene file with that mesh as its only object.
+/// Loads a scene with changed values. Each element of `overrides` has the dotted path of a value in the file,
+/// such as `camera.position` or `object.0.triangles`, and the new value. A mesh without a scene file is
+/// treated like a scene file whose only object is the mesh.
 ///
 /// # Errors
 ///
-/// Fails like [`load_scene`], and if a path does not exist.
+/// Fails like [`load_scene`], and if a path cannot be set in the file.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     let settings: Vec<_> = overrides.iter().map(|(path, value)| Setting::new(path, value.clone())).collect();
     load(path, &settings, Shot::SQUARE, true)

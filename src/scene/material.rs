@@ -2,15 +2,15 @@
 
 use glam::Vec3;
 
-/// The default diffuse reflectance k_L: the ground's k_L in the paper.
+/// The default diffuse reflectance k_L. The ground in the paper has this k_L.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
 /// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
 /// The highlight's exponent s in the paper's figures.
 pub const PAPER_SHININESS: f32 = 100.0;
 
-/// The largest k_L and k_G. This limit exceeds the reflectance of any real surface, and products
-/// with it do not overflow single precision.
+/// The largest k_L and k_G. Real surfaces have a much lower reflectance. The limit keeps products within
+/// single precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
 /// The largest exponent s of a highlight; a highlight with this exponent is hardly wider than a point.
 pub const MAX_SHININESS: f32 = 1e6;
@@ -34,7 +34,7 @@ pub struct Material {
     pub glossy: Vec3,
     /// s, the exponent of the highlight.
     pub shininess: f32,
-    /// The formula.
+    /// Which reflectance formula the surface has.
     pub kind: MaterialKind,
 }
 

@@ -1,4 +1,5 @@
-//! Indexed triangles, with separate sets of positions and normals as in OBJ files.
+//! Meshes of indexed triangles. As in OBJ files, each corner has an index of a position and a separate index
+//! of a normal.
 
 use super::{Material, Textures};
 use glam::Vec3;
@@ -9,7 +10,7 @@ pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into the mesh's lists.
 ///
-/// Kernels with indexed normals read triangles as words (`cl/tile_cpu/layout/indexed32.cl`).
+/// Kernels that use indexed normals read each triangle as 32-bit words (`cl/tile_cpu/layout/indexed32.cl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::NoUninit)]
 #[repr(C)]
 pub struct Triangle {
@@ -24,11 +25,11 @@ pub struct Triangle {
 impl Triangle {
     /// Number of 32-bit words of a triangle.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u32>();
-    /// The number, from 0, of the triangle's first word that is the index of a normal.
+    /// The position, in words from the triangle's beginning, of the first index of a normal.
     pub const FIRST_NORMAL: usize = std::mem::offset_of!(Self, normals) / size_of::<u32>();
 }
 
-/// Triangles with their materials. Normals need not have length 1.
+/// Triangles with their materials and textures. Normals need not have length 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Corner positions, in the scene's units.
@@ -44,7 +45,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals.
+    /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals, without
+    /// the mesh's materials and textures.
     pub const fn bytes(triangles: u64, positions: u64, normals: u64) -> u64 {
         triangles * size_of::<Triangle>() as u64 + (positions + normals) * size_of::<Vec3>() as u64
     }
@@ -64,7 +66,7 @@ impl Mesh {
         &self.materials[triangle.material as usize]
     }
 
-    /// Returns for each position whether it is the corner of a triangle.
+    /// Returns one value for each position: true if the position is the corner of a triangle.
     pub(super) fn positions_of_triangles(&self) -> Vec<bool> {
         let mut is_corner = vec![false; self.positions.len()];
         for index in self.triangles.iter().flat_map(|triangle| triangle.positions) {

@@ -17,8 +17,8 @@ const TRANSPARENT_WEIGHT: f32 = 1e-4;
 const LARGEST_TEXEL: f64 = 1e18;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
-/// The thresholds for rounding linear light to 8-bit values: the linear light of the value halfway between each two
-/// neighbouring 8-bit values.
+/// The thresholds for rounding linear light to 8-bit values. Element i is the linear light of the displayed
+/// value i + 0.5, halfway between two 8-bit values.
 static BETWEEN: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
 
@@ -26,8 +26,8 @@ static BETWEEN: LazyLock<[f32; 255]> =
 type Light = [f32; 4];
 
 impl Textures {
-    /// Adds mip levels to all pictures that are used as colours. On a surface whose mask is the same picture, texels
-    /// are weighted by their alpha.
+    /// Adds mip levels to all pictures that are used as colours. If the same picture is also the surface's
+    /// mask, the texels are weighted by their alpha.
     pub(super) fn add_levels(&mut self) {
         let weights = self.separate_weights();
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
@@ -37,8 +37,8 @@ impl Textures {
             let levels = || with_levels(texture.size, &texture.texels, by_alpha);
             texture.texels = Arc::clone(made.entry(key).or_insert_with(levels));
         }
-        // A mask whose picture is also used as a colour gets the texels of that colour's texture, so that a device
-        // stores them once.
+        // If a mask's picture is also used as a colour, the mask gets the texels of the colour's texture, so
+        // that a device stores the texels once.
         let masks = self.list.iter_mut().zip(&weights).filter(|(_, by_alpha)| by_alpha.is_none());
         for (texture, _) in masks {
             let key = Arc::as_ptr(&texture.texels);
@@ -48,9 +48,10 @@ impl Textures {
         }
     }
 
-    /// Returns, for each texture, whether the texels of its levels are weighted by their alpha; `None` for a texture
-    /// that is no colour. If some surfaces need this weighting of a texture and others do not, the surfaces that differ
-    /// from the first one get a copy of the texture.
+    /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha, and
+    /// `None` if the texture is not used as a colour. If a texture is needed both with and without these
+    /// weights, it is copied. The first triangle of the texture decides the weights of the original.
+    /// Triangles that need the other weights get the copy.
     fn separate_weights(&mut self) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
@@ -73,15 +74,15 @@ impl Textures {
         weights
     }
 
-    /// Returns whether at least one picture has mip levels.
+    /// Returns true if at least one picture has mip levels.
     pub fn have_levels(&self) -> bool {
         self.list.iter().any(|texture| texture.last_level() > 0)
     }
 }
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A ray cone
-/// as wide as this side covers one texel if it meets the triangle at a right angle. Returns zero if the triangle has no
-/// area or no texture.
+/// as wide as this side covers one texel if it meets the triangle at a right angle. Returns zeros if the
+/// triangle has no area or no texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -115,8 +116,8 @@ fn half(side: u32) -> u32 {
     (side / 2).max(1)
 }
 
-/// Returns a level of half the width and half the height, rounded down. Each of its texels is the mean of the part of
-/// the previous level that it covers.
+/// Returns a level of half the width and half the height, rounded down but at least 1. Each texel of the
+/// result is the mean of the part of the larger level that the texel covers.
 fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     let [width, height] = size.map(half);
     let columns: Vec<_> = (0..width).map(|column| covered(size[0], column)).collect();
@@ -135,10 +136,11 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     rows.flat_map_iter(|down| columns.iter().map(move |across| mean((&down, across)))).collect()
 }
 
-/// The texels that a texel of the next level covers along an axis: the index of the first texel, and each
-/// texel's weight in the mean (the weights add up to 1).
+/// The texels of a level that one texel of the next level covers along an axis.
 struct Covered {
+    /// The index of the first covered texel.
     first: usize,
+    /// The weights of three texels in the mean. They add up to 1; a texel that is not covered has 0.
     shares: [f32; 3],
 }
 
@@ -148,11 +150,11 @@ impl Covered {
     }
 }
 
-/// Returns the texels that texel `index` of the next level covers. If the number of texels is odd,
-/// a texel that lies in two texels of the next level is divided between them.
+/// Returns the texels of a level, `side` texels long, that the texel `index` of the next level covers. If
+/// `side` is odd, a texel that two texels of the next level cover is divided between these two.
 fn covered(side: u32, index: u32) -> Covered {
-    // Lengths are in units in which all coordinates are whole numbers: a texel of this level is `next` units long, and
-    // a texel of the next level is `side` units long.
+    // The unit of length is chosen so that all coordinates are whole numbers: a texel of this level is `next`
+    // units long, and a texel of the next level is `side` units long.
     let next = half(side);
     let (start, end) = (index * side, (index + 1) * side);
     let first = start / next;
@@ -177,8 +179,8 @@ fn texel_of([red, green, blue, alpha]: Light, by_alpha: bool) -> u32 {
     u32::from_le_bytes([displayed(red), displayed(green), displayed(blue), (255.0 * alpha).round() as u8])
 }
 
-/// Returns the weight of a texel with this alpha. The weight is linear in alpha, so that the weight
-/// of a mean alpha is the mean weight.
+/// Returns the weight of a texel with this alpha. The weight is linear in alpha, so that the weight of a mean
+/// alpha equals the mean of the weights.
 fn weight(alpha: f32, by_alpha: bool) -> f32 {
     if by_alpha { alpha + TRANSPARENT_WEIGHT } else { 1.0 }
 }

@@ -58,14 +58,14 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light: a point or, if its radius is above 0 and there are several samples per pixel, a ball.
+/// A light. It is a ball if its radius is above 0 and pixels get several samples; otherwise it is a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// The light's position, in the scene's units.
     pub position: Vec3,
     /// The light's power in red, green and blue.
     pub power: Vec3,
-    /// The ball's radius, in the scene's units; 0 for a point light.
+    /// The radius of the ball, in the scene's units; 0 for a point light.
     pub radius: f32,
 }
 
@@ -87,20 +87,22 @@ impl Default for Display {
 }
 
 impl Display {
-    /// Returns the radiance that is displayed as an 8-bit colour. With an extreme exposure or gamma, there may be no
-    /// such radiance; the result is then another radiance that a background may have.
+    /// Returns a radiance that is displayed as the 8-bit colour `colour`. With an extreme exposure or gamma,
+    /// it is possible that no radiance from 0 to `MAX_POWER` is displayed as this colour. The result is then
+    /// another radiance in this range.
     pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
         // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
         let radiance = |value| {
             let nearest = (shown(value).powf(self.gamma.into()) / f64::from(self.exposure)) as f32;
-            // No half step is added for white, the largest value. If its radiance was rounded down, it would be
-            // displayed as 254.
+            // No half step is added for 255, the largest value. If the radiance of 255 was rounded down, it
+            // would be displayed as 254.
             let is_too_dark = value == u8::MAX && f64::from(self.exposure) * f64::from(nearest) < 1.0;
             if is_too_dark { nearest.next_up() } else { nearest }
         };
         let radiance = Vec3::from_array(colour.map(radiance));
-        // With an exposure of 0, everything is displayed as black.
+        // With an exposure of 0, the radiance is not finite. Everything is then displayed as black, so any
+        // radiance will do.
         if radiance.is_finite() { radiance.min(Vec3::splat(MAX_POWER)) } else { Vec3::ZERO }
     }
 }
@@ -113,10 +115,10 @@ pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 pub struct Scene {
     /// The scene's name in reports.
     pub name: String,
-    /// All triangles, with their positions, normals and materials. Frames of a moving picture share
-    /// a mesh that stays the same.
+    /// All triangles, with their positions, normals and materials. Frames of an animation share the mesh as
+    /// long as it does not change.
     pub mesh: Arc<Mesh>,
-    /// The lights, in the order of the file.
+    /// The lights, in the order of the scene file.
     pub lights: Vec<Light>,
     /// The sky, if there is one.
     pub sky: Option<Sky>,
@@ -124,18 +126,17 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
-    /// True if pictures have an alpha channel: alpha is the share of a pixel that surfaces cover. In this case, the
-    /// background is black.
+    /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. If true,
+    /// the background's radiance is 0.
     pub transparent: bool,
     /// The distance from the surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
-    /// The display transform.
+    /// How radiance is displayed.
     pub display: Display,
 }
 
 impl Scene {
-    /// Returns the mesh so that callers can change it; a mesh that other scenes share is copied
-    /// first.
+    /// Returns a mutable reference to the mesh. If other scenes share the mesh, it is copied first.
     pub fn mesh_mut(&mut self) -> &mut Mesh {
         Arc::make_mut(&mut self.mesh)
     }
@@ -146,12 +147,12 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// Returns whether any light has a radius.
+    /// Returns true if at least one light has a radius above 0.
     pub fn has_soft_lights(&self) -> bool {
         self.lights.iter().any(|light| light.radius > 0.0)
     }
 
-    /// Returns a hash of everything that determines the picture. The hash does not include the scene's name.
+    /// Returns a hash of everything in the scene that determines the picture. The scene's name is not hashed.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;
@@ -174,8 +175,8 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, transparency, soft lights or a sky adds nothing to the hash here, so its hash is
-        // the same as in records of older versions, which had none of these features.
+        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. Its
+        // hash is therefore the same as in records of older versions, which had none of these features.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -206,7 +207,7 @@ impl Scene {
     }
 }
 
-/// Adds 32-bit words to a hash, many words at a time, since adding them one by one would be slow.
+/// Adds 32-bit words to a hash. Many words are added at a time, since single words would be slow.
 fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
     let mut piece = Vec::with_capacity(1 << 16);
     for word in words {

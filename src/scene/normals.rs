@@ -9,8 +9,9 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Assigns to every corner a finite normal that is not zero. Generated normals are smooth. If there is a crease angle
-/// (in degrees), an edge stays sharp if the normals of its faces differ by more than this angle.
+/// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:
+/// edges whose faces' normals differ by more than `crease_degrees`. If `crease_degrees` is `None`, there are
+/// no creases.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -27,7 +28,7 @@ pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     replace_zero(mesh);
 }
 
-/// Replaces all normals by the normals of the faces.
+/// Replaces all normals: each triangle gets the normal of its plane at all corners.
 pub(super) fn flatten(mesh: &mut Mesh) {
     mesh.normals = mesh.triangles.iter().map(|triangle| face_normal(mesh, triangle)).collect();
     for (index, triangle) in (0..).zip(&mut mesh.triangles) {
@@ -35,9 +36,9 @@ pub(super) fn flatten(mesh: &mut Mesh) {
     }
 }
 
-/// Reverses the normals of every triangle whose normals point to the side away from `eye`, so that a mesh with
-/// inward-facing triangles is not lit from behind. All normals of a triangle are reversed together, since reversing
-/// some of them would disturb the shading along outlines.
+/// Reverses the normals of every triangle whose front (the side to which its normals point) faces away from
+/// `eye`. Otherwise, the visible side of such a triangle would be dark. All normals of a triangle are
+/// reversed together, since reversing only some of them would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {
@@ -72,8 +73,9 @@ fn reverse_normals_of(mesh: &mut Mesh, turned: &[bool]) {
     }
 }
 
-/// Reverses all normals of a mesh whose surface faces inwards. The surface faces inwards if the mesh's signed volume is
-/// negative: parts of the volume count as negative where the normals point to the mesh's centre.
+/// Reverses all normals of a mesh whose surface mostly faces inwards. Each triangle forms a tetrahedron with
+/// the centre of the bounding box. The tetrahedron's volume counts as negative if the triangle's normals
+/// point to the centre. The surface mostly faces inwards if the sum of all volumes is negative.
 pub(super) fn turn_outwards(mesh: &mut Mesh) {
     let centre = mesh.bounds().map_or(DVec3::ZERO, |(low, high)| (low.as_dvec3() + high.as_dvec3()) / 2.0);
     let outwards = |triangle: &Triangle| {
@@ -93,10 +95,11 @@ pub(super) fn reverse(mesh: &mut Mesh) {
     mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
 }
 
-/// Adds one normal per position, and assigns these normals to the triangles without normals. A position's normal is
-/// the mean, weighted by area, of the face normals at this position. Triangles that have normals do not count.
+/// Adds one normal per position, and assigns these normals to all corners of each triangle that lacks a
+/// normal. A position's normal is the mean, weighted by area, of the plane normals of these triangles at this
+/// position.
 fn generate(mesh: &mut Mesh) {
-    // In f64, the cross product of the smallest f32 edges is not zero.
+    // The sums are f64: in f32, the cross product of very short edges could round to zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     let base = mesh.normals.len() as u32;
     for triangle in &mut mesh.triangles {
@@ -113,8 +116,8 @@ fn generate(mesh: &mut Mesh) {
     mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
 }
 
-/// Returns the normal, scaled to length 1 if its squared length is so small or so large that later products could
-/// leave the range of f32.
+/// Returns the normal unchanged, or with length 1 if its squared length is so small or so large that later
+/// products could leave the range of f32.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;
@@ -144,7 +147,7 @@ fn replace_zero(mesh: &mut Mesh) {
     mesh.normals.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = Vec3::Z);
 }
 
-/// Returns the unit normal of a triangle's plane; an arbitrary unit vector if it has no plane.
+/// Returns the unit normal of a triangle's plane; the z axis if the triangle has no area.
 fn face_normal(mesh: &Mesh, triangle: &Triangle) -> Vec3 {
     let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
     (b - a).cross(c - a).try_normalize().unwrap_or(DVec3::Z).as_vec3()

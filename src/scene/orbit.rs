@@ -3,22 +3,24 @@
 use super::{Camera, Light, Scene};
 use glam::{DQuat, DVec3, Vec3};
 
-/// The axis of the turntable, the radius of the scene, and whether lights move with the camera.
+/// A turntable: its axis, and what is needed to move the camera and the lights around the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// A point on the axis.
     pub centre: DVec3,
     /// The direction of the axis, of length 1.
     pub up: DVec3,
-    /// The radius of the scene.
+    /// The radius of the ball around the scene, in the scene's units; 1 if the ball was not computed.
     pub radius: f64,
-    /// True if lights move with the camera. Lights move if raycl added them to a mesh without a scene file. Lights of a
-    /// scene file or of the mesh's own file (glTF), and a light or a sky that the user sets, stay in place.
+    /// True if lights move with the camera. This is the case if raycl added the lights to a mesh without a
+    /// scene file. Lights from a scene file, from the mesh's own file (glTF) or from the user's options stay
+    /// in place.
     pub with_lights: bool,
 }
 
 impl Orbit {
-    /// Returns the camera and the lights after a fraction of a turn; at 0 they are the scene's own.
+    /// Returns the camera and the lights after the fraction `part` of a turn. If `part` is 0, returns the
+    /// scene's own camera and lights.
     pub fn at(&self, scene: &Scene, part: f64) -> (Camera, Vec<Light>) {
         if part == 0.0 {
             return (scene.camera, scene.lights.clone());

@@ -8,14 +8,15 @@ use toml::{Table, Value};
 /// The help in an error about a path that does not exist.
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
-/// The camera's keys for views of the whole scene from an angle.
+/// The camera's keys for the angles from which the camera shows the whole scene.
 const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
-/// element adds an element: in a scene without lights, `light.0.power` adds a light. If a setting is an angle of the
-/// camera, the whole scene is shown, so the camera's own position, direction and field of view are removed.
+/// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the
+/// camera's azimuth or elevation, the camera shows the whole scene, so the position, direction and field of
+/// view in the table are removed. Later settings may set them again.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     for setting in settings {
@@ -28,12 +29,12 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a value at this path is an angle of the camera.
+/// Returns true if a value at this path is the camera's azimuth or elevation.
 pub(super) fn is_angle(path: &str) -> bool {
     path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key))
 }
 
-/// Returns whether a value at this path sets the camera's position, or a part of it.
+/// Returns true if `value` at the path `path` sets the camera's position or a part of the position.
 pub(super) fn sets_camera_position(path: &str, value: &Value) -> bool {
     match path.split_once('.') {
         None => path == "camera" && value.get("position").is_some(),
@@ -41,7 +42,8 @@ pub(super) fn sets_camera_position(path: &str, value: &Value) -> bool {
     }
 }
 
-/// Refuses an angle if another setting sets the camera's position, since one of the two would have no effect.
+/// Refuses an azimuth or elevation if another setting sets the camera's position, since one of these two
+/// settings would have no effect.
 fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path));
     let position = settings.iter().find(|setting| sets_camera_position(&setting.path, &setting.value));
@@ -51,8 +53,8 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     Err(angle.error(message).with_help("leave out the angle or the other value"))
 }
 
-/// Removes the camera's position, direction and field of view, and the tracks that animate them or replace the whole
-/// camera.
+/// Removes the camera's position, direction and field of view. Also removes the tracks that animate these
+/// values or an angle, or that replace the whole camera.
 fn remove_pose_and_fov(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
         POSE_AND_FOV.iter().for_each(|key| drop(camera.remove(*key)));
@@ -63,15 +65,15 @@ fn remove_pose_and_fov(document: &mut Table) {
     }
 }
 
-/// Returns whether a track of this path, such as `camera.look_at.1` or `camera`, changes the camera's position,
-/// direction or field of view.
+/// Returns true if a track of this path, such as `camera.look_at.1` or `camera`, changes the camera's
+/// position, direction or field of view.
 fn moves_camera(path: &str) -> bool {
     let mut names = path.split('.');
     let moves = |name: &str| POSE_AND_FOV.contains(&name) || ANGLES.contains(&name);
     names.next() == Some("camera") && names.next().is_none_or(moves)
 }
 
-/// Sets the value at one dotted path. An error states the reason, without the path.
+/// Sets the value at one dotted path. The text of an error states the reason, but not the whole path.
 pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
@@ -138,8 +140,8 @@ fn set_in_array(
     set_in_value(&mut array[index], key, rest, value)
 }
 
-/// Returns the container for a path that does not exist yet: an array if the next key is a number,
-/// else a table.
+/// Returns an empty container in which a value at the path `rest` can be set: an array if the first key in
+/// `rest` is a number, otherwise a table.
 fn container(rest: &[&str]) -> Value {
     match rest.first().map(|key| key.parse::<usize>()) {
         Some(Ok(_)) => Value::Array(Vec::new()),

@@ -1,7 +1,7 @@
-//! The samples of a pixel: their positions are drawn from the distribution of the pixel filter, so that all samples
-//! have the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray
-//! Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that the
-//! rays of neighbouring pixels stay nearly parallel.
+//! The samples of a pixel. Their positions are distributed like the pixel filter, so that all samples have
+//! the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on
+//! Interactive Ray Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation
+//! Buffer", 1990), so that the rays of neighbouring pixels stay nearly parallel.
 
 use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
@@ -10,14 +10,15 @@ const WIDTH: f64 = 1.5;
 /// The coefficients of the filter's cosine series (Harris, "On the Use of Windows for Harmonic
 /// Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
-/// Number of bisections in the search for a quantile of the filter; more than double precision needs.
+/// Number of bisections in the search for a quantile of the filter. Double precision needs only 53.
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel first gets 1 / `FIRST_OF` of the largest number of samples,
 /// rounded up.
 const FIRST_OF: u32 = 16;
 /// The least width of a sample's ray cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
-/// Arbitrary seeds for Owen's scrambling, which makes the samples' positions random.
+/// Arbitrary seeds for Owen's scrambling of the two coordinates. The scrambling makes the samples' positions
+/// random.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
 /// One sample; its offset is the same in every pixel.
@@ -32,7 +33,7 @@ pub struct Sample {
     pub count: u32,
     /// The largest number of samples that a pixel of the picture gets. If it is 1, lights are points.
     pub most: u32,
-    /// The number of samples that are cast before this sample.
+    /// The number of samples of the same pixel that are cast before this sample, in both rounds.
     pub earlier: u32,
     /// Which light the sample receives.
     pub light: SampleLight,
@@ -41,14 +42,16 @@ pub struct Sample {
 /// Which light a sample receives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
-    /// Light arrives from one point of each light and one direction of the sky, which depend on the pixel and the
-    /// sample. In a picture with a single sample per pixel, lights are points.
+    /// The sample receives light from one point of each light and from one direction of the sky. The pixel
+    /// and the sample determine this point and this direction. If pixels get a single sample, lights are
+    /// points.
     #[default]
     Own,
-    /// The sample receives light as with `Own`, but it belongs to a half picture (half the width and height) for soft
-    /// light. In a half picture, the points of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
+    /// The sample belongs to a half picture, and receives light as with `Own`. In a half picture, the points
+    /// of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
-    /// Light arrives from the lights' centres, and the sky's mean radiance arrives, even if surfaces are in between.
+    /// The sample receives light from the lights' centres and the sky's mean radiance, as if no surfaces were
+    /// in between.
     Unoccluded,
 }
 
@@ -60,8 +63,8 @@ pub struct Sampling {
     /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels differ
     /// after the first samples.
     pub most: u32,
-    /// The number of samples per pixel of the half picture in which soft light is cast. If it is 0, there is no half
-    /// picture.
+    /// The number of samples per pixel of the half picture that has shadows. If it is 0, there are no half
+    /// pictures.
     pub half_light: u32,
 }
 
@@ -74,20 +77,21 @@ impl Sampling {
         Self { first: count, most: count, half_light: 0 }
     }
 
-    /// Returns a sampling with `most` samples in blocks whose pixels differ, and fewer samples
-    /// elsewhere.
+    /// Returns a sampling with `most` samples for each pixel of a rough block, and a sixteenth of `most`,
+    /// rounded up, for other pixels.
     pub fn adaptive(most: u32) -> Self {
         Self { first: most.div_ceil(FIRST_OF), most, half_light: 0 }
     }
 
-    /// Returns whether pixels may get different numbers of samples.
+    /// Returns true if pixels of rough blocks get more samples than other pixels.
     pub fn is_adaptive(&self) -> bool {
         self.first < self.most
     }
 
-    /// Returns the two rounds of samples: the first samples, which every pixel gets, and the others. The samples'
-    /// positions in the pixel come from one sequence, which the second round continues. The points of lights and the
-    /// directions of the sky come from a separate sequence in each round.
+    /// Returns the two rounds of a pixel's samples. Every pixel gets the first round; only pixels of rough
+    /// blocks get the second round. The samples' positions in the pixel come from one sequence, which the
+    /// second round continues. The points of lights and the directions of the sky come from a sequence that
+    /// begins again in each round.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {
@@ -101,8 +105,9 @@ impl Sampling {
         [first, rest]
     }
 
-    /// Returns the samples of a half picture for soft light, at pixels' centres. These samples differ only in the
-    /// points of lights, so unoccluded light, which comes from the lights' centres, needs only one sample.
+    /// Returns the samples of each pixel of a half picture. All samples are at the pixel's centre, and differ
+    /// only in the points of lights and the directions of the sky. Unoccluded light comes from the lights'
+    /// centres, so it needs only one sample.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
         let Self { most, half_light, .. } = *self;
         let count = if light == SampleLight::Unoccluded { 1 } else { half_light };
@@ -137,14 +142,14 @@ impl SampleCounts {
         (0..height).map(row).sum::<u64>() as f64 / (f64::from(width) * f64::from(height)).max(1.0)
     }
 
-    /// Returns whether every block has one of the two numbers of samples that a sampling allows.
+    /// Returns true if every block has either the first or the largest number of samples of `sampling`.
     pub fn are_of(&self, sampling: &Sampling) -> bool {
         self.of_block.iter().all(|count| [sampling.first, sampling.most].contains(count))
     }
 }
 
 impl Sample {
-    /// The single sample at pixels' centres.
+    /// A single sample, at the pixel's centre.
     pub const CENTRE: Self =
         Self { offset: [0.0; 2], number: 0, count: 1, most: 1, earlier: 0, light: SampleLight::Own };
 
@@ -154,8 +159,8 @@ impl Sample {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
 
-    /// Returns the width of a sample's ray cone as a share of the pixel's width. The pixel's area is divided among all
-    /// samples that are cast by the end of the sample's round.
+    /// Returns the width of the sample's ray cone as a share of the pixel's width. The pixel's area is
+    /// divided among all samples that the pixel has at the end of this sample's round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
             return 1.0; // all samples pass through the centre
@@ -165,19 +170,20 @@ impl Sample {
     }
 }
 
-/// Returns the samples of a pixel that gets `count` samples. All pixels that get `count` samples have the same samples.
+/// Returns the samples of a pixel that gets `count` samples, at least one. All such pixels have the same
+/// samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let (offsets, most) = ((0..).zip(pixel_offsets(count)), count.max(1));
     let one = Sample { count: most, most, ..Sample::CENTRE };
     offsets.map(|(number, offset)| Sample { offset, number, earlier: number, ..one }).collect()
 }
 
-/// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
-/// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
-/// sample comes first, since with adaptive sampling a pixel may get only this sample. The exclusive or of each index
-/// with the most central sample's index brings that sample to the front. This reordering keeps the numbers of each
-/// aligned block of the sequence (2^k numbers from a multiple of 2^k on) together, because only aligned blocks are
-/// evenly distributed.
+/// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
+/// samples follow Sobol's sequence (Owen-scrambled), and are denser where the filter is larger. The most
+/// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring this
+/// sample to the front, each index is replaced by its exclusive or with the most central sample's index. This
+/// keeps the samples of each aligned block of the sequence (2^k samples from a multiple of 2^k on) together.
+/// Only aligned blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -197,8 +203,8 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns a number of Sobol's sequence in one of its first two dimensions. The numbers in the first dimension are van
-/// der Corput's sequence; the numbers in the second dimension are the sequence that the polynomial x + 1 generates.
+/// Returns the element `number` of Sobol's sequence in the dimension `axis` (0 or 1), as a fraction of 2^32.
+/// Dimension 0 is van der Corput's sequence; dimension 1 is the sequence that the polynomial x + 1 generates.
 pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();
@@ -225,7 +231,8 @@ pub fn scrambled(bits: u32, seed: u32) -> u32 {
     hash.reverse_bits()
 }
 
-/// Returns the filter's quantile: the position below which the given fraction of its area lies.
+/// Returns the position, in pixels from the centre, below which the fraction `part` of the filter's area
+/// lies.
 fn filtered(part: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
@@ -235,8 +242,9 @@ fn filtered(part: f64) -> f64 {
     ((low + high) / 2.0 - 0.5) * WIDTH
 }
 
-/// Returns the fraction of the filter below a position, for a filter of width 1: the integral of the series
-/// divided by its total.
+/// Returns the fraction of the filter's area below `position`, which is 0 at the filter's left end and 1 at
+/// its right end. The fraction is the integral of the cosine series up to `position`, divided by the whole
+/// integral.
 fn below(position: f64) -> f64 {
     let tau = std::f64::consts::TAU;
     let waves = (1..).zip(&BLACKMAN_HARRIS[1..]).map(|(k, a)| {

@@ -1,5 +1,5 @@
-//! JSON schemas of the values whose deserialisation `wire` does not derive but implements itself: numbers in ranges,
-//! vectors, colours.
+//! JSON schemas of numbers in ranges, vectors and colours. `wire` implements `Deserialize` for these types by
+//! hand, so their schemas cannot be derived.
 
 use super::shapes::Shape;
 use super::wire::{BackgroundWire, Number, Power, Range, Triple, Vector};
@@ -60,7 +60,8 @@ fn background() -> Schema {
     json_schema!({ "anyOf": [{ "type": "string", "pattern": colour }, radiance, three(radiance.clone().to_value())] })
 }
 
-/// Adds the key `mesh` to an object's schema; the key's old name, `obj`, still works.
+/// Adds the key `mesh` to an object's schema. The derived schema has only the key's old name, `obj`, which is
+/// still allowed.
 pub(super) fn both_names_of_mesh(object: &mut Schema) {
     let Some(Value::Object(keys)) = object.get_mut("properties") else { return };
     if let Some(mesh) = keys.get("obj").cloned() {

@@ -1,5 +1,5 @@
-//! Values that options, a config or the tracks of an animation set in a scene, and the locations of mistakes in a scene
-//! with such values.
+//! Values that options, a config or an animation's tracks set in a scene. Finds out whether a mistake lies in
+//! one of these values or in the scene file.
 
 use crate::error::{Error, line_of, shortened};
 use std::borrow::Cow;
@@ -48,8 +48,8 @@ pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
     /// The dotted path of the keyframe's value from which this value is computed:
-    /// `animation.track.0.values.2`. The line of the keyframe's value is looked up only if a message needs
-    /// it, because this parses the file, and few frames have a message.
+    /// `animation.track.0.values.2`. The value's line is not stored, since finding it means parsing the file,
+    /// and few frames need it for a message.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -71,17 +71,18 @@ impl<'a> Change<'a> {
 
 /// The origin of a part of a document.
 pub(super) enum Origin<'a> {
-    /// The whole part comes from one setting or track. The text names this setting or track as messages show it.
+    /// The whole part comes from one setting or track. The string is the name of this setting or track in
+    /// messages.
     Setting(Cow<'a, str>),
     /// The part comes from this range of the file's text.
     File(Range<usize>),
-    /// The origin cannot be determined; for example, the mistake may be a missing key.
+    /// The origin is unknown, for example because the mistake is a missing key.
     Unknown,
 }
 
 impl Origin<'_> {
-    /// Returns the location for messages: `FILE:LINE`, or the setting; only the file's name if neither is known. `text`
-    /// is the file's text.
+    /// Returns the location for messages: `FILE:LINE`, or the setting. If the origin is unknown, returns only
+    /// the file's name. `file` and `text` are the file's name and text.
     pub fn location(&self, file: &str, text: &str) -> String {
         match self {
             Self::Setting(setting) => shortened(&**setting),
@@ -91,7 +92,7 @@ impl Origin<'_> {
     }
 }
 
-/// The values that were set in a document, and its file.
+/// The values that were set in a document, and the name and the text of the document's file.
 pub(super) struct Changed {
     pub settings: Vec<Setting>,
     /// The values that tracks set in one frame, after all settings; empty if the document does not belong to a frame of
@@ -114,7 +115,8 @@ impl Changed {
         self.origin_of(&path, location.is_key, &self.tracks)
     }
 
-    /// Returns the origin of a key or a value after all settings, and then `tracks`, have set their values.
+    /// Returns the origin of the key (if `is_key` is true) or of the value at `path`, after all settings and
+    /// then `tracks` have set their values.
     fn origin_of<'a>(&'a self, path: &[&str], is_key: bool, tracks: &'a [TrackValue]) -> Origin<'a> {
         let settings = self.settings.iter().map(Change::Setting);
         let mut latest = settings.chain(tracks.iter().map(Change::Track)).rev();
@@ -125,13 +127,13 @@ impl Changed {
         if let Some(span) = original.and_then(|table| span_in(table.get_ref(), path, is_key)) {
             return Origin::File(span);
         }
-        // The file does not have this path, so one of the values that were set (a change) created the path and
-        // everything below it.
+        // The file does not have this path. A value that was set below this path may have created it.
         let created = latest.find(|change| change.keys().starts_with(path));
         created.map_or(Origin::Unknown, |change| Origin::Setting(self.shown(change)))
     }
 
-    /// Returns a change as messages show it: a setting as the user wrote it, or a track with the location of its value.
+    /// Returns a change as messages show it: a setting as the user wrote it, or a track after the location of
+    /// its keyframe's value.
     fn shown<'a>(&self, change: Change<'a>) -> Cow<'a, str> {
         match change {
             Change::Setting(setting) => Cow::Borrowed(&setting.origin),
@@ -143,10 +145,11 @@ impl Changed {
         }
     }
 
-    /// Returns a sentence that names the values that were set; `None` if no value was set. The sentence is for the help
-    /// in an error about a mistake that lies in none of these values. `text` is the document after all values were set.
-    /// The sentence names all settings. If the range `near` of `text` is given, the sentence names only those tracks
-    /// that set a value in the same part of the scene.
+    /// Returns a sentence that names the values that were set; `None` if there is none to name. The sentence
+    /// is for the help in an error about a mistake outside these values. `text` is the document after all
+    /// values were set. The sentence names all settings. If `near` is `None`, it also names all tracks. If
+    /// `near` is a range of `text`, it names only those tracks that set a value in the same part of the
+    /// scene.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
         let is_in_part = |part: &Vec<String>, track: &TrackValue| {
@@ -180,7 +183,8 @@ struct Location {
 }
 
 impl Location {
-    /// Returns the smallest key or value that contains the range.
+    /// Returns the smallest key or value that contains the range; `None` if there is none, or if the range is
+    /// empty.
     fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Self> {
         let mut search = Search { span, path: Vec::new(), smallest: None };
         if !span.is_empty() {

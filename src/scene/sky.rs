@@ -1,4 +1,4 @@
-//! The sky: light from all directions, either a gradient around the zenith or from a picture.
+//! The sky: light from all directions. It is either a gradient from the horizon to the zenith, or a picture.
 
 use super::{INPUTS, files};
 use crate::filetype::FileType;
@@ -16,11 +16,12 @@ use std::sync::Arc;
 const MOST_ACROSS: u32 = 1 << 13;
 /// Largest memory for decoding a picture, in bytes: two copies of four floats per texel.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// Memory for a texel while a picture is read, in bytes. Decoding takes up to two copies of four floats (32 bytes);
-/// later, up to three copies of three floats (36 bytes) are in memory. The rest is a reserve.
+/// Memory per texel while a picture is read, in bytes. During decoding, up to two copies of four floats (32
+/// bytes) are in memory; after it, up to three copies of three floats (36 bytes). The other 4 bytes are a
+/// reserve.
 const TEXEL_BYTES: u64 = 40;
-/// Filters of other programs can leave values slightly below zero. Values that are farther below zero than this share
-/// of a picture's mean value are reported in a note.
+/// A value below zero is reported in a note if its absolute value exceeds this share of the picture's mean
+/// value. Smaller negative values are common, because filters of other programs produce them.
 const CLEARLY: f64 = 1e-3;
 
 /// A sky: light from all directions, unless something occludes it.
@@ -68,16 +69,16 @@ pub(super) struct FileTexels {
     pub size: [u32; 2],
     /// Each texel's red, green and blue; none of them is negative or not a number.
     pub texels: Arc<[[f32; 3]]>,
-    /// The number of texels that had a value that was clearly negative or not a number.
+    /// The number of texels of which a value was clearly negative or not a number.
     pub invalid: usize,
-    /// Remarks on properties that a sky's picture should have but this picture lacks, such as being twice as wide as
-    /// high. Each remark is meant to follow the file's name in a message.
+    /// Remarks on unsuitable properties of the picture, for example if it is not twice as wide as high. Each
+    /// remark continues a sentence that begins with the file's name.
     pub remarks: Vec<String>,
 }
 
 impl FileTexels {
-    /// Replaces negative values by 0, since no light is negative, and also values that are not a number: stitched and
-    /// baked pictures can have single texels with such values.
+    /// Replaces values that are negative or not a number by 0, since no light is negative. Single texels of
+    /// stitched and baked pictures can have such values.
     fn of(size: [u32; 2], mut texels: Vec<[f32; 3]>) -> Self {
         let values = texels.as_flattened();
         let sum: f64 = values.iter().map(|value| f64::from(value.max(0.0))).sum();
@@ -85,14 +86,15 @@ impl FileTexels {
         let is_invalid =
             |texel: &&[f32; 3]| texel.iter().any(|value| value.is_nan() || f64::from(*value) < least);
         let invalid = texels.iter().filter(is_invalid).count();
-        // The maximum of 0 and a value that is not a number is 0.
+        // For a value that is not a number, `max` returns 0.
         texels.as_flattened_mut().iter_mut().for_each(|value| *value = value.max(0.0));
         Self { size, texels: texels.into(), invalid, remarks: Vec::new() }
     }
 }
 
 impl SkyPicture {
-    /// Reads a picture (Radiance HDR or OpenEXR). An error's text is meant to follow the file's name in a message.
+    /// Reads a picture (Radiance HDR or OpenEXR). The text of an error continues a sentence that begins with
+    /// the file's name.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         INPUTS.add(path);
         let bytes =
@@ -100,7 +102,7 @@ impl SkyPicture {
         Self::decoded(&with_usual_signature(bytes), &Available::read())
     }
 
-    /// Decodes a picture, if the available memory is enough.
+    /// Decodes a picture. Returns an error if the available memory is not enough.
     fn decoded(bytes: &[u8], available: &Available) -> Result<FileTexels, String> {
         let format = image::guess_format(bytes).ok();
         let Some(format @ (ImageFormat::Hdr | ImageFormat::OpenExr)) = format else {
@@ -134,8 +136,8 @@ impl SkyPicture {
         Ok(FileTexels { remarks, ..FileTexels::of([size.0, size.1], texels) })
     }
 
-    /// Returns a file's picture multiplied by `strength`. An error's text is meant to follow the file's name in a
-    /// message.
+    /// Returns a file's picture multiplied by `strength`. Returns an error if a product is more than `most`.
+    /// The text of the error continues a sentence that begins with the file's name.
     pub(super) fn strengthened(file: &FileTexels, strength: f32, most: f32) -> Result<FileTexels, String> {
         let texels = if strength == 1.0 {
             Arc::clone(&file.texels)
@@ -156,9 +158,9 @@ impl SkyPicture {
         }
     }
 
-    /// Returns the direction of the picture's middle. The function starts with the direction in which a camera without
-    /// a `look_at` looks, or with the y axis if that direction points up or down. It makes this direction perpendicular
-    /// to the zenith, and turns the result by `turn_degrees`, counter-clockwise as seen from the zenith.
+    /// Returns the direction of the picture's middle. Without a turn, this is the direction -z, or +y if the
+    /// z axis points up or down, made perpendicular to the zenith `up`. The direction is then turned by
+    /// `turn_degrees`, counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();
@@ -166,7 +168,8 @@ impl SkyPicture {
     }
 }
 
-/// Returns a remark on a picture that is not twice as wide as high. An odd width cannot be exactly twice the height.
+/// Returns a remark on a picture that is not twice as wide as high; otherwise `None`. The width may differ by
+/// 1, since an odd width cannot be exactly twice the height.
 fn stretched((width, height): (u32, u32)) -> Option<String> {
     let remark = || {
         format!(

@@ -8,28 +8,30 @@ use super::{Camera, Light, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Factors by which the powers of the key light and of the fill light are multiplied. Without the default surroundings,
-/// a mesh's lights have their full powers. With them, the sky provides the rest of the light.
+/// Factors by which the powers of the key light and of the fill light are multiplied. In the default
+/// surroundings, the sky provides the rest of the light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
-/// Colour of the key light: slightly warmer than the sky.
+/// Colour of the key light, which is slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
-/// Radius of the key light, in radii of the ball that represents the mesh. At a distance of ten radii, the light has an
-/// apparent diameter of nine degrees. A larger light would need more samples.
+/// Radius of the key light, in radii of the ball that represents the mesh. Seen from the ball's centre, ten
+/// radii away, the light has a diameter of nine degrees. A larger light would need more samples.
 const KEY_RADII: f64 = 0.8;
-/// The sky's radiance; a radiance of 1/15 is displayed as white.
+/// The sky's radiance from directly above. By default, a radiance of 1/15 is displayed as white.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
+/// The sky's radiance from the horizon and from below it.
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
-/// Surfaces do not occlude the sky if they are farther from a hit than this many radii of the mesh's ball.
+/// Surfaces that are farther from a hit than this do not occlude the sky. The distance is in radii of the
+/// mesh's ball.
 const REACH_RADII: f64 = 3.0;
-/// The number of radii that replaces [`REACH_RADII`] for a mesh that is open on one side, such as a room without its
+/// The value that replaces [`REACH_RADII`] for a mesh that is open on one side, such as a room without its
 /// front wall.
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square that is surrounded by square frames. The constant has the distances of the squares'
-/// edges from the middle, in radii of the mesh's ball; the last distance is beyond the end of a usual view.
-/// The ground is divided into frames, because rounding errors of a ray-triangle test grow with the triangle's
-/// size. On a single large triangle, shadow rays at a low angle would hit the ground from which they start.
+/// The ground is a square that is surrounded by square frames. The numbers are the distances of the squares'
+/// edges from the middle, in radii of the mesh's ball. The last distance is so large that a usual view does
+/// not reach it. Rounding errors of a ray-triangle test grow with the triangle's size: if the ground had only
+/// large triangles, shadow rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii of the mesh's ball, so that the ground does not coincide with a
 /// mesh's flat bottom.
@@ -40,9 +42,9 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground. It is `None` if the mesh is open on one side, as a room without its front wall is. It is
-    /// also `None` if the eye is lower than the mesh's lowest point, or if the ground would exceed the limit
-    /// of coordinates.
+    /// The ground. It is `None` if the mesh is open on one side, like a room without its front wall. It is
+    /// also `None` if the eye is lower than the mesh's lowest point, or if the ground's coordinates would
+    /// exceed `MAX_COORDINATE`.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,
@@ -73,7 +75,7 @@ impl Studio {
 }
 
 /// Returns the ground, a square below a mesh. Returns `None` if the eye is lower than the mesh's lowest
-/// point, or if the ground would exceed the limit of coordinates.
+/// point, or if the ground's coordinates would exceed `MAX_COORDINATE`.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     let (centre, radius) = ball.centre_and_radius();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
@@ -105,9 +107,9 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// Returns the corners of the ground's triangles: first the two triangles of the inner square, then, for each frame,
-/// the two triangles of each of its four sides. The picture shows the inner square and the first frame, with the
-/// corners' indices.
+/// Returns the corners of the ground's triangles. The first two triangles are the inner square. After them,
+/// each frame has eight triangles, two for each side. The picture shows the inner square and the first frame,
+/// with the corners' indices.
 ///
 /// ```text
 ///  7 ------------- 6
@@ -217,8 +219,8 @@ mod tests {
             };
             ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)
         };
-        // The ground's edges are 60 radii of the mesh away from the middle, and this radius is more than 5e10 in the
-        // second case, so the ground would exceed the coordinate limit of 1e12.
+        // The ground's edges are 60 radii of the mesh away from the middle. In the second case, this radius
+        // is more than 5e10, so the ground would exceed the coordinate limit of 1e12.
         assert!(ground(1e9).is_some() && ground(5e10).is_none());
     }
 }

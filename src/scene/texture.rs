@@ -16,7 +16,7 @@ pub enum Wrap {
     Mirror = 2,
 }
 
-/// The number of units of [`Texture::least_alpha`] in a step of an 8-bit channel.
+/// The number of units of [`Texture::least_alpha`] (65535ths) in one step of an 8-bit channel (255ths).
 pub const LEAST_ALPHA_UNIT: u16 = u16::MAX / 255;
 
 /// A picture with 8 bits per channel, as displayed (sRGB), row by row from the top.
@@ -28,7 +28,8 @@ pub struct Texture {
     pub wrap: [Wrap; 2],
     /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a texture that is no mask.
     pub least_alpha: u16,
-    /// Red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are any, follow the picture.
+    /// One word per texel: red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are
+    /// any, follow the picture's own texels.
     pub texels: Arc<[u32]>,
 }
 
@@ -56,7 +57,7 @@ impl Texture {
         if has_levels { self.size[0].max(self.size[1]).ilog2() } else { 0 }
     }
 
-    /// Returns whether any texel is transparent enough for a hole.
+    /// Returns true if at least one texel is so transparent that it makes a hole.
     fn has_holes(&self) -> bool {
         let least = self.least_step();
         self.texels[..self.level_start(1)].iter().any(|texel| f64::from(texel >> 24) < least)
@@ -77,15 +78,16 @@ pub struct Mapped {
 impl Mapped {
     /// Number of floats per triangle on a device, without the floats for mip levels.
     const FLOATS: usize = 8;
-    /// The largest coordinate that need not be read in double precision. Up to here, single precision has steps of at
-    /// most 2^-18.
+    /// The largest absolute value of a coordinate that need not be read in double precision. Up to this
+    /// value, single precision has steps of at most 2^-18.
     pub(super) const NEAR: f64 = 64.0;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
-    /// Returns a triangle's coordinates in textures with the wrap modes `wrap`. In a repeated or mirrored texture, the
-    /// coordinates are shifted close to 0, where single precision is finest, before they are rounded to single
-    /// precision. The shift does not change the triangle's picture.
+    /// Returns a triangle's coordinates in a texture with the wrap modes `wrap`. If the texture is repeated
+    /// or mirrored, the coordinates are shifted close to 0 before they are rounded to single precision,
+    /// because single precision is finest there. The texture repeats after the length of the shift, so the
+    /// triangle looks the same.
     pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
         // Coordinates near 0 are also rounded before the shift, so that they get the same bits whether they were read
         // in single or in double precision.
@@ -128,8 +130,8 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Makes textures from a list and the mapping of each triangle; the result is empty if no triangle has a texture or
-    /// a mask. Masks without holes are left out.
+    /// Makes textures from a list and the mapping of each triangle. Masks without holes are removed from the
+    /// mappings. The result is empty if no triangle then has a texture or a mask.
     pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>) -> Self {
         let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
         for row in &mut mapped {
@@ -139,7 +141,8 @@ impl Textures {
         if mapped.iter().all(is_bare) { Self::default() } else { Self { list, mapped } }
     }
 
-    /// Returns the number of words of all textures on a device; 0 if there are none.
+    /// Returns the number of 32-bit words of all textures on a device; 0 if there are no textures. Textures
+    /// with the same texels in memory share these texels on the device.
     pub fn word_count(&self) -> usize {
         if self.list.is_empty() {
             return 0;
@@ -161,13 +164,13 @@ impl Textures {
         self.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, texels))
     }
 
-    /// Returns whether any triangle has a mask.
+    /// Returns true if at least one triangle has a mask.
     pub fn have_holes(&self) -> bool {
         self.mapped.iter().any(|row| row.mask.is_some())
     }
 
-    /// Adds the textures of another mesh, whose triangles are appended to the triangles of this
-    /// mesh.
+    /// Adds the textures of another mesh. Its `other_triangles` triangles follow the `own_triangles`
+    /// triangles of this mesh.
     pub fn append(&mut self, own_triangles: usize, other: Self, other_triangles: usize) {
         if self.list.is_empty() && other.list.is_empty() {
             return;
@@ -191,7 +194,7 @@ impl Textures {
     }
 }
 
-/// Returns the linear light of each 8-bit value of a channel.
+/// Returns the linear light, from 0 to 1, of each 8-bit value of an sRGB channel.
 pub fn linear_values() -> [f32; 256] {
     std::array::from_fn(|value| linear(value as f32 / 255.0))
 }

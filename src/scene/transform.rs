@@ -4,8 +4,8 @@ use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// A normal counts as a unit vector if its length differs from 1 by at most this. Rounding to single precision changes
-/// the length of a unit vector by less.
+/// A normal counts as a unit vector if its length differs from 1 by at most this. Rounding to single
+/// precision changes the length of a unit vector by less than this.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// A scale along the object's axes, then rotations about x, y and z (in this order), then a translation.
@@ -24,8 +24,8 @@ impl Transform {
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
-    /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the positions when
-    /// the file was read; it is added again before the positions are transformed.
+    /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the
+    /// positions when the file was read. It is added again before the scale is applied.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
         // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {
@@ -37,9 +37,10 @@ impl Transform {
         let transform =
             |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
-        // Normals are transformed by the inverse transpose, times a factor that keeps its elements within -1 and 1. The
-        // factor does not change the normalised result. The result gets the normal's own length: a normal that is
-        // longer than its neighbours has more weight in the interpolation.
+        // Normals are transformed by the inverse transpose of the matrix. The inverse scale is multiplied by
+        // the smallest scale, so that its components are within -1 and 1. This factor does not change the
+        // normalised result. The result gets the length that the normal had before, because a longer normal
+        // has more weight in the interpolation.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);
@@ -57,7 +58,8 @@ impl Transform {
     }
 }
 
-/// Returns a normal's length, but exactly 1 for a unit vector that was rounded to single precision.
+/// Returns a normal's length, but exactly 1 if the length differs from 1 only by rounding to single
+/// precision.
 fn weight(normal: Vec3) -> f64 {
     let length = normal.as_dvec3().length();
     if (length - 1.0).abs() <= UNIT_TOLERANCE { 1.0 } else { length }

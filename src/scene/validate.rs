@@ -1,4 +1,4 @@
-//! The checks that every scene must pass, however it was made.
+//! The checks that every scene must pass, whether it was read from a file or made in code.
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
@@ -7,29 +7,30 @@ use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Limit on the absolute value of coordinates. Intersection tests multiply three coordinates, and the product must stay
-/// below f32's 3.4e38.
+/// Largest absolute value of a coordinate. Intersection tests multiply three coordinates, and the product
+/// must stay below the largest f32, 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// Largest power of a light, enough for a scene of the largest allowed size. Also the largest radiance of the sky and
-/// of the background: kernels add several samples before they divide the sum, so this radiance must be well below
-/// f32's 3.4e38.
+/// Largest power of a light, which is enough for a scene of the largest allowed size. It is also the largest
+/// radiance of the sky and of the background. Kernels add several samples before they divide the sum, so this
+/// radiance must be much less than the largest f32, 3.4e38.
 pub const MAX_POWER: f32 = 1e28;
 
 /// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
-/// Smallest distance, relative to the scene's diagonal, at which a light and a surface count as separate.
+/// Smallest distance between a light and a surface in the check of brightness, as a fraction of the scene's
+/// diagonal.
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
-    /// Checks everything that later code relies on: finite numbers in their ranges, indices in
-    /// bounds, a camera with a direction. Scenes from [`super::load_scene`] are already checked; a
-    /// scene made in code should be checked once.
+    /// Checks everything that later code relies on: numbers are finite and in their ranges, indices are in
+    /// bounds, and the camera has a direction. Scenes from [`super::load_scene`] are already checked; a scene
+    /// made in code should be checked once.
     ///
     /// # Errors
     ///
-    /// Returns a message about the first problem.
+    /// Returns a user error that describes the first mistake.
     pub fn validate(&self) -> Result<()> {
         check_mesh(&self.mesh)?;
         self.validate_view()?;
@@ -38,7 +39,7 @@ impl Scene {
         self.lights.iter().try_for_each(|light| brightness.check(light))
     }
 
-    /// Checks everything except the mesh and the limits that depend on its size.
+    /// Checks everything except the mesh and the brightness of lights, whose limit depends on the mesh.
     pub(super) fn validate_view(&self) -> Result<()> {
         let background = self.background;
         let valid = background.is_finite() && background.min_element() >= 0.0;
@@ -125,12 +126,11 @@ fn check_sky(sky: &Sky) -> Result<()> {
     })
 }
 
-/// An upper bound on the brightness that a scene's lights give to its surfaces.
+/// The properties of a scene from which the largest brightness of its surfaces is computed.
 pub(super) struct Brightness {
     /// The bounding box of all surfaces.
     bounds: (Vec3, Vec3),
-    /// The smallest distance between a light and a surface for which brightness is computed. A nearer light counts as
-    /// if it were at this distance.
+    /// A light that is nearer to a surface than this distance counts as if it were at this distance.
     nearest: f32,
     /// The largest value of pi times the reflectance formula, over all materials.
     reflectance: f64,
@@ -138,15 +138,15 @@ pub(super) struct Brightness {
 }
 
 impl Brightness {
-    /// Computes the bound on the brightness of a scene whose mesh has this bounding box.
+    /// Collects the properties of a scene with the bounding box `bounds` and with `lights` lights.
     pub fn of(mesh: &Mesh, bounds: (Vec3, Vec3), lights: usize, shadow_bias: f32) -> Self {
         let nearest = shadow_bias.max(RELATIVE_RESOLUTION * bounds.1.distance(bounds.0));
         let reflectance = mesh.materials.iter().map(brightest).fold(0.0, f64::max);
         Self { bounds, nearest, reflectance, lights }
     }
 
-    /// Refuses a light if products in `cl/cast/shade.cl` would exceed single precision at the nearest
-    /// surface.
+    /// Refuses a light if products in `cl/cast/shade.cl` could exceed the range of single precision. The
+    /// bounding box counts as the nearest surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
         let nearest = (outside - light.radius).max(self.nearest);
@@ -154,7 +154,8 @@ impl Brightness {
         let incoming = spread * f64::from(light.power.max_element());
         let sum = incoming * self.reflectance * self.lights as f64;
         let product = spread.max(incoming).max(sum);
-        // If `nearest` is 0, the scene has no extent, so it has no surface that a light could make too bright.
+        // `nearest` is 0 only if the scene has no extent. It then has no surface that a light could make too
+        // bright.
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
@@ -225,7 +226,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     })
 }
 
-/// Refuses a mesh whose coordinates exceed the limit.
+/// Refuses a mesh with a coordinate beyond `MAX_COORDINATE`.
 pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
     let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
     require(far.is_none(), || {
@@ -347,14 +348,14 @@ mod tests {
         // With a shininess of 8, the highlight's value is twice k_G.
         let both = Material::blinn_phong(Vec3::splat(0.25), Vec3::splat(0.5), 8.0);
         assert!((brightest(&both) - 1.25).abs() < 1e-6);
-        // A power of 1e35 with a reflectance of 1e6 gives 7.96e-4 * 1e35 * 1e6 = 7.96e37, which exceeds the limit of
-        // 1e37. A tenth of this value does not exceed the limit.
+        // A power of 1e35 with a reflectance of 1e6 gives 7.96e-4 * 1e35 * 1e6 = 7.96e37, which exceeds the
+        // limit of 1e37. With a power of 1e34, the product does not exceed the limit.
         assert!(brightness(dull, 1).check(&light(1e35, 0.0)).is_ok());
         assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
         assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
         assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
-        // The nearest point of a light with a radius of 9 is a tenth as far away as the light's centre, so the light is
-        // too bright for this point's distance.
+        // A light with a radius of 9 reaches up to 1 unit above the box. At this distance, a hundred times as
+        // much light arrives as at 10 units.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
     }
 }

@@ -1,5 +1,5 @@
-//! The types that a scene file's TOML is read into. The number types refuse values out of range while the file is
-//! parsed, so that the errors of the crate `toml` have the values' locations.
+//! The types that a scene file's TOML is read into. The number types refuse values out of range during
+//! parsing, so that the errors of the crate `toml` contain the values' locations.
 
 mod background;
 mod numbers;
@@ -108,10 +108,10 @@ pub(super) struct ObjectWire {
     /// Points of inline triangles.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub vertices: Option<Spanned<Vec<Vector>>>,
-    /// Corners of each face: indices in `vertices`, from 0; a face with more than three is a polygon.
+    /// For each face: the indices of its three or more corners in `vertices`, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
-    /// Normals; without `face_normals`, one per vertex.
+    /// Normals. Without `face_normals`, there is one normal for each vertex.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub normals: Option<Spanned<Vec<Vector>>>,
     /// For each corner of each face: the index of its normal, from 0.
@@ -126,11 +126,10 @@ pub(super) struct ObjectWire {
     /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
-    /// With a mesh or vertices: the crease angle of this object, instead of the scene's; it, too, is measured before
-    /// `scale`.
+    /// With a mesh or vertices: the crease angle, in degrees and before `scale`, instead of the scene's.
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
-    /// Values that replace those in every material of the object.
+    /// Values that replace the values of every material of the object.
     pub material: Option<MaterialWire>,
     /// With a mesh: also read MTL files, pictures and glTF buffers outside the mesh's folder [default: false].
     #[schemars(with = "Option<bool>")]
@@ -191,12 +190,12 @@ pub(super) struct SkyWire {
 pub(super) struct DisplayWire {
     /// The factor by which radiance L is multiplied, before the exponent is applied [default: 15].
     pub exposure: Option<Number<NonNegative>>,
-    /// The inverse of the exponent [default: 2.2].
+    /// The exponent is 1 / gamma [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }
 
 impl SceneWire {
-    /// Returns whether pictures of the scene have an alpha channel.
+    /// Returns true if pictures of the scene have an alpha channel.
     pub(super) fn is_transparent(&self) -> bool {
         matches!(self.background, Some(BackgroundWire::Transparent))
     }

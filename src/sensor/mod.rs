@@ -17,7 +17,7 @@ pub trait Sensor: Send {
     fn read(&mut self) -> Reading;
 }
 
-/// A reading at one moment; values that the device does not report are missing.
+/// A reading at one moment. A value is `None` if the device does not report it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// All values except the energy of a frame, which is not defined for a single moment.
@@ -37,8 +37,8 @@ pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     nvml::used_memory(hardware)
 }
 
-/// The sensors' values while a sample was taken; a record has the means over its samples. A value is `None` if the
-/// device does not report it.
+/// The sensors' values while a sample was taken. A record has the means over its samples. A value is `None`
+/// if the device does not report it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {
@@ -50,7 +50,8 @@ pub struct SensorReading {
     pub power_w: Option<f64>,
     /// Temperature of the chip.
     pub temperature_c: Option<f64>,
-    /// True if the device reduced its clock because of power, heat or an external signal.
+    /// True if the device reduced its clock because of power, heat or an external signal. False if the device
+    /// does not report this.
     pub throttled: bool,
     /// Energy of one frame in millijoules: the mean power times the frame's device time.
     pub energy_mj: Option<f64>,

@@ -18,7 +18,8 @@ pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     Some(Box::new(NvmlSensor(device(hardware)?)))
 }
 
-/// Returns how much of the device's memory is in use now.
+/// Returns how much of the device's memory is in use now; `None` if NVML is not installed, or does not know
+/// the device.
 pub(super) fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     let device = device(hardware)?;
     let memory = device.memory_info().ok()?;
@@ -49,7 +50,7 @@ fn device(hardware: &Hardware) -> Option<Device<'static>> {
     named(hardware, by_bus, by_uuid)
 }
 
-/// Returns the device at the PCI address, or else the device with the UUID.
+/// Returns the device at the PCI address, or else the device with the UUID; `None` if neither is found.
 fn named<D>(
     hardware: &Hardware,
     by_bus: impl FnOnce(&str) -> Option<D>,

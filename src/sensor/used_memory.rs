@@ -22,7 +22,8 @@ impl UsedMemory {
         Some(self.used_bytes.saturating_sub(self.own_bytes?))
     }
 
-    /// Returns whether other processes may use more than a hundredth of the memory.
+    /// Returns true if other processes may use more than a hundredth of the memory. If this process's part is
+    /// not known, all memory in use may be that of other processes.
     pub fn may_be_others(&self) -> bool {
         self.others_bytes().unwrap_or(self.used_bytes) > self.total_bytes / 100
     }

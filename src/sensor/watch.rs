@@ -15,7 +15,7 @@ const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;
 
-/// A sensor that a thread reads; the thread ends when this value is dropped.
+/// A sensor that a thread reads. The thread ends when this value is dropped.
 pub struct Watch {
     readings: Arc<Mutex<Readings>>,
     ended: Arc<AtomicBool>,
@@ -39,9 +39,9 @@ impl Watch {
         Self { readings, ended }
     }
 
-    /// Returns the mean of the readings from `start` to `end`; if there are none, the last reading before `start`; and
-    /// `None` if that reading is missing too. The energy is the mean power times `frame_ms`, the device time of a
-    /// frame.
+    /// Returns the mean of the readings from `start` to `end`. If there are none, returns the last reading
+    /// before `start`; `None` if there is no such reading either. The energy is the mean power times
+    /// `frame_ms`, the device time of a frame.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }
@@ -78,7 +78,8 @@ fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Op
     Some(mean)
 }
 
-/// Returns the power from the energy counter, if the interval is long enough.
+/// Returns the power from the energy counter; `None` if the interval is too short, or if the counter is
+/// missing or has not increased.
 fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
     let ((from, first), (to, last)) = (seen.first()?, seen.last()?);
     let span = to.duration_since(*from);

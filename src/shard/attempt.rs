@@ -1,5 +1,6 @@
-//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there. Attempts
-//! therefore need no lock, and a first attempt that is still running cannot damage the files of a second attempt.
+//! An attempt at a shard: one process, and the folder to which this process writes. No other process writes
+//! to this folder. Attempts therefore need no lock, and a first attempt that is still running cannot damage
+//! the files of a second attempt.
 
 use super::Shard;
 use crate::device::variables;
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 /// The name of the folder that contains the folders of all attempts.
 const PARTS: &str = "parts";
-/// The file that describes an attempt, and the file that says how it ended.
+/// The file that describes an attempt, and the file that says how the attempt ended.
 const ABOUT: &str = "attempt.json";
 const END: &str = "end.json";
 
@@ -39,12 +40,12 @@ pub struct About {
     pub devices: Vec<String>,
     /// The command line, starting with the program.
     pub command: Vec<String>,
-    /// The folder in which the command was started; null if its path is not known or not UTF-8, and in files of earlier
-    /// versions.
+    /// The folder in which the command was started; null if the folder's path is not known or not UTF-8, and
+    /// in files of earlier versions.
     pub folder: Option<String>,
-    /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if this word
-    /// was not used, because the command or the config names the devices or because there is no such word; also null in
-    /// files of earlier versions.
+    /// The word in the variable `RAYCL_DEVICE` or in the user's settings that selected the devices. Null if
+    /// no such word was used: the command or the config names the devices, or the variable and the settings
+    /// name none. Also null in files of earlier versions.
     pub device: Option<String>,
     /// The environment variables that the user had set and that a repetition of the command needs, each as
     /// `NAME=VALUE`; missing in files of earlier versions.
@@ -54,7 +55,7 @@ pub struct About {
     pub plan: Option<String>,
 }
 
-/// The end of an attempt.
+/// How an attempt ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
@@ -79,8 +80,8 @@ pub struct Attempt {
 }
 
 impl About {
-    /// Describes this process. The machine, the job and the restart come from the scheduler's environment variables, if
-    /// it sets them.
+    /// Describes this process. The machine, the job and the restart come from the scheduler's environment
+    /// variables, if these variables are set.
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let own = Self {
             shard: shard.number,
@@ -101,8 +102,8 @@ impl About {
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);
-        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. Kubernetes needs no
-        // variable here, since inside a pod, the machine's name is the pod's name.
+        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. For
+        // Kubernetes, no variable is read: inside a pod, the machine's name is the pod's name.
         let host = first(&["SLURMD_NODENAME"]).or(machine);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {
@@ -163,14 +164,14 @@ impl Attempt {
         Ok(Self::all(out)?.into_iter().filter(same).map(|other| other.folder).collect())
     }
 
-    /// Returns the attempt's description; `None` if the attempt was killed before it wrote one. Fails if there may be a
-    /// description that cannot be read.
+    /// Returns the attempt's description; `None` if the attempt was killed before it wrote the description.
+    /// Fails if there may be a description that cannot be read.
     pub fn about(&self) -> Result<Option<About>> {
         self.read(ABOUT)
     }
 
-    /// Returns how the attempt ended; `None` if it is still running or was killed. Fails if the attempt may have ended,
-    /// but its file about its end cannot be read.
+    /// Returns how the attempt ended; `None` if the attempt is still running or was killed. Fails if the
+    /// attempt may have ended, but the file that says how it ended cannot be read.
     pub fn end(&self) -> Result<Option<End>> {
         self.read(END)
     }
@@ -191,7 +192,7 @@ impl Attempt {
     }
 }
 
-/// Returns a name such as "shard-00003.node7.4711.r00"; sorting the names sorts the shards.
+/// Returns a name such as "shard-00003.node7.4711.r00". Sorting the names sorts the shards.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()
@@ -224,7 +225,8 @@ mod tests {
         assert_eq!(one.end().unwrap(), Some(End::LauncherLost("slurmstepd".into())));
     }
 
-    /// A link that leads to itself stands for everything that a user or a failed disk keeps from being read.
+    /// In this test, a link that leads to itself stands for any file or folder that cannot be read, for
+    /// example because of its permissions or a failed disk.
     #[cfg(unix)]
     #[test]
     fn what_cannot_be_read_does_not_count_as_missing() {

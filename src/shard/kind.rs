@@ -61,8 +61,8 @@ impl Kind {
         let mut files = existing::entries(&out.join(FOLDER))?;
         files.retain(|path| path.extension().is_some_and(|ending| ending == "jsonl"));
         files.sort();
-        // The file of a kind has one line with all points of the kind. A file whose line is damaged or missing is an
-        // error, since all these points would otherwise be left out.
+        // The file of a kind has one line with all points of the kind. A file whose line is damaged or
+        // missing is an error. Without this error, all points of the kind would be left out.
         let lines = |path: &PathBuf| -> Result<Vec<Self>> {
             let lines = read_lines(path)?.refuse_if_all_damaged(path)?.lines;
             if lines.is_empty() { Err(no_points(path)) } else { Ok(lines) }
@@ -101,7 +101,7 @@ impl Kind {
     }
 }
 
-/// Returns the error for a kind's file without a whole line.
+/// Returns the error for a kind's file without a complete line.
 fn no_points(path: &Path) -> Error {
     let message =
         format!("{} has no complete line, but must list the points of a kind of device", path.display());

@@ -13,17 +13,17 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Assignment {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0; `number` is used instead if it is set.
+    /// The process's number, from 0. If `number` is not `None`, `number` is used instead.
     rank: u32,
-    /// The number of processes that the launcher started; `None` if the launcher does not set it.
+    /// The number of processes that the launcher started; `None` if the launcher does not set this number.
     count: Option<u32>,
-    /// The shard's number, if the process belongs to an element of a Slurm array and the user gives the number of
-    /// shards: it is the element's number. `None` in all other cases.
+    /// The shard's number, if the process belongs to an element of a Slurm array and the user gives the
+    /// number of shards: the element's number is then the shard's number. `None` in all other cases.
     number: Option<u32>,
 }
 
-/// A launcher with a variable that numbers its processes from 0 or 1, and possibly a second variable with the number of
-/// processes.
+/// A launcher. One environment variable numbers the launcher's processes from 0 or 1 (`origin`). Some
+/// launchers set a second variable, the number of processes.
 struct Ranks {
     launcher: &'static str,
     rank: &'static str,
@@ -33,10 +33,10 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first: each launcher comes before those that may have
-/// started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the variable `SLURM_PROCID`,
-/// too, but there its value is not the number of a task. raycl therefore reads this variable only if `SLURM_STEP_ID` is
-/// set, which only a step of Slurm does.
+/// Launchers that number the processes of one job, the innermost first: each launcher comes before those that
+/// may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the
+/// variable `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl
+/// therefore reads this variable only if `SLURM_STEP_ID` is set: only a step of Slurm has this variable.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -61,8 +61,8 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user chooses
-/// the numbers of a HyperQueue array; they must begin at 1.
+/// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user
+/// chooses the numbers of a HyperQueue array. These numbers must begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -87,10 +87,11 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, these rules decide, in
-/// this order: the innermost launcher that started several processes, a Slurm array, a launcher of whole jobs
-/// (`OUTER`), a launcher that started a single process. The number of shards is `of` or, if `of` is `None`, the
-/// launcher's count.
+/// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the first of
+/// these four decides: the innermost launcher that started several processes, a Slurm array, a launcher of
+/// whole jobs (`OUTER`), a launcher that started a single process. If a Slurm array of several elements and
+/// an inner launcher of several processes both set numbers, this is an error. The number of shards is `of`
+/// or, if `of` is `None`, the launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()

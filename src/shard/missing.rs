@@ -20,8 +20,8 @@ pub struct Missing {
     pub failed: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The names of the kinds that took part; `None` unless a selected kind did not take part. That kind's name may be
-    /// misspelt, and the user can compare it with these names.
+    /// If a selected kind did not take part, the names of the kinds that took part: the user may have
+    /// misspelt the selected kind's name, and can compare it with these names. Otherwise `None`.
     pub took_part: Option<String>,
 }
 
@@ -31,7 +31,7 @@ pub struct MissingKind {
     /// The kind's name, with the differences from other kinds of the same name. If no shard has begun on the kind, the
     /// text is the word that selects the kind.
     pub device: String,
-    /// The kind's points without a record, or those that failed, in a readable form.
+    /// The kind's points without a record, or the kind's failed points, in a readable form.
     pub points: Vec<String>,
     /// The number of points that the plan has for the kind.
     pub of: usize,
@@ -42,7 +42,7 @@ pub struct MissingKind {
 }
 
 impl Missing {
-    /// Returns whether nothing is missing.
+    /// Returns true if nothing is missing.
     pub fn is_empty(&self) -> bool {
         self.kinds.is_empty() && !self.nothing_began
     }
@@ -64,12 +64,12 @@ pub struct Wanted<'a> {
     pub not_begun: &'a [String],
 }
 
-/// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no shard has
-/// begun on a selected kind, these are all points except casters on the host. A caster on the host is missing only if
-/// it has no record on any kind of host. If no shard with casters on the host has begun, all of these casters are
-/// missing. Also returns the points that failed. The commands that measure the points write to the folder `out`, and
-/// are made from those of the attempts that `abouts` describe. `outcome` returns the outcome of the record with a key;
-/// `None` if there is no such record.
+/// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no
+/// shard has begun on a selected kind, these are all points except casters on the host. A caster on the host
+/// is missing only if it has no record on any kind of host. If no shard with casters on the host has begun,
+/// all of these casters are missing. Also returns the points that failed. The commands that measure the
+/// points write to the folder `out`, and are made from the commands of the attempts that `abouts` describe.
+/// `outcome` returns the outcome of the record with a key; `None` if there is no such record.
 pub fn missing(
     out: &Path,
     plan: &ShardPlan,
@@ -119,9 +119,9 @@ pub fn missing(
     Missing { kinds: missing_kinds, failed, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns, for each kind of device, the points whose measurement failed on this kind. Points with a wrong image are
-/// left out, because it is useless to measure them again: a merge prefers a record with a wrong image to all other
-/// records of its point. `start` returns the command that measures the points again.
+/// Returns, for each kind of device, the points whose measurement failed on this kind. Points with a wrong
+/// image are left out, because measuring these points again would be useless: a merge prefers a record with a
+/// wrong image to all other records of its point. `start` returns the command that measures the points again.
 fn failed(
     plan: &ShardPlan,
     kinds: &[Kind],
@@ -145,9 +145,9 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the plan's casters on the host and the plan's other points, as indices. The points of one kind of device
-/// that is not the host are enough to divide the plan: such a kind measures all points that are not casters on the
-/// host.
+/// Returns the plan's casters on the host and the plan's other points, as indices. To divide the plan, the
+/// function uses one kind of device that is not the host: this kind measures all points that are not casters
+/// on the host.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -179,7 +179,8 @@ fn lacking(plan: &ShardPlan, device: String, (lacks, of): (&[usize], usize), sta
 
 /// A command that measures shards, without their numbers.
 struct Start {
-    /// The folder in which the attempt was started, if this is another folder than the current one.
+    /// The folder in which the attempt was started; `None` if it is the current folder, does not exist or is
+    /// not known.
     folder: Option<PathBuf>,
     /// The environment variables that the user had set, each as `NAME=VALUE`.
     variables: Vec<String>,
@@ -188,17 +189,18 @@ struct Start {
 }
 
 impl Start {
-    /// Returns the command of an attempt on this kind of device or, if there is none, that of the first attempt. The
-    /// option `--shard` is removed. The option `--out` names the folder of results by its present path, since this
-    /// folder may have been moved or copied. The command contains the default device that the attempt used, since the
-    /// variable or the settings that named it may be different now.
+    /// Returns the command of an attempt on this kind of device or, if there is no such attempt, the command
+    /// of the first attempt. The option `--shard` is removed. The option `--out` names the folder of results
+    /// by its present path, since this folder may have been moved or copied. The command contains the default
+    /// device that the attempt used, since the variable or the settings that named this device may be
+    /// different now.
     fn of(out: &Path, kind: Option<&Kind>, abouts: &[About]) -> Self {
         let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
         let current = std::env::current_dir().ok();
         let folder = about.folder.map(PathBuf::from);
-        // If the folder in which the attempt was started does not exist here, the command does not change to a folder,
-        // and the user has to choose one.
+        // If this machine does not have the folder in which the attempt was started, the command does not
+        // change to a folder, and the user has to choose a folder.
         let folder = folder.filter(|folder| folder.is_dir() && current.as_ref() != Some(folder));
         // If the command changes to another folder, `--out` needs an absolute path, since a relative path would lead to
         // another folder.
@@ -251,15 +253,16 @@ fn assignment(setting: &str) -> Option<String> {
     is_to_be_repeated(name).then(|| format!("{name}={}", quote(value)))
 }
 
-/// Returns a command line without the word `--`, after which no option can be added. The words after it are paths; one
-/// that begins with `-` gets `./` in front.
+/// Returns a command line without the word `--`, after which no option can be added. The words after `--` are
+/// paths; a path that begins with `-` gets `./` in front.
 fn open_ended(command: &[String]) -> Vec<String> {
     let mut parts = command.splitn(2, |word| word == "--");
     let (options, paths) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
     options.iter().cloned().chain(paths.iter().map(|path| path_word(Path::new(path)))).collect()
 }
 
-/// Returns this command line with `raycl` in place of the program's path, and without the option `--shard`.
+/// Returns the command line `command` with `raycl` in place of the program's path, and without the option
+/// `--shard`.
 fn without_shard(command: &[String]) -> Vec<String> {
     let rest = command.iter().skip(1).cloned();
     without(&std::iter::once("raycl".to_owned()).chain(rest).collect::<Vec<_>>(), "--shard")
@@ -279,8 +282,8 @@ fn without(command: &[String], option: &str) -> Vec<String> {
     words
 }
 
-/// Returns a command line without the option `--out` and its value. The option's short form may follow short options
-/// that have no value, as in `-qo DIR`; these options stay.
+/// Returns a command line without the option `--out` and its value. The option's short form may follow short
+/// options that have no value, as in `-qo DIR`. These other options stay.
 fn without_out(command: &[String]) -> Vec<String> {
     let mut words = Vec::new();
     let mut rest = without(command, "--out").into_iter();

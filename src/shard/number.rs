@@ -57,7 +57,7 @@ impl Asked {
         }
     }
 
-    /// Returns whether a launcher assigned the number.
+    /// Returns true if a launcher assigns the shard's number.
     pub fn is_auto(self) -> bool {
         matches!(self, Self::Auto(_))
     }

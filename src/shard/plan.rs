@@ -1,5 +1,5 @@
 //! `shards.json`: the data that all shards of an experiment share. The shard that starts first, whatever its
-//! number, writes the file, and the others read it.
+//! number, writes the file. The other shards read the file.
 
 use crate::error::{Error, Result};
 use crate::existing;
@@ -20,13 +20,14 @@ pub struct Header {
     pub config_hash: String,
     /// The overrides, each as a line of TOML.
     pub overrides: Vec<String>,
-    /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, and the images have
-    /// several shapes, the scene has a hash for each shape; these hashes are joined with `+`.
+    /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, and the
+    /// images have several shapes, the scene has a hash for each shape. The hashes of a scene are joined with
+    /// `+`.
     pub scenes: Vec<String>,
     /// The hash of the kernels' files, built-in or not; null if a file cannot be read.
     pub kernels: Option<String>,
-    /// The version of raycl that wrote the plan, with the git revision if it is known; null in files of earlier
-    /// versions.
+    /// The version of raycl that wrote the plan, with the git revision if it is known; null in files of
+    /// earlier versions.
     pub raycl: Option<String>,
 }
 
@@ -48,8 +49,8 @@ pub struct ShardPlan {
 }
 
 impl ShardPlan {
-    /// Reads the plan of a folder; if there is none, writes the one that `make` returns. Returns an error if the folder
-    /// has a plan with a different header.
+    /// Reads the plan of a folder. If the folder has no plan, writes the plan that `make` returns. Returns an
+    /// error if the folder has a plan with a different header.
     pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
         if let Some(plan) = Self::read(out)? {
             return plan.checked(header, out);
@@ -61,8 +62,8 @@ impl ShardPlan {
         if write_new(&path(out), &text)? {
             return Ok(plan);
         }
-        // Another shard wrote its plan first. All shards must use that plan: the two plans may have different blocks,
-        // since they may be based on different expected times.
+        // Another shard wrote its plan first. All shards must use the plan that was written first: the two
+        // plans may have different blocks, since the expected times may differ.
         let first = Self::read(out)?.ok_or_else(|| {
             Error::run(format!(
                 "{SHARDS} was deleted from {} while this shard started; start the shard again",
@@ -72,7 +73,7 @@ impl ShardPlan {
         first.checked(header, out)
     }
 
-    /// Reads the plan of a folder; `None` if it has none.
+    /// Reads the plan of a folder; `None` if the folder has no plan.
     pub fn read(out: &Path) -> Result<Option<Self>> {
         let path = path(out);
         if !existing::is_file(&path)? {
@@ -131,8 +132,8 @@ impl ShardPlan {
     }
 }
 
-/// Returns a text with the two versions of raycl, as a part of an error's help, if the versions differ. Returns an
-/// empty text if they are equal, or if one of them is not known.
+/// Returns a text with the two versions of raycl, as a part of an error's help, if the versions differ.
+/// Returns an empty text if the versions are equal, or if a version is not known.
 fn versions(stored: &Header, wanted: &Header) -> String {
     match (&stored.raycl, &wanted.raycl) {
         (Some(there), Some(here)) if there != here => {

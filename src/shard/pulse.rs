@@ -22,10 +22,10 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// The contents of the counter's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// The number of counts so far; the process counts once per second.
+    /// The number of counts so far. The process counts once per second.
     pub beats: u64,
-    /// The number of counts since the last step, or since the attempt last waited for another process. This can be a
-    /// process that uses a device, or one that measures the device's peak rates for the attempt.
+    /// The number of counts since the last step, or since the attempt last waited for another process. The
+    /// other process may be using a device, or measuring the device's peak rates for the attempt.
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.
@@ -33,7 +33,7 @@ pub struct Beat {
 }
 
 impl Beat {
-    /// Reads the counter in an attempt's folder; `None` if there is none or it cannot be read.
+    /// Reads the counter in an attempt's folder; `None` if there is no counter or the counter cannot be read.
     pub fn read(folder: &Path) -> Option<Self> {
         let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
         let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
@@ -78,7 +78,8 @@ impl Pulse {
         let thread = {
             let (steps, waits, ended) = (Arc::clone(&steps), Arc::clone(&waits), Arc::clone(&ended));
             let count = move || {
-                // If a count cannot be written, the error is ignored, and the next count replaces it.
+                // If a count cannot be written, the error is ignored: the next count is written a second
+                // later.
                 let mut write = |beat: Beat| {
                     let _ =
                         file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(beat.line().as_bytes()));
@@ -89,8 +90,8 @@ impl Pulse {
                     beat = beat.after(steps.load(Ordering::Relaxed), taken(&waits));
                     write(beat);
                 }
-                // The steps since the last count are written now, so that the status of the ended attempt includes
-                // them.
+                // The steps since the last count are written now, so that the status of the ended attempt
+                // includes these steps.
                 write(Beat { steps: steps.load(Ordering::Relaxed), ..beat });
             };
             Builder::new().spawn(count).map_err(|error| Error::no_thread(&error))?
@@ -104,13 +105,13 @@ impl Pulse {
     }
 }
 
-/// Returns whether the attempt has waited for another process since the last call of this function. The next call
-/// returns false, unless the attempt waits again.
+/// Returns true if the attempt has waited for another process since the last call of this function. The next
+/// call returns false, unless the attempt waits again.
 fn taken(waits: &AtomicBool) -> bool {
     waits.swap(false, Ordering::Relaxed)
 }
 
-/// Sleeps for this time, or until the attempt ends. Returns whether the attempt has ended.
+/// Sleeps for `time`, or until the attempt ends. Returns true if the attempt has ended.
 fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
     let mut left = time;
     while !left.is_zero() && !ended.load(Ordering::Relaxed) {

@@ -24,14 +24,15 @@ pub struct Wishes {
     pub is_known: bool,
 }
 
-/// If the longest shard takes at least this long, or its time is a guess, the shards become elements of a job array.
-/// Slurm starts the elements of an array one after another, and takes a few seconds for each; it can requeue a single
-/// element. Shorter shards become tasks of one job step, which all start at the same time.
+/// If the longest shard takes at least this long, or if its time is a guess, the shards become elements of a
+/// job array. Slurm starts the elements of an array one after another, and takes a few seconds for each
+/// element. Slurm can requeue a single element. Shorter shards become tasks of one job step, which all start
+/// at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
-/// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads them from
-/// its standard input, so that the shell script writes no file, which could replace a file of the user. The merge is
-/// submitted only if the shards were.
+/// Returns a shell script that submits the scripts of the shards and of the merge. The command `sbatch` reads
+/// these scripts from its standard input, so that the shell script writes no file, which could replace a file
+/// of the user. The merge is submitted only if the shards were submitted.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));

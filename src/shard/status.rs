@@ -1,5 +1,6 @@
-//! The state of each attempt in a folder: begun, going, hung, lost, or ended. Each attempt increases a counter in its
-//! own folder while it runs. This module reads all counters twice, and so finds out which of them increase.
+//! The state of each attempt in a folder: begun, going, hung, lost, or ended. Each attempt increases a
+//! counter in its own folder while it runs. This module reads all counters twice, to find out which counters
+//! increase.
 
 use super::{Attempt, Beat, End};
 use crate::error::Result;
@@ -12,9 +13,9 @@ use std::time::Duration;
 pub enum State {
     /// The attempt has made its folder, but its counter has not started yet.
     Begun,
-    /// The attempt's counter increases, and the attempt is not hung: within the time limit of a step, it has made
-    /// progress or has waited for another process. This can be a process that uses a device, or one that measures the
-    /// device's peak rates for the attempt.
+    /// The attempt's counter increases, and the attempt is not hung: within the time limit of a step, it has
+    /// made progress or has waited for another process. The other process may be using a device, or measuring
+    /// the device's peak rates for the attempt.
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.
@@ -33,7 +34,7 @@ pub struct Status {
     pub name: String,
     /// The attempt's state.
     pub state: State,
-    /// The attempt's counter at the second reading; all numbers are 0 if the attempt has not counted yet.
+    /// The attempt's counter at the second reading. All its numbers are 0 if the attempt has not counted yet.
     pub beat: Beat,
 }
 

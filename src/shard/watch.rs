@@ -1,6 +1,6 @@
-//! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
-//! the step's processes again. Without this check, a process of a lost step would go on. It would measure the same
-//! points as the process that replaces it, although a merge uses only one record of each point.
+//! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not
+//! look for the step's processes again. Without this check, a process of a lost step would go on. It would
+//! measure the same points as its replacement, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -82,7 +82,8 @@ impl Chain {
         Self::from(parent(), asked, &read)
     }
 
-    /// Returns the chain of processes that begins at process `id`; the chain is empty if no process should be checked.
+    /// Returns the chain of processes that begins at process `id`. The chain is empty if no process should be
+    /// checked.
     fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
         let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
@@ -102,7 +103,8 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Returns a text about the first process of the chain that has ended; `None` if all of them are alive.
+    /// Returns a text about the first process of the chain that has ended; `None` if all processes of the
+    /// chain are alive.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }
@@ -124,8 +126,8 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux's `/proc`. Returns `None` on other systems, and if the process has ended, even if its
-/// parent has not waited for it yet.
+/// Reads a process from Linux's `/proc`. Returns `None` on other systems, and if the process has ended. A
+/// process whose parent has not waited for it yet counts as ended.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }

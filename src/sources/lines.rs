@@ -1,5 +1,5 @@
-//! Splits a kernel file into lines and finds its directives as a compiler does: comments and strings hide them, and a
-//! line that ends in a backslash or within a comment continues on the next line.
+//! Splits a kernel file into lines and finds its directives as a compiler does: comments and strings hide
+//! directives, and a line that ends in a backslash or within a comment continues on the next line.
 
 use crate::error::{Error, Result};
 
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 pub struct SourceLine<'a> {
     /// The line's text as written.
     pub text: &'a str,
-    /// The directive that ends on this line, without comments; empty if none does.
+    /// The directive that ends on this line, without comments. Empty if no directive ends on this line.
     pub directive: String,
     /// The file that the line includes, if any.
     pub includes: Option<&'a str>,
@@ -27,11 +27,11 @@ enum Within {
 /// Directives by which a compiler reads another file.
 const READING: [&str; 3] = ["include", "import", "embed"];
 
-/// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a line
-/// `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file of the
-/// machine. Refuses a comment without an end, since it would hide the files that are joined after this one. Refuses a
-/// carriage return within a line: compilers start a new line there, so later lines would have other numbers in their
-/// messages and line tables.
+/// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a
+/// line `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file
+/// of the machine. Refuses a comment without an end, since it would hide the files that are joined after this
+/// file. Refuses a carriage return within a line: compilers start a new line at a carriage return, so later
+/// lines would have other numbers in their messages and line tables.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
     let (mut lines, mut opened) = (Vec::new(), 1);
@@ -68,8 +68,8 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
             .with_help("close the comment with */ in the same file"));
     }
     if continues {
-        // The file ends in a backslash, which joins the last line to the line after it. The empty line added here is
-        // that line, so that the backslash does not join the first line of the next file.
+        // The file ends in a backslash, which joins the last line to the line after it. An empty line is
+        // added after the last line, so that the backslash does not join the first line of the next file.
         lines.push(SourceLine { text: "", directive: begun, includes: None });
     }
     Ok(lines)
@@ -79,14 +79,14 @@ fn is_directive(code: &str) -> bool {
     code.trim_start().starts_with(['#', '%'])
 }
 
-/// Returns whether a line's code makes a compiler read another file. `%:` means `#`.
+/// Returns true if a line's code makes a compiler read another file. `%:` means `#`.
 fn is_reading(code: &str) -> bool {
     let code = code.trim_start();
     let directive = code.strip_prefix('#').or_else(|| code.strip_prefix("%:")).map(str::trim_start);
     directive.is_some_and(|directive| READING.iter().any(|word| directive.starts_with(word)))
 }
 
-/// Returns the file that a line of the form `#include "FILE"` includes.
+/// Returns the file that a line of the form `#include "FILE"` includes; `None` for any other line.
 fn included(line: &str) -> Option<&str> {
     line.strip_prefix("#include \"").and_then(|rest| rest.split_once('"')).map(|(file, _)| file)
 }

@@ -14,8 +14,8 @@ pub fn in_files(log: &str, text: &str) -> String {
     log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
 
-/// Returns the file and the number in this file of line `number` of a text, according to the text's directives `#line`.
-/// Lines are counted from 1.
+/// Returns the file and the number in this file of line `number` of a text, according to the text's
+/// directives `#line`. Lines are counted from 1. Returns `None` if no directive precedes the line.
 fn position_of_line(text: &str, number: usize) -> Option<(&str, usize)> {
     let mut next = None;
     for line in text.lines().take(number.checked_sub(1)?) {
@@ -24,7 +24,8 @@ fn position_of_line(text: &str, number: usize) -> Option<(&str, usize)> {
     next
 }
 
-/// Returns the file and the number that a directive `#line` gives to the next line.
+/// Returns the file and the number that a directive `#line` gives to the next line; `None` for any other
+/// line.
 fn directive(line: &str) -> Option<(&str, usize)> {
     let (number, name) = line.strip_prefix("#line ")?.split_once(' ')?;
     Some((name.trim_matches('"'), number.parse().ok()?))

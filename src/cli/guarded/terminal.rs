@@ -1,6 +1,6 @@
-//! Restores the terminal after a child process has shown pictures in it. If a driver crashes or a signal ends the child
-//! process, the terminal stays in raw mode, shows its alternate screen and reports the movements of the mouse. The
-//! parent process, which runs this code, then makes the terminal usable again.
+//! Restores the terminal after a child process has shown pictures in it. If a driver crashes or a signal ends
+//! the child process, the terminal stays in raw mode, shows its alternate screen and reports the movements of
+//! the mouse. The code in this file runs in the parent process and makes the terminal usable again.
 
 use super::not_awaited;
 use crate::error::{Error, Result};
@@ -44,14 +44,14 @@ impl LentTerminal {
         Ok(Some(Self { mode, is_back }))
     }
 
-    /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this process gets a
-    /// signal in [`ENDING`] (signals that end processes) while it waits, it does not end, but ends the child process.
-    /// The returned status then says that this signal ended the child process.
+    /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this
+    /// process gets a signal in [`ENDING`] (signals that end processes) while it waits, this process goes on,
+    /// but ends the child process. The returned status then says that this signal ended the child process.
     ///
     /// # Errors
     ///
-    /// Fails if the system refuses the handlers of these signals, or the thread that waits for the signals. The child
-    /// process has been killed then.
+    /// Fails if the system refuses the handlers of these signals, or the thread that waits for the signals.
+    /// In both cases, the child process has been killed.
     pub fn wait(&self, child: &mut Child) -> Result<ExitStatus> {
         self.is_back.store(false, Ordering::SeqCst);
         let ended = match Signals::new(ENDING) {
@@ -75,12 +75,16 @@ impl LentTerminal {
         let mut out = std::io::stdout();
         // If this output fails, the failure is ignored, since a message in the same terminal would fail too.
         let _ = out.write_all(END_OF_PICTURE).and_then(|()| leave_terminal(&mut out));
-        // Reports of the mouse that nobody has read are discarded: the user's shell would take them for typed text.
+        // Reports of the mouse that no process has read are discarded: the user's shell would take them for
+        // typed text.
         let _ = tcsetattr(stdin(), OptionalActions::Flush, &self.mode);
     }
 }
 
-/// Waits until a child process has ended. Meanwhile, the thread that `listener` starts waits for signals.
+/// Waits until a child process has ended. Meanwhile, the thread that `listener` starts waits for `signals`,
+/// and ends the child process after each of them. Returns the child's exit status or, if signals arrived, a
+/// status that says that the first of them ended the child process. If the thread cannot be started, kills
+/// the child process and returns an error.
 fn wait_with(mut signals: Signals, child: &mut Child, listener: Builder) -> Result<ExitStatus> {
     let process = Pid::from_child(child);
     let handle = signals.handle();

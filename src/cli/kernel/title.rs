@@ -6,7 +6,7 @@ use crate::program::preprocess::Preprocessed;
 use crate::strategy::{Strategy, Workload};
 use crate::words::{counted, counted_are};
 
-/// The strategy, device and sizes of a program.
+/// A program's strategy, device and sizes, which the comment at the program's beginning states.
 pub(super) struct Title<'a> {
     pub args: &'a Args,
     pub strategy: Strategy,
@@ -74,7 +74,9 @@ impl Title<'_> {
     }
 }
 
-/// Returns the comment at the end of the printed program.
+/// Returns the comment at the end of the printed program. The comment names the files that contain only
+/// macros, and states the number of lines that were left out (`left_out`). Returns an empty text if there are
+/// neither.
 pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
     let without: Vec<&str> =
@@ -91,7 +93,7 @@ pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     if foot.is_empty() { foot } else { format!("\n{foot}") }
 }
 
-/// Splits compiler options into macro definitions, as `NAME=VALUE`, and all other options.
+/// Splits compiler options into macro definitions, without their `-D`, and all other options.
 fn parted(options: &str) -> (String, String) {
     let (mut defines, mut others) = (Vec::new(), Vec::new());
     let mut words = options.split_whitespace();
@@ -107,7 +109,7 @@ fn parted(options: &str) -> (String, String) {
 /// The length of the longest line of a comment, in characters.
 const WIDEST: usize = 110;
 
-/// Returns a text as the lines of a comment.
+/// Returns `text` as a comment whose lines have at most [`WIDEST`] characters.
 fn comment(text: &str) -> String {
     let mut lines = String::new();
     let mut line = "//".to_owned();

@@ -7,8 +7,8 @@ use super::{Question, items, named};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
-/// The largest numbers of resident work-groups and of resident threads per multiprocessor. The paper's Figure 5 uses
-/// only these two limits.
+/// The largest number of resident work-groups per multiprocessor. [`THREADS`] is the largest number of
+/// resident threads. The paper's Figure 5 uses only these two limits.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
 /// The number of registers per thread in the paper.

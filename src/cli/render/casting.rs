@@ -57,10 +57,10 @@ impl Cast {
         self.counts.as_ref().map_or(f64::from(self.sampling.most), SampleCounts::mean)
     }
 
-    /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
-    /// `per_hit` shadow rays. Soft light at half resolution needs two additional pictures, each with a quarter of the
-    /// pixels. Only one of these two half pictures then has shadow rays. The other half picture and the picture of full
-    /// size have none.
+    /// Returns the number of primary rays and the number of shadow rays of a picture of `size`. Each hit has
+    /// `per_hit` shadow rays. Soft light at half resolution needs two half pictures in addition, each with a
+    /// quarter of the pixels. In this case, only one half picture has shadow rays; the other half picture and
+    /// the picture of full size have none.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -79,8 +79,8 @@ impl Cast {
 /// first frame counts only if it takes longer than this limit: the time for memory and compilation is then negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Returns whether the first frame counts as one of the requested frames: if only one frame is requested, or if the
-/// first frame takes longer than `LONG_FRAME_MS`.
+/// Returns true if the first frame counts as one of the requested frames: if only one frame is requested, or
+/// if the first frame takes longer than `LONG_FRAME_MS`.
 fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }
@@ -133,8 +133,8 @@ pub fn cast(
     Ok((image, Cast { hits, times, records_ms, read_ms, sampling, counts, parts }))
 }
 
-/// Reads the last frame's image, and returns the number of pixels that hit something. The image has 8 bits per channel
-/// if `shows` is given and all pixels are finite; otherwise it is radiance.
+/// Reads the last frame's image, and counts the pixels whose rays hit a triangle. The image has 8 bits per
+/// channel if `shows` is given and all pixels are finite. Otherwise, the image is radiance.
 fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
     if let Some(shows) = shows
         && let Some(shown) = read_shown(caster, shows)?
@@ -145,7 +145,8 @@ fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Pict
     Ok((Picture::Radiance(image), hits))
 }
 
-/// Reads the last frame's image in 8 bits; returns `None` if a pixel is not finite.
+/// Reads the last frame's image in 8 bits, and counts the pixels whose rays hit a triangle. Returns `None` if
+/// a pixel is not finite.
 fn read_shown(
     caster: &Caster,
     Shows { display, target, program }: &Shows<'_>,
@@ -159,8 +160,8 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Returns, for each of a frame's times (such as that of its primary pass), the median over these frames. The processor
-/// time is left out, because it is measured only in experiments.
+/// Returns the median of each kind of time, such as the time of the primary pass, over `frames`. The
+/// processor time is left out, because it is measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     FrameTimes {
         frame_ms: FrameTimes::median_of(frames, |frame| Some(frame.frame_ms)).unwrap_or(0.0),

@@ -46,10 +46,10 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     spec(args, sources, device, &strategy, workload)
 }
 
-/// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so the function
-/// guesses the scene's properties on which the program depends. Returns `None` if no guess is possible. This program is
-/// compiled early instead of the [`likely`] program if that program is not compiled yet, and if [`hurry::may`] returns
-/// true.
+/// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so
+/// the function guesses the scene's properties on which the program depends. Returns `None` if no guess is
+/// possible. raycl compiles this program early, instead of the [`likely`] program, if the [`likely`] program
+/// is not compiled yet and [`hurry::may`] returns true.
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;

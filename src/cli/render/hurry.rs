@@ -1,8 +1,8 @@
 //! Chooses the strategy for a picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
-//! Compiling that program takes seconds. The program of the preset [`QUICK`] compiles in a fraction of this time, and
-//! either program casts a picture in milliseconds. So the picture is cast with [`QUICK`], and a background process
-//! compiles the fastest strategy's program for the next start of raycl.
+//! Compiling the fastest strategy's program takes seconds. The program of the preset [`QUICK`] compiles in a
+//! fraction of this time, and both programs cast a picture in milliseconds. So raycl casts the picture with
+//! [`QUICK`], while a background process compiles the fastest strategy's program for the next start of raycl.
 
 use super::Args;
 use crate::device::DeviceInfo;
@@ -33,15 +33,16 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
     Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
 }
 
-/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy. This is so if the user has
-/// chosen neither a strategy nor a local size, the command casts a single frame once, and the picture is small enough.
-/// Returns false with `--cl-dir` and `--watch`, since kernels are then probably being edited, perhaps those of the
-/// fastest strategy. Also returns false for a CPU, where the usual strategy, `tile`, compiles in a short time.
+/// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen
+/// neither a strategy nor an axis nor a local size, the command casts a single frame once, and the picture is
+/// small enough. Returns false with `--cl-dir` and `--watch`: the user is probably editing kernels, perhaps
+/// those of the fastest strategy. Also returns false for a CPU, where the usual strategy, `tile`, compiles in
+/// a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
 
-/// Returns whether [`may`] returns true for devices that are not CPUs.
+/// Returns true if [`may`] returns true for devices that are not CPUs.
 pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
     let pixels: u64 = args.subject.size().map(u64::from).iter().product();
     args.subject.leaves_strategy_open()
@@ -52,14 +53,14 @@ pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
         && pixels * u64::from(sampling.most) <= MOST_RAYS
 }
 
-/// Returns whether [`may`] returns true and the scene is small enough.
+/// Returns true if [`may`] returns true and the scene has at most `MOST_TRIANGLES` triangles.
 pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampling) -> bool {
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
-/// Returns the strategy and the local size with which to cast a picture. These are those of [`QUICK`] if [`may_cast`]
-/// returns true and the fastest strategy's program must still be compiled. In this case, the function also returns the
-/// fastest strategy's program. In all other cases, it returns the strategy and the local size in `fastest`.
+/// Returns the strategy and the local size with which to cast a picture. If [`may_cast`] returns true and the
+/// fastest strategy's program must still be compiled, returns those of [`QUICK`] and, as the second value,
+/// the fastest strategy's program. In all other cases, returns `fastest` and `None`.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,

@@ -97,7 +97,7 @@ pub(super) fn check(
     Ok(Verified { max_difference, ..whole })
 }
 
-/// Compares a picture with its reference; returns the reason if the picture is wrong.
+/// Compares a picture with its reference. If the picture is wrong, returns the reason as an error.
 fn compare(
     scene: &Scene,
     (image, hits): (&Radiance, Option<usize>),
@@ -130,7 +130,9 @@ fn compare(
     }
 }
 
-/// Filters a picture's parts on the host and compares the picture with the result; returns the largest difference.
+/// Applies the filter of soft light to `parts` on the host, and compares `image` with the result. Returns the
+/// largest relative difference or, if this difference is above `RELATIVE_LIMIT`, an error that names the
+/// pixel.
 fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::result::Result<f64, String> {
     let background = scene.background.as_dvec3();
     let expected = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);

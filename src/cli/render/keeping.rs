@@ -1,6 +1,7 @@
-//! Prepares the next start of raycl in background processes with low priority. The command that casts the picture does
-//! not wait for these processes. Every background process lists the devices. It may also store a program: one whose
-//! binary the driver takes long to return, or one that was not compiled in time for this picture.
+//! Prepares the next start of raycl in background processes with low priority. The command that casts the
+//! picture does not wait for these processes. Every background process lists the devices. A background
+//! process may also store a program: one whose binary the driver takes long to return, or one that was not
+//! compiled in time for this picture.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -19,7 +20,7 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a background process began to store a program or to list the devices.
 const KIND: &str = "order";
-/// A process that began longer ago than this counts as dead.
+/// A background process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
 /// A task for the background process: to list the devices, and to compile and store a program.
@@ -89,23 +90,24 @@ fn hurried(fastest: &Strategy) -> String {
 
 const COMPILES: &str = "another process is compiling the fastest strategy for the next start";
 
-/// Starts a background process that stores a program, if storing it is worthwhile. Returns whether the process has
-/// started.
+/// Starts a background process that stores the program of `prepared`, if this is worthwhile
+/// ([`is_worth_storing`]). Returns true if the process has started.
 fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     let worth = is_worth_storing(&cache, prepared.program.from_cache, &device.info);
     worth && in_background(&cache, &prepared.spec, &device.info)
 }
 
-/// Returns whether a program should be stored by a background process: the cache is in use, the program is not in it
-/// yet, and the driver needs a long time to return the binary.
+/// Returns true if a background process should store a program: raycl can use the cache, the program did not
+/// come from the cache, and the driver needs a long time to return the binary.
 fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> bool {
     !from_cache && !device.has_binaries_at_hand() && cache.is_usable()
 }
 
-/// Starts a background process that compiles and stores a program, unless another process is already doing this work.
-/// Returns `false` if the cache is not in use. If the process cannot start, the next start of raycl also finds the
-/// program uncompiled, and casts its picture without it.
+/// Starts a background process that compiles and stores a program, unless another process is already doing
+/// this work. Returns false if raycl cannot use the cache, and true otherwise, even if the process could not
+/// start: the next start of raycl then also finds the program uncompiled, and casts its picture without this
+/// program.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.is_usable() {
         in_background(cache, spec, device);
@@ -113,8 +115,8 @@ fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool
     cache.is_usable()
 }
 
-/// Starts a background process that tests the device's lane operations and stores the list of devices. If the process
-/// cannot start, the next start lists the devices again.
+/// Starts a background process that tests the device's lane operations and stores the list of devices. If the
+/// process cannot start, the next start of raycl lists the devices again.
 fn list_later(device: &DeviceInfo) {
     let cache = Cache::of_user();
     if cache.is_usable() && begin(&cache, &device.identity()) {
@@ -158,8 +160,8 @@ fn background(order: &Order) -> Result<Command> {
     Ok(command)
 }
 
-/// The background process: reads its task from standard input, lists the devices if no list is stored, and builds and
-/// stores the program.
+/// Does the work of the background process: reads the task ([`Order`]) from standard input, lists the devices
+/// if no list is stored, and builds and stores the task's program, if it has one.
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order: Order = serde_json::from_reader(std::io::stdin())
@@ -169,8 +171,8 @@ pub fn serve() -> Result<()> {
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
-    // The test of the device may have found other lane operations than were assumed for the program. The next start
-    // then needs another program, so this one is not stored.
+    // The test of the device may have found other lane operations than those for which the program was made.
+    // In this case, the next start needs another program, so the task's program is not stored.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };

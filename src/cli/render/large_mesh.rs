@@ -13,8 +13,9 @@ use crate::strategy::{Layout, Strategy, Task, Traversal};
 /// making the buffers takes 0.8 s less, and casting the frame takes 14 ms more.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
-/// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl
-/// expects to be fastest on the device.
+/// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those
+/// that raycl expects to be fastest on the device. For a single picture of a large mesh on a CPU, the layout
+/// is changed to indexed normals, unless the user has chosen a strategy or a layout.
 pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
     let (mut strategy, local_size) = args.subject.strategy(device, task)?;
     if device.limits.is_cpu
@@ -27,16 +28,16 @@ pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strateg
     Ok((strategy, local_size))
 }
 
-/// Returns whether the layout may be changed to indexed normals: the user has not chosen a layout, and raycl casts a
-/// single frame.
+/// Returns true if the layout may be changed to indexed normals: the user has chosen neither a strategy nor a
+/// layout, and raycl casts a single frame.
 fn may_be_indexed(args: &Args) -> bool {
     let subject = &args.subject;
     let is_chosen = subject.strategy.is_none() && subject.set.iter().all(|(key, _)| key != "layout");
     is_chosen && args.repeat == 1 && !args.motion.moves()
 }
 
-/// Returns whether the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can read the
-/// mesh's own list of normals.
+/// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can
+/// read the mesh's own list of normals.
 fn is_tiled(strategy: &Strategy) -> bool {
     strategy.traversal == Traversal::Tile && !strategy.shares_tiles()
 }

@@ -65,35 +65,36 @@ pub(super) const MOVING: &str = "moving";
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {
-    /// True if frames are rendered instead of a single picture.
+    /// Returns true if frames are rendered instead of a single picture.
     pub fn moves(&self) -> bool {
         self.turns() || self.animates()
     }
 
-    /// True if the scene's animation is rendered.
+    /// Returns true if the scene's animation is rendered.
     pub fn animates(&self) -> bool {
         self.animate
     }
 
-    /// True if the frames of a turntable are rendered.
+    /// Returns true if the frames of a turntable are rendered.
     pub fn turns(&self) -> bool {
         self.turntable.is_some()
     }
 
-    /// Returns the frames per second: those of the option or, without the option, those of the scene's animation
-    /// (`of_scene`), if it states them.
+    /// Returns the frames per second: the value of `--rate` or, without this option, the rate of the scene's
+    /// animation (`of_scene`). If the animation has no rate either, returns [`USUAL_RATE`].
     fn frames_per_s(&self, of_scene: Option<u16>) -> u16 {
         self.rate.or(of_scene).unwrap_or(USUAL_RATE)
     }
 
-    /// Returns the frames that the user requested, out of `count`. With `--shard`, all processes together render these
-    /// frames.
+    /// Returns the frames of `--frames` or, without this option, all `count` frames. With `--shard`, all
+    /// processes together render these frames. Returns an error if `--frames` names frames after the last
+    /// one.
     fn asked(&self, count: u32) -> Result<Frames> {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
-    /// Returns the frames that this process renders; `None` if this process has no frame, because there are fewer
-    /// frames than processes.
+    /// Returns those of the frames `all` that this process renders. Returns `None` if this process has no
+    /// frame, because there are fewer frames than processes.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),
@@ -102,7 +103,8 @@ impl Motion {
     }
 }
 
-/// Returns whether rendering the frames may replace a file. `frames` is the number of frames of the scene's animation.
+/// Returns true if rendering the frames may replace a file. `frames` is the number of frames of the scene's
+/// animation.
 pub fn may_replace(args: &Args, frames: u32) -> bool {
     let count = args.motion.turntable.unwrap_or(frames);
     let wanted = args.motion.asked(count).and_then(|all| args.motion.share(all));
@@ -111,7 +113,7 @@ pub fn may_replace(args: &Args, frames: u32) -> bool {
     wanted.is_ok_and(|wanted| wanted.is_some_and(|wanted| Sink::may_replace(args, wanted, count)))
 }
 
-/// Reports that this process has no frame to render, because there are fewer frames than processes.
+/// Tells the user that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     let text = format!(
         "this shard renders nothing: there are fewer frames ({}..{}) than shards",
@@ -153,7 +155,8 @@ struct Report {
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     Sink::check(args)?;
-    // The number of an animation's frames is not known before its scene is loaded.
+    // For a turntable, the number of frames is known now. For an animation, it is known only after the scene
+    // is loaded.
     if let Some(all) = args.motion.turntable.map(|count| args.motion.asked(count)).transpose()?
         && args.motion.share(all)?.is_none()
     {

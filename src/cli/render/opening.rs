@@ -22,8 +22,9 @@ pub struct Opened {
     pub load_ms: f64,
     /// Time for starting the driver and opening the device, while the scene is read.
     pub start_ms: f64,
-    /// The program that the scene will probably need. It is built without waiting until the scene is loaded. `None` if
-    /// no program could be guessed, or if its build failed; raycl then builds the program later.
+    /// The program that the scene will probably need, built while the scene is being loaded. `None` if no
+    /// program could be guessed, or if its build failed. In both cases, raycl builds the scene's program
+    /// later.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while
     /// another thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then

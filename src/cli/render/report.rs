@@ -130,10 +130,11 @@ impl Verification {
 /// The result of `--verify` if the picture agrees with the reference.
 #[derive(Debug, Default, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is certain. If
-    /// soft light was cast in half pictures, this is the larger of two differences. The first is that of the pictures
-    /// from which the filter made the final picture, compared with the reference over their certain pixels. The second
-    /// is that of the final picture, compared with the result of the same filter on the host over all pixels.
+    /// The largest relative difference from the reference, over all certain pixels; null if no pixel is
+    /// certain. If soft light was cast in half pictures, raycl makes two comparisons, and this field has the
+    /// larger difference. First, the pictures from which the filter made the final picture are compared with
+    /// the reference, in their certain pixels. Second, the final picture is compared with the result of the
+    /// same filter on the host, in all pixels.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.
@@ -171,14 +172,15 @@ fn per_s(count: f64, ms: f64) -> f64 {
     count / ms * 1e3
 }
 
-/// Returns the number of ray-triangle tests of primary rays per second, if each ray is tested against all triangles.
-/// The time is that of the primary pass; if passes are fused, it is that of the frame.
+/// Returns the number of ray-triangle tests of primary rays per second, if each ray is tested against all
+/// triangles. The number of tests is divided by the time of the primary pass or, if passes are fused, by the
+/// time of the frame.
 fn tests_per_s(primary_rays: f64, triangles: usize, times: &FrameTimes) -> f64 {
     per_s(primary_rays * triangles as f64, times.primary_ms.unwrap_or(times.frame_ms))
 }
 
 impl Report {
-    /// Fills in the fields that are known after casting; the caller adds the other fields.
+    /// Returns a report with the fields that are known after casting. The caller sets the other fields.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let triangles = scene.mesh.triangles.len();
@@ -257,7 +259,8 @@ impl Report {
         lines.join("\n")
     }
 
-    /// Returns the remark that the report prints beside a part of the command's time.
+    /// Returns the remark that the report prints beside a part of the command's time; an empty text if there
+    /// is none.
     fn remark(&self, part: &str) -> String {
         match part {
             "kernel" => self.kernel_remark(),

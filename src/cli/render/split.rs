@@ -208,8 +208,8 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-/// Returns the number of primary and shadow rays of a frame. `hits` is the number of hits of its primary rays with one
-/// sample per pixel.
+/// Returns the number of primary and shadow rays of a frame with `samples` samples per pixel. `hits` is the
+/// number of pixels whose primary ray hits a triangle.
 fn rays(scene: &Scene, image_size: [u32; 2], hits: usize, samples: u32) -> f64 {
     let [width, height] = image_size.map(f64::from);
     let shadow_rays = hits * scene.shadow_rays_per_hit();

@@ -36,13 +36,14 @@ impl Timeline {
         Self { last: Instant::now(), parts: Vec::new() }
     }
 
-    /// Ends a part that began when the previous one ended.
+    /// Ends the part `part`, which began when the previous part ended.
     pub fn ends(&mut self, part: &'static str) {
         self.ends_with(part, &[]);
     }
 
-    /// Ends a part that began when the previous one ended. `others` lists other parts that took some of this time, with
-    /// their durations in milliseconds; these durations are subtracted from the part.
+    /// Ends the part `part`, which began when the previous part ended. `others` lists other parts that took
+    /// some of this time, with their durations in milliseconds; these durations are subtracted from the
+    /// duration of `part`.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

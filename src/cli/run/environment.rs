@@ -5,7 +5,7 @@ use crate::device::{DeviceInfo, variables};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Source, git_state};
 
-/// Returns the machine, the devices, the program and the files of a run that begins now.
+/// Returns what a run that begins now records about the machine, the devices, the program and the files.
 pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[Sources]) -> Environment {
     Environment {
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -13,8 +13,8 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         build: env!("RAYCL_BUILD").to_owned(),
         variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
-        // The conversion is lossy, since an argument need not be UTF-8; `std::env::args` would panic at an argument
-        // that is not UTF-8.
+        // Arguments need not be UTF-8. `std::env::args` would panic at an argument that is not UTF-8, so the
+        // conversion replaces the bytes that are not UTF-8.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
@@ -27,13 +27,14 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
     }
 }
 
-/// Returns the files of the config and its scenes, with their current hashes.
+/// Returns the config's file and the scenes' files, with their current hashes.
 fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     let scenes = experiment.scenes.iter().map(|scene| Source::file("scene", &scene.path));
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }
 
-/// Describes the kernel files as an input of the run: the built-in ones, or those of a folder.
+/// Returns the entry for the kernel files (the built-in files, or those of a folder) in the list of the run's
+/// files.
 fn of_kernels(kernels: &Sources) -> Source {
     let (path, git) = match kernels {
         Sources::Embedded => ("built in".to_owned(), None),

@@ -13,9 +13,10 @@ pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     latest.filter(|_| resume).unwrap_or(free)
 }
 
-/// Makes the folder of a new run for the config `name`, and returns its path. Runs that begin at the same time have
-/// different folders, since only one of them can make a folder. If a folder cannot be made for another reason, returns
-/// its path; an attempt to write there reports the reason.
+/// Makes the folder of a new run for the config `name`, and returns its path. Runs that begin at the same
+/// time get different folders, because only one run can make a folder of a given name. If a folder cannot be
+/// made for another reason than that it exists, returns its path; a later attempt to write there reports the
+/// reason.
 pub fn new_folder(name: &str) -> PathBuf {
     let is_taken = |folder: &PathBuf| {
         let _ = folder.parent().map(std::fs::create_dir_all);

@@ -24,14 +24,14 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
     print(format!("{}\n{expected}.", counts(points)))
 }
 
-/// Returns the notes on the points' scenes, each once.
+/// Returns the notes on the points' scenes, without repetitions.
 fn notes(points: &[Forecast]) -> Vec<&str> {
     let mut seen = HashSet::new();
     let all = points.iter().flat_map(|point| &point.scene_notes).map(String::as_str);
     all.filter(|note| seen.insert(*note)).collect()
 }
 
-/// Returns a point's row of the table; `device` is the name of its device as people know it.
+/// Returns a point's row of the table; `device` is the name that the table shows for the point's device.
 fn cells(point: &Forecast, device: &str) -> [String; 6] {
     let bytes = |of: fn(&Requirements) -> u64| {
         point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
@@ -47,7 +47,8 @@ fn cells(point: &Forecast, device: &str) -> [String; 6] {
     ]
 }
 
-/// Returns a line with the number of points, the number of those that the run will not measure, and why.
+/// Returns a line with the number of all points, and the numbers of points that do not fit, are meant for
+/// devices of another kind, or are done.
 fn counts(points: &[Forecast]) -> String {
     let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
     let refused = points.iter().filter(|point| point.not_for.is_none() && point.refused.is_some()).count();

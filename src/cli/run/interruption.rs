@@ -26,7 +26,8 @@ pub fn forget_interruption() {
     }
 }
 
-/// Makes a flag, and handlers that set the flag.
+/// Returns a new flag. Installs handlers for SIGINT and SIGTERM: the first signal sets the flag, and the
+/// second ends raycl.
 fn registered() -> std::io::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {

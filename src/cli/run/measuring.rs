@@ -61,16 +61,16 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..builder_count(cores, run.devices)).map(builder).collect()
 }
 
-/// Returns the number of builders (processes that compile programs before workers need them). There is one builder per
-/// core, but at most `MOST_BUILDERS`, and no more than fit into each device's memory at the same time if scenes are
-/// small. If a scene is large, only some of the builders hold the scene.
+/// Returns the number of builders (processes that compile programs before workers need them). There is one
+/// builder per core, but at most `MOST_BUILDERS`, and at most one per `BYTES_PER_BUILDER` of each device's
+/// memory. (This suffices for small scenes; if a scene is large, only some of the builders hold the scene.)
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
-/// Returns what `of` returns for the device of each worker, in the order of [`Run::jobs`]. This order begins with one
-/// worker per device. If the run compares two folders of kernels, one worker per device for the second folder follows.
+/// Returns the value of `of` for the device of each worker, in the order of [`Run::jobs`]: one worker per
+/// device and, if the run compares two folders of kernels, one more worker per device for the second folder.
 fn of_workers<T: Clone>(run: &Run<'_>, of: impl Fn(&DeviceInfo) -> T) -> Vec<T> {
     let own: Vec<T> = run.devices.iter().map(|&device| of(device)).collect();
     let sets = 1 + usize::from(run.other_sources.is_some());

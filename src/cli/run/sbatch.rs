@@ -13,7 +13,7 @@ use crate::words::{option, path_word};
 use std::path::Path;
 use std::time::Duration;
 
-/// Words that select CPUs.
+/// Parts of the words with which users select CPUs, in lower case.
 const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon"];
 
 /// Prints the shell script for this number of shards. This machine, such as a login node, need not have the devices.
@@ -49,9 +49,9 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// Guesses from the words that select devices whether a GPU is selected, for a machine that does not have these
-/// devices. A word that does not name a CPU counts as the name of a GPU. Returns `None` if there is no word other than
-/// `all`.
+/// Guesses from the words of `--device` or the config whether they select a GPU, for a machine that does not
+/// have the devices. Returns true if at least one word contains none of [`PROCESSORS`]: such a word counts as
+/// the name of a GPU. Returns `None` if there is no word other than `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");

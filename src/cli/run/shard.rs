@@ -58,8 +58,9 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     part.report(&records)
 }
 
-/// Refuses a folder with files that raycl did not make, unless `force` is true. Also refuses the folder of a run
-/// without shards, since `raycl merge` writes files with the same names. Accepts a folder of shards.
+/// Returns an error for a folder with files that raycl did not make, unless `force` is true. Also returns an
+/// error for the folder of a run without shards, because `raycl merge` writes files with the same names.
+/// Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match existing::exists(&out.join(RECORDS))? {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
@@ -92,7 +93,7 @@ fn version() -> String {
     format!("{}{revision}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Makes the plan of the experiment's points, and cuts the plan into shards of about equal expected time.
+/// Returns the plan of the experiment's points, cut into shards of about equal expected time.
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);

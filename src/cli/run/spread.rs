@@ -21,9 +21,9 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Cuts the plan of a run into blocks for its devices. A run that is resumed with the same points on as many
-    /// devices uses the blocks of its first session, even if the expected times of points have changed. With new
-    /// blocks, the control point of a group could change between the sessions.
+    /// Cuts the plan of a run into blocks for its devices. A run that is resumed with the same points and the
+    /// same number of devices uses the blocks of its first session, even if the expected times of points have
+    /// changed. With new blocks, the control point of a group could change between the sessions.
     pub fn of(run: &Run<'_>, out: &Path) -> Result<Self> {
         let devices = run.devices.len();
         let plan = run.plan_of_one_device();
@@ -36,7 +36,6 @@ impl Spread {
         Ok(Self { devices, points, blocks })
     }
 
-    /// Returns the blocks.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
     }

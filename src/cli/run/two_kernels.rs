@@ -10,11 +10,11 @@ use crate::record::journals::IMAGES;
 use crate::report::Comparison;
 use std::path::{Path, PathBuf};
 
-/// Prints how the times with the second folder of kernels compare with those with the first. If `limit_percent` is
-/// given, returns an error with exit code 1 in two cases. In the first case, the slowdown with the second folder
-/// exceeds `limit_percent`, and this excess is statistically significant. The slowdown is that of the mean of all
-/// points, of the mean of one strategy's points, or of a single point. In the second case, a point fails with the
-/// second folder but was measured with the first.
+/// Compares the times with the second folder of kernels with the times with the first folder, and prints the
+/// comparison unless `quiet` is true. If `limit_percent` is given, returns an error with exit code 1 in two
+/// cases. In the first case, the second folder is slower by more than `limit_percent`, and this is
+/// statistically significant for a single point, for the mean of one strategy's points, or for the mean of
+/// all points. In the second case, a point fails with the second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let mut comparison = Comparison::of_kernels(folder, THRESHOLD_PERCENT / 100.0);
     if limit_percent.is_some() {
@@ -28,7 +28,7 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
     refuse_regressions(&comparison, limit_percent, &between, remedy(&comparison, folder))
 }
 
-/// Returns the remedy if the second folder of kernels has regressions.
+/// Returns the advice of the error about regressions with the second folder of kernels.
 fn remedy(comparison: &Comparison, folder: &Folder) -> String {
     let [first, second] = &comparison.labels;
     match comparison.broken.is_empty() {
@@ -68,8 +68,9 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     }
 }
 
-/// Returns the kernels of two folders. A folder may add values to axes, and each folder's workers know only the values
-/// of their own folder. So an experiment with a value that only one folder has is refused.
+/// Returns the kernels of two folders. A folder may add values to axes, and each folder's workers know only
+/// the values of their own folder. So this function returns an error if the experiment has a value that only
+/// one folder has.
 fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     let (mut sources, mut refused) = (Vec::new(), Vec::new());
     for folder in folders {
@@ -84,7 +85,8 @@ fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     }
 }
 
-/// Adds, to the help of an error about the experiment, that the error occurs only with the kernels of `folder`.
+/// Returns `error`, an error about the experiment, with help that also says that the error occurs only with
+/// the kernels of `folder`.
 fn refused_by(error: Error, folder: &Path) -> Error {
     let help = format!(
         "this error occurs only with the kernels of {}; to compare two folders, both must have every value that the experiment names; {}",

@@ -10,15 +10,15 @@ const HEADING: &str = "View of the scene";
 /// The view of a scene: direction, background and normals.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Look {
-    /// The axis that points up: of a bare mesh, or of the camera of a scene TOML
+    /// The axis that points up, in a bare mesh or for the camera of a scene file
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh that is not open
-    /// and has no camera: about 31]
+    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh
+    /// without a camera: about 31, unless the mesh is open on one side]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     azimuth: Option<f64>,
-    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh that is not open and
-    /// has no camera: about 21]
+    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
+    /// camera: about 21, unless the mesh is open on one side]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or transparent. If
@@ -34,9 +34,9 @@ pub struct Look {
     /// either all normals of a mesh or none. This is the default for a bare mesh; `--set two_sided=false` turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
-    /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no lights. `raycl
-    /// render` then casts one sample per pixel, unless --samples or --adaptive is given. A scene TOML is shown as
-    /// without this option
+    /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no
+    /// lights. `raycl render` then casts one sample per pixel, unless --samples or --adaptive is given. The
+    /// option has no effect on a scene file
     #[arg(long, help_heading = HEADING)]
     pub plain: bool,
 }

@@ -16,7 +16,7 @@ pub struct Multiprocessor {
     pub registers: u64,
     /// Largest number of registers of a thread.
     pub registers_per_thread: u32,
-    /// `__local` bytes.
+    /// Bytes of `__local` memory.
     pub local_bytes: u64,
     /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,

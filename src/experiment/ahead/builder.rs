@@ -7,15 +7,15 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// The two spawners from which a builder starts its child processes. A thread of the run uses them, and lets these
-/// processes build one program after another.
+/// The two spawners from which a builder starts its child processes. A thread of the run lets these processes
+/// build one program after another.
 pub struct Builder {
     /// Starts the usual processes, which use the driver's cache of programs. The processes store machine code in this
     /// cache, so that the workers that measure do not generate the code again.
     pub usual: Box<dyn Spawner + Send>,
-    /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in this
-    /// cache. With the cache, the driver would not compile such a program again, and would not print its number of
-    /// registers.
+    /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in
+    /// this cache. With the cache, the driver would not compile these programs again, and would not print
+    /// their numbers of registers.
     pub without_driver_cache: Box<dyn Spawner + Send>,
 }
 
@@ -27,8 +27,8 @@ pub struct Patience<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
-/// The processes of one builder, either with or without the driver's cache. There is one process for each job (the task
-/// of the workers of one device), started when it is first needed.
+/// The processes of one builder, either with or without the driver's cache. Each job (the task of the workers
+/// of one device) has one process, which is started when the first program of the job is built.
 pub struct Pool {
     spawner: Box<dyn Spawner + Send>,
     workers: HashMap<usize, Box<dyn Worker>>,
@@ -46,7 +46,7 @@ impl Pool {
         let mut worker = self.workers.remove(&job).or_else(|| self.start(job, patience))?;
         worker.send(&Request::Build { point: order.point });
         let reply = patience.wait(worker.as_mut())?;
-        // A process whose device breaks down ends after this reply.
+        // A process sends this reply if its device breaks down, and then ends.
         if matches!(reply, Reply::Refused(_)) {
             return None;
         }
@@ -59,13 +59,14 @@ impl Pool {
 
     /// Ends the processes. The next program gets a new process.
     pub fn end(&mut self) {
-        // Dropping a process waits until it has ended, so all processes are first told to end.
+        // Dropping a process waits for its end, so all processes are first told to end.
         self.workers.values_mut().for_each(|worker| worker.dismiss());
         self.workers.clear();
     }
 
-    /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause of the failure
-    /// persists, the worker that measures on the same device cannot start either, and the run reports this.
+    /// Starts a process and waits until its device is open. Returns `None` if the process or the device
+    /// cannot be started. If the cause persists, the worker that measures on the same device cannot start
+    /// either, and the run reports the error.
     fn start(&mut self, job: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(job).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)
@@ -100,8 +101,9 @@ mod tests {
     /// A time limit that is far longer than anything in these tests takes.
     const LIMIT: Duration = Duration::from_secs(120);
 
-    /// Starts processes that reply to `Build` with these answers, one after the other. Notes for which jobs (tasks of
-    /// the workers of one device) processes were started, and the points that were sent to the processes.
+    /// Starts processes that reply to each `Build` with the next of `answers`. Stores for which jobs (tasks
+    /// of the workers of one device) processes were started, which points were sent to the processes, and how
+    /// long the pool waited.
     #[derive(Clone, Default)]
     struct Scripted {
         answers: Arc<Mutex<Vec<Wait>>>,

@@ -3,13 +3,14 @@
 use crate::device::DeviceLimits;
 use crate::strategy::{Afterwards, HostNeeds, Requirements, Strategy, Workload};
 
-/// How many builders fit into memory. The processes of a builder compile programs, and hold a point's scene meanwhile.
+/// How many builders fit into memory. The processes of a builder hold a point's scene while they compile
+/// programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// The largest number of builders that may build programs for the scene at the same time. It is at least 1.
     pub builders: usize,
-    /// The number of builders that would fit if their processes needed memory only for the scene, and none for the
-    /// program and the driver. It is at least 1.
+    /// The number of builders that would fit if their processes needed memory only for the scene, and not for
+    /// the program and the driver. It is at least 1.
     pub scenes: usize,
 }
 
@@ -17,8 +18,8 @@ impl Room {
     /// The room for builders whose memory is not limited.
     pub const UNLIMITED: Self = Self { builders: usize::MAX, scenes: usize::MAX };
 
-    /// Returns how many builders fit into memory if they build programs for this workload, which describes the scene,
-    /// the image size and the local size.
+    /// Returns how many builders of programs for `workload` fit into memory. The workload describes the
+    /// scene, the image size and the local size.
     ///
     /// Each process of a builder holds the scene and its tree, on the host and on its device. A builder has a process
     /// for each device and each folder of kernels (`devices` and `folders` are their numbers). All builders together

@@ -1,5 +1,5 @@
-//! Tests of builders (processes that compile programs before points need them): for which points they build
-//! programs, and what happens if they die.
+//! Tests of builders (processes that compile programs before points need the programs): for which points
+//! builders build programs, and what happens if builders die.
 
 use super::*;
 use crate::device::DeviceKind;
@@ -20,7 +20,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
-    /// The numbers of processes that were started, and of those that have ended.
+    /// The numbers of processes that were started, and of processes that have ended.
     started: Arc<AtomicUsize>,
     ended: Arc<AtomicUsize>,
     deadly: Option<usize>,
@@ -229,8 +229,9 @@ fn a_gpu_that_two_drivers_list_is_paused_for_both() {
     assert_eq!(may_build(), [false; 2]);
 }
 
-/// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of raycl that
-/// builds trees in another way must not use the stored program, so it gives the program another name.
+/// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of
+/// raycl that builds trees in another way must not use the stored program, so this version gives the program
+/// another name.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
     let name =

@@ -21,7 +21,8 @@ const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_
 /// A number of requests that no test reaches.
 const NEVER: usize = usize::MAX;
 
-/// Starts workers that answer at once. Notes the number of each worker's job (the task of the workers of one device).
+/// Starts workers that answer at once. Stores the number of each worker's job (the task of the workers of one
+/// device).
 #[derive(Clone)]
 struct Answering {
     jobs: Arc<Mutex<Vec<usize>>>,
@@ -36,7 +37,7 @@ struct Answering {
     passes_once: bool,
     /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
-    /// The hashes in the requests to workers: those of pictures that need not be compared again.
+    /// The hashes in the requests to workers. A picture with this hash need not be compared again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
@@ -201,7 +202,7 @@ fn the_observer_hears_of_each_point_and_step_and_of_those_that_were_done_before(
     assert_eq!(records.unwrap().len(), 3);
     assert_eq!((heard.begun, heard.resumed), (vec![[3, 6]], vec![[1, 2]]));
     assert_eq!((heard.steps, heard.finished, heard.ended), (4, 2, 1));
-    // A point that is no longer in the plan is not in the results either.
+    // The results do not contain a point that is no longer in the plan.
     let (records, heard) = session(folder.path(), &first, &Answering::default(), plain);
     assert_eq!((records.unwrap().len(), heard.resumed, heard.finished), (1, vec![[1, 2]], 0));
     let summary = std::fs::read_to_string(folder.path().join("summary.md")).unwrap();
@@ -273,7 +274,7 @@ fn a_record_of_another_device_counts_only_if_points_are_distributed_over_the_dev
     let (one, locks) = (asleep::device(1.0), fixtures::own_locks());
     let two = DeviceInfo { twins_before: 1, ..asleep::device(1.0) };
     let devices = [&one, &two];
-    // Returns how many points need not be measured, if this device has measured the first point.
+    // Returns how many points need not be measured if `measured_on` has measured the first point.
     let done = |spread: bool, measured_on: Option<String>| {
         let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
         let plan = run.plan();
@@ -421,8 +422,8 @@ fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() 
     assert!(!builds(with_baseline, &[&gpu]) && !builds("local_sizes = [1]", &[&gpu, &cpu]));
 }
 
-/// Runs an experiment on the scenes `a.toml` and `b.toml` in a folder. Returns whether the summary says that their
-/// contents are equal.
+/// Runs an experiment on the scenes `a.toml` and `b.toml` in a folder. Returns true if the summary says that
+/// their contents are equal.
 fn says_that_scenes_are_equal(folder: &Path) -> bool {
     let text = format!(
         "question = '?'\nexpectation = '!'\nscenes = ['a.toml', 'b.toml']\nimage_sizes = [[8, 5]]\n\
@@ -548,8 +549,8 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     };
     let (anchor_samples, samples, _) = anchors(7, 2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
-    // In each launch, each of seven kernels is cast five times. The anchor is run after the frames 1, 7, 13, 19, 25 and
-    // 31 of these 35 frames.
+    // In each launch, each of seven kernels is cast five times. The anchor runs after the frames 1, 7, 13,
+    // 19, 25 and 31 of these 35 frames.
     let of: Vec<_> = anchor_samples.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
     assert_eq!(of, [0, 1].map(|launch| [0, 0, 1, 2, 3, 4].map(|round| (launch, round))).concat());
     for anchor in &anchor_samples {
@@ -558,8 +559,8 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
         let first_ms = of_round.filter_map(|one| one.at_ms).fold(f64::INFINITY, f64::min);
         assert!(anchor.at_ms >= first_ms, "{anchor:?}");
     }
-    // If a round has fewer than six frames, the anchor is run in each round, so that it has the five samples that an
-    // interval needs.
+    // If a round has fewer than six frames, the anchor runs once in each round, so that the anchor has the
+    // five samples that an interval needs.
     for points in [1, 3, 5] {
         let of: Vec<_> = anchors(points, 2).0.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
         let expected = [0, 1].map(|launch| [0, 1, 2, 3, 4].map(|round| (launch, round))).concat();
@@ -602,8 +603,8 @@ fn each_of_two_devices_has_its_workers_which_start_together() {
     let mut started = workers.jobs.lock().unwrap().clone();
     started.sort_unstable();
     assert_eq!((started, workers.at_first.load(Ordering::Relaxed)), (vec![0, 1], 2));
-    // The two groups are distributed over the devices. Neither group ends before both have begun, so each device
-    // measures one of them.
+    // The two groups are distributed over the devices. Neither group ends before both groups have begun, so
+    // each device measures one group.
     let lines = format!("{lines}\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'");
     let workers = Answering { gathering: Some(Arc::default()), ..Answering::default() };
     let (records, _) = on_devices(&lines, &devices, &workers, |run| Run { spread: true, ..run });

@@ -28,7 +28,8 @@ struct Noting {
     measured_on: HashMap<u32, MeasuredOn>,
     /// The ends of all launches.
     ends: Vec<LaunchEnd>,
-    /// The UUID or the PCI address of the device that took each sample, if one of them is known.
+    /// For each sample, the UUID or the PCI address of the device that took the sample; `None` if both are
+    /// unknown.
     measured_by: Vec<Option<String>>,
     /// The core-to-core latency of each earlier launch.
     latencies_ns: Vec<f64>,
@@ -40,7 +41,8 @@ struct Noting {
     loads: Vec<RoundLoad>,
     anchors: Vec<AnchorSample>,
     waits: usize,
-    /// A device's lock that another process seems to hold. The lock is released when this run has to wait for it.
+    /// A device's lock that another process seems to hold. The lock is released when this run begins to wait
+    /// for the lock.
     of_another: Option<Held>,
     /// The folder of the locks. When this run has to wait, a file takes the place of the folder, so that no lock can be
     /// taken.
@@ -93,8 +95,8 @@ impl ResultSink for Noting {
         Ok(())
     }
     fn next_launch(&mut self) -> u32 {
-        // The latencies of earlier launches are forgotten, so that all samples of a new launch count: the test does not
-        // know the core-to-core latency of the machine that it runs on.
+        // The latencies of earlier launches are dropped, so that all samples of a new launch count. The test
+        // cannot know the core-to-core latency of the machine on which the test runs.
         self.latencies_ns.clear();
         self.launches += 1;
         self.launches - 1
@@ -116,7 +118,7 @@ impl ResultSink for Noting {
     }
 }
 
-/// Starts workers, and counts the workers and all of their frames.
+/// Starts workers, and counts the workers and their frames.
 #[derive(Default)]
 struct Mortals {
     started: Rc<Cell<usize>>,
@@ -268,7 +270,7 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
     };
     assert_eq!([Some("own"), None].map(taken_over), [(Some(0), 1); 2]);
     assert_eq!(taken_over(Some("another")), (None, 0));
-    // Each sample that is stored names its device, so that later sessions know which device took it.
+    // Each stored sample names its device, so that later sessions know which device took the sample.
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
     workers.frames.set(DEADLY);
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
@@ -276,8 +278,9 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
     assert_eq!(sink.measured_by, vec![Some("own".to_owned()); 10]);
 }
 
-/// Returns the launches of each record's samples. Three launches were measured earlier, and two are requested. The
-/// core-to-core latency was 180 ns in the first of these launches, and 20 and 25 ns in the other two.
+/// Returns the launches of each record's samples. Three launches were measured earlier, and two are
+/// requested. The core-to-core latency was 180 ns in the first of these launches, 20 ns in the second, and 25
+/// ns in the third.
 fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
@@ -320,7 +323,7 @@ fn moved_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them(
 fn a_launch_that_lost_its_worker_has_no_samples_in_records_and_no_stored_end() {
     let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    // This stand-in for a device casts nothing, so no lock is taken for it.
+    // The device of this test casts nothing, so no lock is taken for the device.
     let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);

@@ -40,7 +40,7 @@ pub(super) struct Timed<'b, 's, K> {
     pub latency: Latency,
 }
 
-/// The shortest time between two readings of the core-to-core latency: many times as long as a reading.
+/// The shortest time between two readings of the core-to-core latency: many times the duration of a reading.
 const READING_EVERY: Duration = Duration::from_millis(20);
 
 /// Measures the core-to-core latency before and after samples.
@@ -58,8 +58,9 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
     }
 
-    /// Waits until the processors run at their usual distance from each other. The wait ends at the latest when the
-    /// launch, which began `elapsed` ago, has waited for as long as a launch may. Calls `begins` if there is a wait.
+    /// Waits until the processors run at their usual distance from each other. The launch began `elapsed`
+    /// ago. The wait ends early if the launch has used up its time for waits (see [`patience`]). Calls
+    /// `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
         let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
         let (start, most) = (Instant::now(), patience(elapsed, self.waited));
@@ -89,8 +90,9 @@ impl Latency {
 /// What a run says while it waits for near processors.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run at least once for this many samples of points. With this number, the anchor's time is known
-/// more precisely than a point's, yet the anchor takes little time compared with the samples.
+/// A device's anchor is run at least once for this many samples of points. With this number, the anchor's
+/// time is known more precisely than the time of a point. But the anchor takes little time compared with the
+/// samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -106,12 +108,12 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
     }
 
-    /// Runs the anchor of a point's device if it is due. The anchor is first run after the device's first
-    /// sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer samples on the
-    /// device, the anchor is run once in every round. A launch has at least five rounds, so the anchor is run
-    /// at least five times, as often as an interval needs. The function does nothing in a run with a single
-    /// launch: such a run is too short to need the anchor. If the anchor fails, the user is told why, and new
-    /// workers repeat the launch.
+    /// Runs the anchor of a point's device if the anchor is due. The anchor is first run after the device's
+    /// first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has fewer samples on
+    /// the device, the anchor is run once in every round. A launch has at least five rounds, so the anchor is
+    /// run at least five times, as often as an interval needs. The function does nothing in a run with a
+    /// single launch, which is too short to need the anchor. If the anchor fails, the user is told why, and
+    /// new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
@@ -127,9 +129,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.job, 0);
-        // If points are distributed over devices of the same model, these devices do equal work. Their anchors
-        // therefore all have the name of the first device's anchor, just as their points have equal keys. With
-        // different names, blocks that different devices measured could not be compared by their anchors.
+        // If points are distributed over devices of the same model, these devices do equal work. All their
+        // anchors therefore have the name of the first device's anchor, just as the points on these devices
+        // have equal keys. With different names, blocks that different devices measured could not be compared
+        // by their anchors.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

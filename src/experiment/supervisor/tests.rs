@@ -9,7 +9,8 @@ use std::rc::Rc;
 /// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Starts workers, and notes their jobs, the requests to all of them, and how many were dismissed.
+/// Starts workers. Stores their jobs, the requests to all workers, and the number of workers that were
+/// dismissed.
 #[derive(Clone, Default)]
 struct Noting {
     jobs: Rc<RefCell<Vec<usize>>>,
@@ -285,7 +286,7 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     assert_eq!(noting.jobs.borrow().len(), 3, "each hung worker is replaced");
 }
 
-/// A wait that takes much longer than it should means that raycl itself was stopped.
+/// If a wait takes much longer than its limit, raycl itself was stopped.
 #[test]
 fn time_in_which_raycl_was_stopped_does_not_count_and_a_worker_that_hangs_is_given_up() {
     let limit = LOOK_UP * 5 / 2;
@@ -325,7 +326,7 @@ fn a_frame_is_not_cast_if_its_point_fails_the_check_and_is_cast_again_if_its_wor
     assert_eq!(failure, PointFailure::new(Outcome::WrongImage, "dark"));
     assert_eq!(*noting.requests.borrow(), [check(0)]);
     for point in [0, 1] {
-        // A point that failed its check is checked again, and so is every point of a new worker.
+        // A point that failed its check is checked again. Every point of a new worker is checked too.
         for outcome in ["it is cast", "its worker dies"] {
             noting.requests.borrow_mut().clear();
             assert!(matches!(supervisor.cast(task(point, 0, 0)), Ok(Some(Ok(_)))), "{outcome}");

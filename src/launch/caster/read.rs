@@ -66,10 +66,11 @@ impl Caster {
         Ok(hits.map(|hits| (picture, hits)))
     }
 
-    /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
-    /// transform itself. Each call of `take` passes some of the rows, from the top to the bottom, with three bytes per
-    /// pixel (red, green and blue). Each call except the last passes a multiple of `together` rows. Returns the number
-    /// of pixels that hit something, or `None` if a pixel is not finite, since it cannot be displayed.
+    /// Reads the displayed image from a device with separate memory. The device applies the display transform
+    /// itself. Each call of `take` passes some of the rows, from the top to the bottom, with three bytes per
+    /// pixel (red, green and blue). Each call except the last passes a multiple of `together` rows. Returns
+    /// the number of pixels that hit something, or `None` if a pixel is not finite, since it cannot be
+    /// displayed.
     pub fn show(
         &self,
         program: &ShowProgram,

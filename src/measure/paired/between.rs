@@ -2,9 +2,9 @@
 
 use super::error::Error;
 
-/// How much times differ from run to run, in addition to the differences between launches: standard deviations of the
-/// times' logarithms. The launches of a run are minutes apart at most, but a machine may be slower for hours, for
-/// example because of other virtual machines on the same host.
+/// How much more times differ between runs than between the launches of one run. Both fields are standard
+/// deviations of the times' logarithms. The launches of a run are minutes apart at most, but a machine may be
+/// slower for hours, for example because of other virtual machines on the same host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
     /// The standard deviation of a factor that all points of the same kind of device share. This shared factor cancels
@@ -38,15 +38,16 @@ impl BetweenRuns {
         known(own + self.shared_variance(other))
     }
 
-    /// Returns the error that the own factors of `points` points add to the mean time of these points. If this time is
-    /// divided by a reference time, this part of the error belongs to this ratio only: other ratios to the same
-    /// reference time do not share it.
+    /// Returns the error that the own factors of `points` points add to the mean time of these points. If the
+    /// mean time is divided by a reference time, only this ratio has this error. Ratios of other points to
+    /// the same reference time do not have this error.
     pub(super) fn of_points(self, points: usize) -> Error {
         known(self.own_variance(points))
     }
 
-    /// Returns the variance that the differences between runs add to all ratios to the same reference time, which is
-    /// the mean time of `points` points. This variance comes from the factors of these points.
+    /// Returns the variance that the differences between runs add to all ratios to the same reference time,
+    /// which is the mean time of `points` points. This variance comes from the own factors of these points
+    /// and, if `reference` is another kind of device, from the shared factors of both kinds.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }
@@ -63,8 +64,8 @@ impl BetweenRuns {
     }
 }
 
-/// Returns an error that is known beforehand and not estimated from the samples (type B in the *Guide to the Expression
-/// of Uncertainty in Measurement*, JCGM 100:2008).
+/// Returns the error with the variance `variance`, which is known beforehand and not estimated from the
+/// samples (type B in the *Guide to the Expression of Uncertainty in Measurement*, JCGM 100:2008).
 pub(super) fn known(variance: f64) -> Error {
     Error { error: variance.sqrt(), degrees: f64::INFINITY }
 }

@@ -1,27 +1,29 @@
-//! Removes from the samples of a launch the drift that all its points share.
+//! Subtracts the drift that all points of a launch share from the samples of this launch.
 
 use super::sample::{PairedSample, by_point};
 use crate::measure::summary::median_of;
 use std::collections::HashSet;
 
-/// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
+/// Number of iterations of the median polish. In practice, the third and later iterations change the values
+/// only by rounding.
 const ITERATIONS: usize = 5;
-/// The machine's speed at a sample is estimated from at most this many samples before it and as many after it. A
-/// machine stays at one speed for tens of samples, so most of these samples were measured at the same speed.
+/// The machine's speed at a sample is estimated from at most this many samples before the sample, and from as
+/// many samples after the sample. A machine stays at one speed for tens of samples, so most of these samples
+/// were measured at the same speed.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
 /// sample.
 ///
-/// The logarithm of a sample's time is taken as the sum of two terms: the level of the sample's point, and
-/// the machine's drift at the moment of the sample. The level is the same for all samples of this point in
-/// the launch. A median polish (Tukey 1977)
-/// separates the two terms by repeating two steps. The first step subtracts the drift from the logarithms, and computes
-/// each level as the median of what remains of the point's samples. The second step subtracts the levels from the
-/// logarithms, and computes the drift as a running median of what remains. The running median at a sample includes this
-/// sample and its neighbours in time, which may belong to any point. The drift is not one value per round, so it also
-/// follows a change of speed within a round. Every sample is thus compared with samples taken just before and after it,
-/// and a change that slows all points equally cancels.
+/// The function assumes that the logarithm of a sample's time is the sum of two terms: the level of the
+/// sample's point, and the machine's drift at the moment of the sample. The level is the same for all samples
+/// of this point in the launch. A median polish (Tukey 1977) separates the two terms by repeating two steps.
+/// The first step subtracts the drift from the logarithms, and computes each level as the median of what
+/// remains of the point's samples. The second step subtracts the levels from the logarithms, and computes the
+/// drift as a running median of what remains. The running median at a sample includes this sample and its
+/// neighbours in time, which may belong to any point. The drift has a value for every sample, so it also
+/// follows a change of speed within a round. If a change slows all points equally, subtracting the drift
+/// removes this change.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = samples.iter().map(|sample| sample.point).collect::<HashSet<_>>().len();
@@ -40,7 +42,7 @@ pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64>
     left
 }
 
-/// Returns each point's median; 0 for a point without samples.
+/// Returns the median of each point's `values`; 0 for a point without samples.
 fn levels(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<f64> {
     by_point(samples, values, points).iter().map(|values| median_of(values).unwrap_or(0.0)).collect()
 }
@@ -56,7 +58,8 @@ mod tests {
 
     #[test]
     fn a_regime_that_begins_in_the_midst_of_a_round_is_taken_away() {
-        // Three points take 1, 2 and 4 ms. From sample 20 on (counted from 0), all of them take twice as long.
+        // Three points take 1, 2 and 4 ms. From sample 20 on (counted from 0), all three points take twice as
+        // long.
         let sample = |index: usize| {
             let (point, slow) = (index % 3, if index < 20 { 1.0 } else { 2.0 });
             PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }

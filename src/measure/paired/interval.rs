@@ -37,15 +37,14 @@ impl Interval {
         biased((self.middle / other.middle).ln(), error, self.bias + other.bias)
     }
 
-    /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by
+    /// Returns the geometric mean of independent values; `None` if `all` is empty. Each value is weighted by
     /// the inverse of its variance, so that an uncertain value has little weight. For the weights, the square
-    /// of a value's bias is added to its variance. The variances are only estimates, so the mean is less
-    /// certain than they suggest. The
-    /// result includes this additional error, by equation 1 of Meier, "Variance of a weighted mean" (Biometrics 9,
-    /// 1953). The biases of the values may all have the same sign, so they do not average out. The bias of the mean is
-    /// therefore the weighted mean of these biases.
+    /// of a value's bias is added to its variance. The variances are only estimates, which makes the mean
+    /// less certain. The error of the result includes this uncertainty, by equation 1 of Meier, "Variance of
+    /// a weighted mean" (Biometrics 9, 1953). The biases of the values may all have the same sign, so they do
+    /// not average out. The bias of the mean is therefore the weighted mean of these biases.
     pub fn mean(all: &[Self]) -> Option<Self> {
-        // Without an error, a value would have an infinite weight.
+        // Without `LEAST_ERROR`, a value with neither error nor bias would have an infinite weight.
         let weight = |one: &Self| one.error.hypot(one.bias).max(LEAST_ERROR).powi(-2);
         let sum: f64 = all.iter().map(weight).sum();
         let shares = || all.iter().map(|one| (weight(one) / sum, one));
@@ -58,16 +57,17 @@ impl Interval {
         (!all.is_empty()).then(|| biased(log, Error { error, ..mean }, bias))
     }
 
-    /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between 0 and
-    /// `log`, which may be negative. The estimate is divided by the factor halfway between the limits. The true factor
-    /// may be equal to the same limit in all samples. Half of `log` is therefore a bias, and not a part of the standard
-    /// error, which would average out.
+    /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between
+    /// 0 and `log`, which may be negative. The estimate is divided by the factor whose logarithm is half of
+    /// `log`. The true factor may differ from this factor in the same direction in all samples. Half of `log`
+    /// is therefore added to the bias, and not to the standard error, which would average out.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())
     }
 
-    /// Returns a lower bound: the true value lies below it only with the probability `risk`.
+    /// Returns a lower bound of the true value. The true value lies below this bound only with the
+    /// probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
         (self.middle.ln() - self.error().reach(risk) - self.bias).exp()
     }
@@ -77,12 +77,12 @@ impl Interval {
     }
 }
 
-/// Makes an interval from a logarithm and its error.
+/// Makes an interval from the logarithm of an estimate and the logarithm's error.
 pub(super) fn interval(middle: f64, error: Error) -> Interval {
     biased(middle, error, 0.0)
 }
 
-/// Makes an interval from a logarithm, its error and its bias.
+/// Makes an interval from the logarithm of an estimate, and the logarithm's error and bias.
 pub(super) fn biased(middle: f64, error: Error, bias: f64) -> Interval {
     let half = error.reach(RISK) + bias;
     let [low, high] = [(middle - half).exp(), (middle + half).exp()];
@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn an_interval_leaves_a_fortieth_on_each_side() {
         let actual = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
-        // The quantiles of the normal distribution at 0.025 and 0.975 are -1.960 and 1.960; those at 0.05 and 0.95 are
-        // -1.645 and 1.645.
+        // The quantiles of the normal distribution at 0.025 and 0.975 are -1.960 and 1.960. The quantiles at
+        // 0.05 and 0.95 are -1.645 and 1.645.
         assert!((actual.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{actual:?}");
         assert!((actual.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{actual:?}");
     }

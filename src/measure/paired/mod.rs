@@ -1,40 +1,43 @@
 //! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
-//! Two things make the usual interval of a median, which treats all samples as independent, too narrow. First, a
-//! machine changes its speed for seconds at a time, so samples are not independent. Second, some conditions are random
-//! but constant within a launch (addresses, placement of threads, the kernel's binary), so samples of that launch
-//! cannot show their effect. Therefore, following Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM
-//! 2013), launches are repeated. Each launch gives one value per point, and intervals are computed from the spread of
-//! these values. The spread includes all effects within a launch, even autocorrelation, so no model of these effects
-//! is needed.
+//! The usual interval of a median treats all samples as independent. This interval is too narrow for two
+//! reasons. First, a machine changes its speed for seconds at a time, so samples are not independent. Second,
+//! some conditions are random but constant within a launch (addresses, placement of threads, the kernel's
+//! binary), so the samples of one launch cannot show the effect of these conditions. Therefore, following
+//! Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), launches are repeated. Each
+//! launch gives one value per point, and intervals are computed from the spread of these values. The spread
+//! includes all effects within a launch, even autocorrelation, so no model of these effects is needed.
 //!
-//! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times ([`drift`]). A
-//!    point's value is the median of its logarithms without the drift. The drift can be distinguished from differences
-//!    between points only if samples of different points alternate. Such an experiment is called a paired design.
-//! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
-//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
-//!    points (two degrees of freedom). Therefore the pair's own variance is averaged with the variance that a pair has
-//!    according to the variances of all points (a moderated variance, after Smyth 2004). The pair's own variance has
-//!    (launches - 1) degrees of freedom. The variance of all points adds at most six to them. It adds fewer if the
-//!    group has few other points, or if the variances of the points differ much from each other ([`prior`]). It adds
-//!    none if the group has fewer than four points, or if the pair's own variance is more than twice as large.
-//!    Student's t gives the interval ([`spread`]). If an anchor runs on processors (CPUs), only the pair's own variance
-//!    is used for a point's ratio to this anchor.
-//! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
-//!    points, these effects cancel. Each group of points has a table of its own. The point's own spread between
-//!    launches is first averaged with that of all points in the point's own table. The result is then averaged with
-//!    the spread between launches in the tables of other groups. These are the groups of the same run that were
-//!    measured on the same machine and devices, and have the same number of launches, at least two. The degrees of
-//!    freedom of a median's interval are the number of launches less one, plus those that the other tables add: at most
-//!    six for all of them together. The other points of the point's own table add none. As in step 2, a variance is not
-//!    averaged with another one if it is more than twice as large.
+//! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times
+//!    ([`drift`]). A point's value is the median of its logarithms without the drift. The drift can be
+//!    distinguished from differences between points only if samples of different points alternate. An
+//!    experiment with alternating samples is called a paired design.
+//! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its
+//!    launch, and the rest (two-way analysis of variance). Three launches give only a poor estimate of the
+//!    spread of a pair of points (two degrees of freedom). Therefore the pair's own variance is averaged with
+//!    the variance of a usual pair, which follows from the variances of all points (a moderated variance,
+//!    after Smyth 2004). The pair's own variance has (launches - 1) degrees of freedom. The variance of a
+//!    usual pair adds at most six degrees of freedom. It adds fewer degrees of freedom if the group has few
+//!    other points, or if the variances of the points differ much from each other ([`prior`]). It adds no
+//!    degrees of freedom if the group has fewer than four points, or if the pair's own variance is more than
+//!    twice as large as that of a usual pair. Student's t gives the interval ([`spread`]). If an anchor runs
+//!    on processors (CPUs), only the pair's own variance is used for a point's ratio to this anchor.
+//! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the
+//!    ratio of two points, these effects cancel. Each group of points has a table of its own. The point's own
+//!    spread between launches is first averaged with the spread of all points in the point's own table. The
+//!    result is then averaged with the spread between launches in the tables of other groups of the same run.
+//!    Only groups that were measured on the same machine and devices, in the same number of launches (at
+//!    least two), are used. The degrees of freedom of a median's interval are the number of launches less
+//!    one, plus at most six from all other tables together. The other points of the point's own table add no
+//!    degrees of freedom. As in step 2, the point's own variance is not averaged with a variance that is less
+//!    than half as large.
 //! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
 //!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
 //!    every interval ([`between`]).
 //!
-//! If there is only one launch, the samples of each point are split, in their order, into five parts, which are treated
-//! as launches. The result of a single launch is preliminary: its intervals do not include differences between
-//! launches.
+//! If there is only one launch, the samples of each point are split into five consecutive parts, and each
+//! part is treated as a launch. The result of a single launch is preliminary: its intervals do not include
+//! differences between launches.
 
 mod between;
 mod drift;
@@ -72,7 +75,8 @@ pub struct Paired {
     launches: usize,
     /// The points, and then the anchors; `None` for a point or an anchor with too few samples.
     points: Vec<Option<Point>>,
-    /// For each anchor, whether it runs on processors (CPUs), and not, for example, on a GPU.
+    /// One value per anchor: true if the anchor runs on processors (CPUs), false if it runs on another
+    /// device, such as a GPU.
     on_processors: Vec<bool>,
     /// How much the times of each point differ from run to run; zero if unknown.
     between: Vec<BetweenRuns>,
@@ -86,7 +90,7 @@ struct Point {
     median: f64,
     /// The median of each launch, or of each part of a single launch.
     plain: Vec<f64>,
-    /// Medians like those in `plain`, but of samples from which the drift was subtracted.
+    /// Like `plain`, but the medians of samples from which the drift was subtracted.
     relative: Vec<f64>,
 }
 
@@ -95,9 +99,9 @@ struct Point {
 pub struct Standing {
     launches: usize,
     point: Point,
-    /// Number of points whose mean this is; 1 for a single point.
+    /// The number of points of which `point` is the mean; 1 for a single point.
     points: usize,
-    /// Whether this is an anchor that runs on processors (CPUs).
+    /// True if `point` is an anchor that runs on processors (CPUs).
     is_anchor_on_processors: bool,
     between: BetweenRuns,
     pooled: Pooled,
@@ -109,7 +113,7 @@ impl Standing {
         self.launches
     }
 
-    /// Returns the median of all samples, in milliseconds.
+    /// Returns the median of all samples, in milliseconds, with its 95% interval.
     pub fn median_ms(&self) -> Interval {
         interval(self.point.median, self.error_of_level())
     }
@@ -119,30 +123,32 @@ impl Standing {
         Error::of_sum([self.pooled.of_level(&self.point.plain), between])
     }
 
-    /// Returns the value by which points are ranked: the logarithm of the time without drift.
+    /// Returns the value by which points are ranked: the logarithm of the time without drift, as the mean
+    /// over all launches.
     pub fn level(&self) -> f64 {
         self.point.level()
     }
 
-    /// Returns the ratio of this point's time to that of `other`, from samples that are close in time. Both points must
-    /// have been measured together.
+    /// Returns the ratio of this point's time to the time of `other`, from samples that are close in time.
+    /// Both points must have been measured together.
     pub fn ratio(&self, other: &Self) -> Interval {
         let points = [self.points, other.points];
         let between = self.between.of_ratio(other.between, points);
         interval(self.level() - other.level(), Error::of_sum([self.error_within_run(other), between]))
     }
 
-    /// Returns the ratio like [`Self::ratio`]. The error that all ratios to `reference` share, because the time of
-    /// `reference` differs from run to run, is stored separately (see [`Relative`]).
+    /// Returns the ratio like [`Self::ratio`]. The time of `reference` differs from run to run, which adds
+    /// the same error to all ratios to `reference`. This error is stored separately (see [`Relative`]).
     pub fn relative_to(&self, reference: &Self) -> Relative {
         let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
         let common = self.between.variance_of_reference(reference.between, reference.points);
         Relative { ratio: interval(self.level() - reference.level(), error), common }
     }
 
-    /// Returns the error of a ratio without the differences between runs. If an anchor runs on processors, other
-    /// programs may delay it far more than they delay the points. A few launches cannot show whether this happened. The
-    /// usual spread of all points therefore has no part in the error of a ratio to such an anchor.
+    /// Returns the error of a ratio without the part that the differences between runs add. If an anchor runs
+    /// on processors, other programs may delay the anchor far more than the points. A few launches cannot
+    /// show whether this happened. The usual spread of all points therefore has no part in the error of a
+    /// ratio to such an anchor.
     fn error_within_run(&self, other: &Self) -> Error {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -151,16 +157,16 @@ impl Standing {
         pooled.of_difference(&differences, [self.points, other.points])
     }
 
-    /// Returns the ratio of this point's time to that of a point that was measured at another time. The ratio includes
-    /// changes of the machine between the two measurements.
+    /// Returns the ratio of this point's time to the time of `other`, a point that was measured at another
+    /// time. The ratio includes changes of the machine between the two measurements.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
         interval(self.point.median - other.point.median, error)
     }
 
-    /// Returns the ratio of this point's time to that of `earlier`, like [`Self::ratio_apart`]. From run to run, the
-    /// times of all points of a kind of device change by a common factor. The error that this factor adds to the ratio
-    /// is stored separately (see [`Relative`]).
+    /// Returns the ratio of this point's time to the time of `earlier`, like [`Self::ratio_apart`]. From run
+    /// to run, the times of all points of a kind of device change by a common factor. The error that this
+    /// factor adds to the ratio is stored separately (see [`Relative`]).
     pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
         let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
         let error = Error::of_sum([own(self), own(earlier)].concat());
@@ -168,7 +174,7 @@ impl Standing {
         Relative { ratio: interval(self.point.median - earlier.point.median, error), common }
     }
 
-    /// Returns the mean of points that were measured together; `None` if there are none.
+    /// Returns the mean of points that were measured together; `None` if `points` is empty.
     pub fn mean(points: &[&Self]) -> Option<Self> {
         let first = *points.first()?;
         let mean =
@@ -200,16 +206,18 @@ impl Paired {
     /// Compares `points` points by their samples. Within each launch, samples must be in the order in which they were
     /// measured. A sample is skipped if its time is not a positive, finite number.
     ///
-    /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
-    /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any launch that is not ignored.
+    /// A launch is ignored if no point has [`MIN_SAMPLES`] samples in the launch, for example because the
+    /// launch was interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] samples in a
+    /// launch that is not ignored.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
         Self::with_anchors(samples, &vec![true; points], &[])
     }
 
-    /// Compares points that were measured together with anchors; otherwise, this function is like [`Self::of`].
-    /// `are_typical` says of each point whether it shows how much the times of points vary. If fewer than two of these
-    /// points have enough samples, all points show it. `on_processors` says of each anchor whether it runs on
-    /// processors (CPUs). In the samples, the indices of the anchors follow those of the points.
+    /// Compares points that were measured together with anchors; otherwise, this function is like
+    /// [`Self::of`]. `are_typical` has one value per point. The spread of times is estimated from the points
+    /// with the value true. If fewer than two of these points have enough samples, the spread is estimated
+    /// from all points. `on_processors` has one value per anchor: true if the anchor runs on processors
+    /// (CPUs). In the samples, the indices of the anchors follow the indices of the points.
     pub fn with_anchors(samples: &[PairedSample], are_typical: &[bool], on_processors: &[bool]) -> Self {
         let points = are_typical.len() + on_processors.len();
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
@@ -247,10 +255,11 @@ impl Paired {
         Self { between, ..self }
     }
 
-    /// Improves the estimates of several tables of one run on the same devices of one machine; a table has the points
-    /// that were measured together. Each table also uses the spread between launches in the other tables that have the
-    /// same number of launches. A table with a single launch uses no other table, and no other table uses it: its
-    /// repeats are parts of the launch, which do not show how much launches differ.
+    /// Improves the estimates of several tables. A table has the points that were measured together. All
+    /// tables must come from one run, on the same devices of one machine. Each table also uses the spread
+    /// between launches in the other tables that have the same number of launches. A table with a single
+    /// launch uses no other table, and is used by none, because parts of one launch do not show how much
+    /// launches differ.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let lenders: Vec<(usize, Pooled)> = all.iter().map(|one| (one.launches, one.pooled)).collect();
         for (index, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {
@@ -262,7 +271,8 @@ impl Paired {
         }
     }
 
-    /// Returns a point, with the spread of all points that were measured with it; `None` if it has too few samples.
+    /// Returns a point, with the spread of all points that were measured together; `None` if the point has
+    /// too few samples.
     pub fn standing(&self, index: usize) -> Option<Standing> {
         let point = self.points.get(index)?.clone()?;
         let between = self.between.get(index).copied().unwrap_or_default();
@@ -272,8 +282,8 @@ impl Paired {
         Some(Standing { launches, point, points: 1, is_anchor_on_processors, between, pooled })
     }
 
-    /// Returns a point's median in milliseconds with its 95% interval, over all samples that count; `None` if the point
-    /// has too few of them.
+    /// Returns the median of a point's samples in milliseconds, with its 95% interval; `None` if the point
+    /// has too few samples.
     pub fn median_ms(&self, point: usize) -> Option<Interval> {
         Some(self.standing(point)?.median_ms())
     }
@@ -301,8 +311,8 @@ fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
     launches.into_values().filter(is_finished).collect()
 }
 
-/// Returns the points whose values show how much times vary: those that `are_typical`, or all points if there are fewer
-/// than two of them. The anchors, which follow the points, are left out.
+/// Returns the points whose values show how much times vary: the typical points or, if fewer than two typical
+/// points have enough samples, all points. The anchors are left out.
 fn rows<'a>(points: &'a [Option<Point>], are_typical: &[bool]) -> Vec<&'a Point> {
     let with = |untypical: bool| -> Vec<&'a Point> {
         let each = points.iter().zip(are_typical);
@@ -323,8 +333,8 @@ fn counts(launch: &[PairedSample], points: usize) -> Vec<usize> {
     counts
 }
 
-/// Returns a point's values: one per launch, or one per part of a single launch. `plain` and `relative` have, for each
-/// launch and point, the logarithms of the point's samples, with the drift and without it.
+/// Returns the point with the index `index`; `None` if the point has no samples. For each launch and point,
+/// `plain` has the logarithms of the point's samples, and `relative` has the same logarithms minus the drift.
 fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> Option<Point> {
     let own = |launches: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> {
         launches.iter().map(|points| points[index].clone()).collect()
@@ -334,7 +344,8 @@ fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> O
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
 }
 
-/// Returns the median of each launch's values, or of each part of a single launch.
+/// Returns the median of each launch's values. If there is a single launch, returns the median of each of its
+/// [`STRETCHES`] parts.
 fn repeats(launches: &[Vec<f64>]) -> Vec<f64> {
     match launches {
         [only] => {

@@ -1,21 +1,22 @@
-//! Estimates how much the variances of points differ from each other. The less they differ, the more the variances of
-//! all points show about the variance of one point.
+//! Estimates how much the variances of points differ from each other. The less the variances differ, the more
+//! the variances of all points show about the variance of one point.
 
 use statrs::function::gamma::digamma;
 
-/// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this multiple of
-/// the typical variance is reduced to this multiple. For the comparison, the logarithm of the observed variance is
-/// corrected for its bias. With two degrees of freedom, an observed variance therefore exceeds this limit if it is more
-/// than 9 times the typical variance; if all points have the same true variance, one observed variance in 8,000 exceeds
-/// the limit by chance.
+/// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this
+/// multiple of the typical variance is reduced to this multiple. Before the comparison, the bias of the
+/// logarithm of an observed variance ([`log_bias`]) is corrected. With two degrees of freedom, this
+/// correction makes the limit 9 times the typical variance. If all points have the same true variance, one
+/// observed variance in 8,000 exceeds this limit by chance.
 const MOST_TIMES: f64 = 16.0;
 /// Before the distribution of the points' true variances is estimated, a variance below this fraction of the mean
 /// variance is raised to this fraction. A variance can be 0, because with a coarse clock all times of a point can be
 /// equal.
 const LEAST_SHARE: f64 = 1e-4;
-/// The degrees of freedom of the distribution of true variances ([`Prior`]) are searched between these limits. Degrees
-/// of freedom near the first limit mean that the true variances of points have practically nothing in common. Degrees
-/// of freedom near the second limit mean that the true variances are practically equal.
+/// The limits between which [`inverse_trigamma`] searches the degrees of freedom of the distribution of true
+/// variances ([`Prior`]). Degrees of freedom near the first limit mean that the true variances of points have
+/// practically nothing in common. Degrees of freedom near the second limit mean that the true variances are
+/// practically equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
 /// Number of halvings of the interval between the limits [`DEGREES`]. After so many halvings, the degrees of freedom
 /// are known with a relative error below a millionth.
@@ -55,8 +56,8 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // The observed variances differ even if the points are alike: their logarithms then have the variance
-        // trigamma(half). The rest of the variance is that of the true variances' logarithms.
+        // If all true variances are equal, the logarithms of the observed variances still have the variance
+        // trigamma(half). The rest of the variance is the variance of the true variances' logarithms.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
@@ -147,8 +148,8 @@ mod tests {
         assert!((prior.typical - 1.31).abs() < 0.05, "{prior:?}");
     }
 
-    /// Half of the points vary a hundred times as much as the others, so that the variance of one point says little
-    /// about that of another.
+    /// Half of the points vary a hundred times as much as the other points, so the variance of one point says
+    /// little about the variance of another point.
     #[test]
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =

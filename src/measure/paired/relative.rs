@@ -34,10 +34,10 @@ impl Relative {
         Self { ratio: self.ratio.over_up_to(log), ..self }
     }
 
-    /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if there are none. The error that
-    /// the ratios have in common is added once, after averaging. If the ratios state different variances of this error,
-    /// the largest variance is added. The true error of the mean cannot be larger than that, whether or not the ratios
-    /// really share the error.
+    /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if `all` is empty. The
+    /// error that the ratios have in common is added once, after averaging. If the ratios state different
+    /// variances of this error, the largest variance is added. The true variance of the mean's error cannot
+    /// be larger, whether or not the ratios really share this error.
     pub fn mean(all: &[Self]) -> Option<Interval> {
         let ratios: Vec<Interval> = all.iter().map(|one| one.ratio).collect();
         let mean = Interval::mean(&ratios)?;
@@ -60,7 +60,7 @@ mod tests {
     fn an_error_that_all_ratios_share_does_not_average_out() {
         let one = Relative { ratio: ratio(2.0, 0.1), common: 0.0025 };
         let mean = Relative::mean(&[one; 4]).unwrap();
-        // The four errors of 0.1 average out to 0.05; the shared error is 0.05, too.
+        // The four errors of 0.1 average out to 0.05. The shared error is 0.05, the square root of 0.0025.
         assert!((mean.error - 0.005_f64.sqrt()).abs() < 1e-12, "{mean:?}");
         assert!((mean.middle.ln() - 2.0).abs() < 1e-12 && Relative::mean(&[]).is_none());
         let alone = Relative::mean(&[Relative::alone(ratio(2.0, 0.1)); 4]).unwrap();

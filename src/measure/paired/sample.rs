@@ -11,8 +11,8 @@ pub struct PairedSample {
     pub ms: f64,
 }
 
-/// Groups values by point: returns the values of each of `points` points, in the order of the samples. There is one
-/// value per sample.
+/// Returns the values of each of `points` points, in the order of the samples. `values` has one value per
+/// sample.
 pub(super) fn by_point(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<Vec<f64>> {
     let mut of_points = vec![Vec::new(); points];
     for (sample, value) in samples.iter().zip(values) {

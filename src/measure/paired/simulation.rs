@@ -66,7 +66,8 @@ fn level(point: usize) -> f64 {
 }
 
 fn normal(rng: &mut impl Rng) -> f64 {
-    // The method of Box and Muller (1958) computes a normally distributed number from two uniformly distributed ones.
+    // The method of Box and Muller (1958) computes a normally distributed number from two uniformly
+    // distributed numbers.
     let (radius, turn): (f64, f64) = (rng.random_range(1e-12..1.0), rng.random_range(0.0..1.0));
     (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }
@@ -198,9 +199,9 @@ fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 30, [0.04, 0.08]);
 }
 
-/// Tests that points with one speed are compared almost as exactly beside points with two speeds as without them. Of
-/// the points with two speeds, two in five show only their fast mode in three launches, so their intervals contain the
-/// results of other runs less often.
+/// Tests that points with two speeds hardly make the comparison of points with one speed less exact. Two in
+/// five of the points with two speeds show only their fast mode in three launches. The intervals of these
+/// points contain the results of other runs less often.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
     let coverage = |machine, of: &dyn Fn(usize) -> bool| {

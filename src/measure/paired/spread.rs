@@ -11,22 +11,23 @@ const BORROWED: usize = 6;
 /// A pair of points borrows only in tables of at least this many rows. With three rows, the spread of all rows would
 /// come from the pair itself and one more row. If this row is noisy, the pair would seem to be noisy too.
 const FEWEST_LENDERS: usize = 4;
-/// A variance that is more than this many times the usual variance borrows nothing. The variance of a point that is
-/// unsteadier than the others would otherwise be averaged with variances that are far too small for it. In simulations
-/// of four launches (docs/methodology.md), one point varied eight times as much as the others. Of the 95% intervals of
-/// its ratios, 80 to 83% contained the true ratio if the point always borrowed, and 94 to 95% with this limit. Of the
-/// pairs of points that vary like the others, one in nine exceeds the limit by chance.
+/// A variance that is more than this many times the usual variance borrows nothing. Without this limit, the
+/// variance of a point that is unsteadier than the others would be averaged with variances that are far too
+/// small for this point. In simulations of four launches (docs/methodology.md), one point varied eight times
+/// as much as the others. Of the 95% intervals of its ratios, 80 to 83% contained the true ratio if the point
+/// always borrowed, and 94 to 95% with this limit. Of the pairs of points that vary like the others, one in
+/// nine exceeds the limit by chance.
 const MOST_TIMES_USUAL: f64 = 2.0;
-/// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
-/// in this many. The other rows may be far from steady: in a run of the paper's Figure 8 on a CPU, 19 of 37 points took
-/// 1.4 times as long in one launch as in the other three.
+/// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only:
+/// from one row in this many. The other rows may be far from steady. For example, in a run of the paper's
+/// Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one launch as in the three other launches.
 const STEADY_PART: usize = 3;
 /// The effect of a column is estimated from at least this many rows, or from all rows if the table has fewer.
 /// With fewer rows, the rows might be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
-/// The spread of the values in a table, pooled over all points. The table has a row per point and a column per repeat.
-/// A repeat is a launch or, if there is only one launch, a part of it.
+/// The spread of the values in a table, pooled over all points. The table has a row per point and a column
+/// per repeat. A repeat is a launch or, if there is only one launch, a part of this launch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
     /// The distribution of the variances of the rows' residuals, after subtracting the effects of rows and columns.
@@ -35,7 +36,8 @@ pub(super) struct Pooled {
     together: Prior,
     rows: usize,
     columns: usize,
-    /// The square root of the mean of `together.typical` over other tables, and the degrees of freedom of this mean.
+    /// The spread in other tables: the square root of the mean of their `together.typical`, and the degrees
+    /// of freedom of this mean.
     elsewhere: Error,
 }
 
@@ -50,8 +52,8 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`. There is one difference per column: between the mean of
-    /// some rows and the mean of others. `rows` has the numbers of rows in these two means.
+    /// Returns the error of the mean of `differences`. There is one difference per column, between the mean
+    /// of some rows and the mean of other rows. `rows` has the numbers of rows in these two means.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
         self.moderated(parts, variance(differences))
@@ -63,8 +65,8 @@ impl Pooled {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
 
-    /// Returns the error of a row's mean. All rows share the effects of a column, so the other rows of the same table
-    /// add no degrees of freedom. Other tables add some.
+    /// Returns the error of a row's mean. All rows share the effects of a column, so the other rows of the
+    /// same table add no degrees of freedom. Only other tables add degrees of freedom.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = self.borrowed(self.together, 1);
         let (own, _) = self.weighted(self.together.variance, borrowed, variance(row));
@@ -73,7 +75,7 @@ impl Pooled {
         self.error(variance, degrees)
     }
 
-    /// Adds the spread of repeated values in other tables of the same run, machine and devices.
+    /// Stores the spread in other tables of the same run, machine and devices in `elsewhere`.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
@@ -97,16 +99,17 @@ impl Pooled {
         self.error(variance, degrees)
     }
 
-    /// Returns how many degrees of freedom `prior`, the common spread of all rows, adds to those of an error's own
-    /// rows. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and the degrees
-    /// of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error of a row's mean, and
-    /// 2 for the error of a difference between two rows.
+    /// Returns the number of degrees of freedom that `prior`, the common spread of all rows, adds to an
+    /// error. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and
+    /// the degrees of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error
+    /// of a row's mean, and 2 for the error of a difference between two rows.
     ///
-    /// `own` is 2 also for a difference between a row and an anchor, although the anchor is no row of the table. The
-    /// row's values are part of both variances that are averaged: the variance of the difference, and that of all rows.
-    /// The mean of the two variances therefore has fewer degrees of freedom than the sum of theirs. For a table of four
-    /// rows and two columns, the mean has 3.2 degrees of freedom, and raycl computes with 3. If `own` were 1, the mean
-    /// would have 3.4 degrees of freedom, and raycl would compute with 4.
+    /// `own` is 2 also for a difference between a row and an anchor, although the anchor is no row of the
+    /// table. The row's values are part of both variances that are averaged: the variance of the difference,
+    /// and that of all rows. The two variances are therefore not independent, and their mean has fewer
+    /// degrees of freedom than both variances together. For a table of four rows and two columns, the mean
+    /// has 3.2 degrees of freedom, and raycl computes with 3. If `own` were 1, the mean would have 3.4
+    /// degrees of freedom, and raycl would compute with 4.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
@@ -158,18 +161,19 @@ fn interaction(table: &[&[f64]]) -> Prior {
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
-        // The effect of the column has an error, too, which makes the variance of the residuals larger. The division
-        // below corrects the variance; it would do so exactly if the effect were a mean of rows. The effect is a
-        // median, and the variance of a median's error is about a half larger (less for few rows), so the correction is
-        // slightly too small.
+        // The error of the column's effect makes the variance of the residuals larger. The division below
+        // corrects this. If the effect were a mean of rows, the correction would be exact. But the effect is
+        // a median. The variance of a median's error is about a half larger than that of a mean (less for few
+        // rows), so the correction is slightly too small.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
-/// Returns a variance for each of at least two rows: half of the variance of its differences from the row to which its
-/// differences vary least. With three rows, the median of the two other rows would be their mean, so that one noisy row
-/// would make the residuals of both steady rows noisy.
+/// Returns one variance per row of a table with at least two rows. For each row, the function computes the
+/// variance of its differences from each other row, and returns half of the least of these variances. With
+/// three rows, the median of the two other rows would be their mean, so one noisy row would make the
+/// residuals of both steady rows noisy.
 fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     let apart = |one: &[f64], other: &[f64]| {
         variance(&one.iter().zip(other).map(|(one, other)| one - other).collect::<Vec<f64>>())
@@ -182,9 +186,9 @@ fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
 }
 
 /// Returns the indices of the rows that change most alike from column to column: a third of all rows, but at
-/// least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with the rows that are nearest
-/// to it (by the sum of squared differences). The function returns the set whose farthest row is nearest to
-/// the row that formed the set.
+/// least [`LEAST_STEADY`] rows if the table has so many. Each row forms a set with its nearest rows (by the
+/// sum of squared differences). The function returns the set whose farthest row is nearest to the row that
+/// formed the set.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);
@@ -201,7 +205,8 @@ fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     rows.unwrap_or_default().into_iter().map(|(_, row)| row).collect()
 }
 
-/// Returns the median of at least two sorted values without one of them, `own`.
+/// Returns the median of the values in `sorted` except the value `own`. `sorted` must have at least two
+/// values.
 fn median_of_others(sorted: &[f64], own: f64) -> f64 {
     let index = sorted.partition_point(|value| value.total_cmp(&own).is_lt());
     let other = |number: usize| sorted[number + usize::from(number >= index)];
@@ -223,8 +228,8 @@ mod tests {
         assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
         let four: [&[f64]; 4] = [&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0], &[5.0, 6.0, 8.0], &[0.0, 1.0, 3.0]];
         assert!(interaction(&four).variance < 1e-20);
-        // The expected variance was calculated without this code, with means as the effects: the residuals are +-0.5 in
-        // all four cells. The sum of their squares is 1, with one degree of freedom.
+        // The expected variance was calculated without this code, with means as the effects: the residuals
+        // are +-0.5 in all four cells. The sum of the squared residuals is 1, with one degree of freedom.
         assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
         assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }
@@ -238,8 +243,8 @@ mod tests {
         assert!((prior.variance / (1.5 * 1.270_363_f64.exp()) - 1.0).abs() < 1e-5, "{prior:?}");
     }
 
-    /// The values of the first of three rows vary more than ten times as much as those of the other two rows, whose
-    /// times are 10% apart.
+    /// The values of the first row vary more than ten times as much as the values of the two other rows. The
+    /// times of the two other rows are 10% apart.
     #[test]
     fn a_noisy_row_of_three_does_not_hide_a_difference_between_the_others() {
         let noisy = [0.3, -0.2, 0.5, 0.1];
@@ -270,7 +275,7 @@ mod tests {
         assert!(unsteady.degrees == 3.0 && (unsteady.error - own).abs() < 1e-12, "{unsteady:?} {own}");
         let steady = pooled.of_difference(&differences(1, 1), [1, 1]);
         assert!(steady.degrees > 3.5, "{steady:?}");
-        // Also the unsteady row's mean has the error that follows from this row alone, even if other tables are steady.
+        // The error of the unsteady row's mean follows from this row alone, even if other tables are steady.
         let own = Error { error: (variance(rows[0]) / 4.0).sqrt(), degrees: 3.0 };
         let of_level = |pooled: &Pooled| pooled.of_level(rows[0]);
         let is_own = |level: Error| (level.error - own.error).abs() < 1e-12 && level.degrees == own.degrees;
@@ -280,7 +285,7 @@ mod tests {
         assert!(pooled.of_level(rows[1]).degrees > 3.0);
     }
 
-    /// Two of five rows vary a hundred times as much as the others.
+    /// Two of five rows vary a hundred times as much as the other rows.
     #[test]
     fn steady_rows_are_not_judged_by_unsteady_ones() {
         let steady = [[0.00, 0.01, -0.01, 0.0], [1.01, 1.0, 1.0, 0.99], [2.0, 1.99, 2.0, 2.01]];

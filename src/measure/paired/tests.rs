@@ -70,8 +70,8 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 
 #[test]
 fn apart_the_medians_of_all_samples_are_compared() {
-    // Two of three launches are slow. The median of all samples is therefore a time of the slow launches; the mean
-    // over the launches is not.
+    // Two of the three launches are slow. The median of all samples is therefore a time of the slow launches.
+    // The mean over the launches would be less.
     let mut slow = steady(2, 3, 9);
     slow.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
@@ -85,8 +85,8 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // The expected distance of the interval's ends follows from the formulas: the standard error of the logarithm is
-    // ln(4) / 3, and Student's t is 4.303, so the upper end of the interval is 53 times the lower end.
+    // The standard error of the logarithm is ln(4) / 3, and Student's t is 4.303. By the formulas, the upper
+    // end of the interval is therefore 53 times the lower end.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -221,7 +221,8 @@ fn the_factors_of_a_reference_are_kept_apart_from_those_of_the_ratios_points() {
         assert!((parts.ratio.error - 0.1).abs() < 1e-9 && parts.ratio.middle == whole.middle, "{parts:?}");
         assert!((parts.ratio.error.powi(2) + common - whole.error.powi(2)).abs() < 1e-9, "{parts:?}");
     }
-    // In the mean of two points, the points' own factors average out; those of the reference do not.
+    // In the mean of two points, the points' own factors average out, but the factors of the reference do
+    // not.
     let both = Standing::mean(&[&first, &second]).unwrap().relative_to(&third);
     assert!(
         (both.ratio.error.powi(2) - 0.005).abs() < 1e-9 && (both.common - 0.29).abs() < 1e-12,
@@ -258,8 +259,8 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     let alone = Paired::of(&without, 6);
     let [beside, alone] = [&paired, &alone].map(|paired| paired.ratio(3, 0).expect("enough samples"));
     assert!((beside.error / alone.error - 1.0).abs() < 1e-3 && alone.degrees > 1.1, "{beside:?} {alone:?}");
-    // If the anchor does not run on processors, it is compared like a point: its own spread alone counts only if it is
-    // far above the usual spread.
+    // An anchor that does not run on processors is compared like a point: only if its own spread is far above
+    // the usual spread, the usual spread has no part in the ratio's error.
     let elsewhere = Paired::with_anchors(&samples, &[true; 6], &[false]).ratio(0, 6).expect("enough samples");
     assert!((elsewhere.degrees - 1.0).abs() < 1e-9, "{elsewhere:?}");
     for sample in samples.iter_mut().filter(|sample| sample.point == 6 && sample.launch == 1) {
@@ -271,7 +272,8 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     assert!(to_anchor.degrees > 1.1, "{to_anchor:?}");
 }
 
-/// Two kernels take as long in each launch; a third point, which is not typical, takes twice as long in one launch.
+/// Two kernels take equally long in all launches. A third point, which is not typical, takes twice as long in
+/// one launch.
 #[test]
 fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
     let mut samples = steady(3, 3, 9);
@@ -280,7 +282,7 @@ fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
     let resolution = |are_typical: [bool; 3]| with(are_typical).resolution().expect("two points");
     assert!(resolution([true, true, false]) < 0.01, "{}", resolution([true, true, false]));
     assert!(resolution([true, false, true]) > 0.5, "{}", resolution([true, false, true]));
-    // Fewer than two typical points show nothing, so all points are rows of the table.
+    // One typical point alone shows no usual spread, so all points are rows of the table.
     assert_eq!(with([true, false, false]), with([true; 3]));
     let ratio = with([true, true, false]).ratio(2, 0).expect("enough samples");
     assert!(ratio.high / ratio.low > 2.0, "{ratio:?}");

@@ -7,7 +7,8 @@
 //! ptxas info    : Used 40 registers, used 1 barriers, 6912 bytes smem, 480 bytes cmem[0]
 //! ```
 //!
-//! The log is only printed if the program is really compiled, not if it comes from the driver's cache.
+//! The driver prints this log only when it compiles the program, not when it takes the program from its own
+//! cache.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,7 +29,7 @@ pub struct Resources {
     pub shared_bytes: Option<u64>,
 }
 
-/// Returns the resources of `kernel`; empty if the log does not have them.
+/// Returns the resources of `kernel`; a resource that the log does not state is `None`.
 pub fn resources(log: &str, kernel: &str) -> Resources {
     let mut resources = Resources::default();
     let (mut entry, mut function) = (None, None);
@@ -72,7 +73,8 @@ fn between<'a>(line: &'a str, words: &str, end: char) -> Option<&'a str> {
     after(line, words)?.split(end).next()
 }
 
-/// Returns the number before these words. "24+16 bytes smem", the form of older compilers, counts as the sum, 40.
+/// Returns the number before these words; `None` if the line lacks the words or the number. "24+16 bytes
+/// smem", the form of older compilers, counts as the sum, 40.
 fn number_before(line: &str, words: &str) -> Option<u64> {
     let (before, _) = line.split_once(words)?;
     let number = before.rsplit(|c: char| !c.is_ascii_digit() && c != '+').next()?;

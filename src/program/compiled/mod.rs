@@ -1,8 +1,8 @@
 //! Properties of a compiled kernel: registers, spills, bytes of memory, and the address spaces that its
 //! instructions access.
 //!
-//! Sizes come from the driver, registers from the build log if it has them, and memory instructions from the
-//! program's binary if that is PTX text. Properties that a device does not report stay empty.
+//! Sizes come from the driver, registers from the build log if the log states them, and memory instructions
+//! from the program's binary if the binary is PTX text. Properties that are not reported are `None`.
 
 mod log;
 pub(crate) mod ptx;
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CompiledKernel {
-    /// Its name in the source.
+    /// The kernel's name in the source.
     pub name: String,
     /// Work-items of the largest work-group with which the kernel can run.
     pub work_group_size: Option<u64>,
@@ -33,20 +33,20 @@ pub struct CompiledKernel {
     /// Registers and spills from the build log.
     #[serde(flatten)]
     pub resources: Resources,
-    /// Memory instructions in the binary; `None` if it is not PTX.
+    /// Memory instructions in the program's binary; `None` if the binary is not PTX.
     #[serde(rename = "census")]
     pub instruction_counts: Option<InstructionCounts>,
     /// Predicted number of work-groups that a multiprocessor holds at once.
     pub resident_groups: Option<u64>,
     /// Resident warps divided by the largest possible number, 0 to 1.
     pub occupancy: Option<f64>,
-    /// The limit that prevents a multiprocessor from holding more groups.
+    /// The limit that prevents a multiprocessor from holding more work-groups.
     pub occupancy_limited_by: Option<String>,
 }
 
 impl CompiledKernel {
-    /// Collects the properties of a kernel from the driver, from the build log, and from the binary
-    /// if it is PTX (otherwise `ptx` is empty).
+    /// Collects the properties of a kernel from the driver, from the build log `log`, and from `ptx`. `ptx`
+    /// is the program's binary if this binary is PTX, and is empty otherwise.
     pub fn of(kernel: &Kernel, device: ocl::Device, log: &str, ptx: &str) -> Self {
         let name = kernel.name().unwrap_or_default();
         let ask = |query| number(kernel.wg_info(device, query).ok()?);
@@ -63,8 +63,8 @@ impl CompiledKernel {
     }
 
     /// Adds to this kernel's properties the predicted number of work-groups that a multiprocessor can hold at
-    /// once, the occupancy, and the limit that decides it. `items` is the number of work-items of a
-    /// work-group. The compute capability says which multiprocessor the device has. Adds nothing if the
+    /// once, the occupancy, and the limit that determines this occupancy. `items` is the number of work-items
+    /// of a work-group. The compute capability says which multiprocessor the device has. Adds nothing if the
     /// number of registers or the compute capability is unknown.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
@@ -78,7 +78,8 @@ impl CompiledKernel {
         self
     }
 
-    /// Returns bytes of `__local` memory per work-group, from the build log if it has them.
+    /// Returns the bytes of `__local` memory per work-group: the build log's number, else the driver's, else
+    /// 0.
     pub fn group_local_bytes(&self) -> u64 {
         self.resources.shared_bytes.or(self.local_bytes).unwrap_or(0)
     }

@@ -40,14 +40,14 @@ impl std::fmt::Display for InstructionCounts {
     }
 }
 
-/// Returns whether a program's binary is PTX text.
+/// Returns true if a program's binary is PTX text.
 pub fn is_ptx(binary: &[u8]) -> bool {
     let head = String::from_utf8_lossy(&binary[..binary.len().min(4096)]);
     head.contains(".version") && head.contains(".target") && head.contains(".address_size")
 }
 
 /// Counts the memory instructions, the calls and the bytes of private arrays of the kernel or function
-/// `name`. Returns `None` if the text has no such kernel or function, or only its declaration.
+/// `name`. Returns `None` if the text has no such kernel or function, or has only its declaration.
 pub fn instruction_counts(ptx: &str, name: &str) -> Option<InstructionCounts> {
     let text = without_comments(ptx);
     let body = body_of(&text, name)?;
@@ -72,12 +72,13 @@ impl InstructionCounts {
     }
 }
 
-/// Returns whether a word is a label, such as "$L__BB0_2:", or a predicate, such as "@%p1" or "@!%p1".
+/// Returns true if a word is a label, such as "$L__BB0_2:", or a predicate, such as "@%p1" or "@!%p1".
 fn is_label_or_predicate(word: &str) -> bool {
     word.ends_with(':') || word.starts_with('@')
 }
 
 /// Returns the name under which a memory instruction is counted: "ld.shared" for "ld.volatile.shared.v2.f32".
+/// Returns `None` for any other instruction.
 pub(crate) fn instruction(opcode: &str) -> Option<String> {
     const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
     let mut parts = opcode.split('.');
@@ -122,8 +123,8 @@ fn after_head<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     (tail.starts_with(['(', '{', '.']) && !before.contains(';')).then_some(body)
 }
 
-/// Returns the text after the brackets at its start, which contain the results of a function; the whole text if it does
-/// not begin with a bracket.
+/// Returns the part of `text` after the brackets at its start, which contain the results of a function.
+/// Returns the whole text if it does not begin with a bracket, and `None` if the bracket is not closed.
 pub(crate) fn after_results(text: &str) -> Option<&str> {
     match text.trim_start().strip_prefix('(') {
         Some(results) => results.split_once(')').map(|(_, after)| after),

@@ -6,11 +6,12 @@ use std::collections::VecDeque;
 /// Lines with more characters than this are broken if possible.
 const WIDEST: usize = 120;
 /// If a bracket opens at this column or further left, the next lines of its contents are aligned with the
-/// bracket. For other brackets, these lines are indented by four columns more than the statement.
+/// bracket. Inside any other bracket, the next lines are indented by four columns more than the statement.
 const FURTHEST: usize = 80;
 
-/// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted these
-/// brackets, so the following lines are no longer aligned with them. Lines that end in a comment stay as they are.
+/// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted
+/// these brackets, so the following lines are no longer aligned with the brackets. The line stays as it is if
+/// one of the joined lines ends in a comment, or if the brackets are never closed.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -45,8 +46,8 @@ pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     statements.into_iter().flat_map(|statement| fitted(&indent, statement)).collect()
 }
 
-/// Reduces blanks to single ones. Removes blanks at the start, and before closing round brackets, commas and
-/// semicolons.
+/// Replaces each run of blanks by one blank. Removes blanks at the start, and before closing round brackets,
+/// commas and semicolons.
 fn tidied(tokens: &[Token]) -> Vec<Token> {
     let mut tidied: Vec<Token> = Vec::new();
     for token in tokens.iter().filter(|token| token.kind != Kind::Nothing) {
@@ -161,9 +162,10 @@ struct LineBreak {
     depth: usize,
 }
 
-/// Returns where to break a line. Only positions up to which the line fits are considered, and of these only
-/// the ones within the fewest brackets; the last of them is returned. Returns `None` if the whole line fits,
-/// or if it has no such position. `open` has the columns of brackets that were opened on earlier lines.
+/// Returns where to break a line; `None` if the whole line fits or cannot be broken. Considers the positions
+/// up to which the line fits. Returns the last of the positions that are inside the fewest brackets. `open`
+/// has the columns of brackets that were opened on earlier lines. `further` is the column at which the next
+/// line starts if no open bracket is near enough to the left margin.
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;
@@ -188,8 +190,8 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
     best
 }
 
-/// Returns whether a line may be broken at a token. The token must be a blank after a comma, before an
-/// operator, or before the body of a loop.
+/// Returns true if a line may be broken at the token `at`. This token must be a blank after a comma, before
+/// an operator, or before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -11,7 +11,8 @@ pub(super) struct Compiler {
     /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key is a macro's name, or a whole text such
     /// as `__has_builtin(f)`.
     pub given: BTreeMap<String, i64>,
-    /// Names that conditions use, but that neither the text nor `given` defines; they count as undefined.
+    /// Names that conditions use, but that neither the text nor `given` defines. These names count as
+    /// undefined.
     pub asked: BTreeSet<String>,
 }
 
@@ -24,13 +25,14 @@ impl Compiler {
         known
     }
 
-    /// Returns whether a name is defined in the text or by the compiler.
+    /// Returns true if a name is defined in the text or by the compiler.
     pub fn is_defined(&mut self, macros: &Macros, name: &str) -> bool {
         macros.get(name).is_some() || self.ask(name).is_some()
     }
 }
 
-/// Returns whether the condition is true.
+/// Returns true if the value of the condition `line` is not 0; a message if the condition is not a valid
+/// expression.
 pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) -> Result<bool, String> {
     let asked = answer_questions(line, macros, compiler)?;
     let expanded = expand(macros, asked, true).map_err(|(_, message)| message)?;
@@ -95,12 +97,13 @@ struct Parser<'a> {
     compiler: &'a mut Compiler,
 }
 
-/// The largest number of `?:` operators, unary operators and brackets within each other. Each of them needs a part of
-/// the thread's stack.
+/// The largest number of `?:` operators, unary operators and brackets within each other. Each level needs a
+/// part of the thread's stack.
 const MOST_NESTED: usize = 100;
 
 impl Parser<'_> {
-    /// Calls `parse` for an operand or a bracket that is nested one level deeper.
+    /// Calls `parse` for an operand or a bracket that is nested one level deeper. Returns a message if the
+    /// nesting is too deep.
     fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<i64, String>) -> Result<i64, String> {
         if self.depth == MOST_NESTED {
             return Err(format!(
@@ -174,7 +177,7 @@ impl Parser<'_> {
         })
     }
 
-    /// Parses a number; an undefined name is 0.
+    /// Parses a number or a name. The value of a name that the compiler does not define is 0.
     fn atom(&mut self) -> Result<i64, String> {
         let Some(token) = self.tokens.get(self.at) else {
             return Err("a value is missing at the condition's end".to_owned());
@@ -216,7 +219,7 @@ fn apply(operator: &str, left: i64, right: i64, live: bool) -> Result<i64, Strin
     })
 }
 
-/// Parses a decimal, hexadecimal or octal number with C's suffixes.
+/// Parses a decimal, hexadecimal or octal integer with C's suffixes; `None` for any other text.
 fn number(text: &str) -> Option<i64> {
     let digits = text.trim_end_matches(['u', 'U', 'l', 'L']);
     if let Some(hexadecimal) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {

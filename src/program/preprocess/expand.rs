@@ -1,5 +1,6 @@
-//! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no macro is
-//! expanded within its own expansion. Each token has a list of the macros that it came from (Prosser's algorithm).
+//! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
+//! macro is expanded within its own expansion. Each token has a list of the macros from which the token came
+//! (Prosser's algorithm).
 
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
@@ -30,7 +31,7 @@ struct Expander<'a> {
 }
 
 impl Expander<'_> {
-    /// Moves all of the input to the output, and expands the macro calls in it.
+    /// Moves all tokens of the input to the output, and expands the macro calls among them.
     fn run(&mut self) -> Result<(), Misuse> {
         while let Some(token) = self.input.pop_front() {
             self.take(token)?;
@@ -61,7 +62,9 @@ impl Expander<'_> {
         self.replace(call, called, parameters, &arguments)
     }
 
-    /// Puts the expansion of a call at the front of the input.
+    /// Puts the expansion of a call at the front of the input. There are two exceptions. A constant is added
+    /// to the output, followed by the macro's name in a comment. For an empty expansion, only a mark is added
+    /// to the output.
     fn replace(
         &mut self,
         call: Token,
@@ -93,7 +96,8 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// Returns the expanded body of a macro without parameters if it consists of numbers and operators only.
+    /// Returns the expanded body of a macro without parameters if it consists of numbers and operators only;
+    /// otherwise `None`. Remembers macros for which the result is `None`.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -104,8 +108,7 @@ impl Expander<'_> {
         constant
     }
 
-    /// Does the work of `constant` for a macro without parameters: expands the body, and returns it if it consists of
-    /// numbers and operators only.
+    /// Returns what `constant` returns for a macro without parameters, but does not remember the result.
     fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());
@@ -118,8 +121,9 @@ impl Expander<'_> {
         (code.all(fits) && plain.iter().any(is_number)).then_some(plain)
     }
 
-    /// Replaces the line breaks of a macro's body. Within brackets, each becomes a blank. Elsewhere, each becomes a
-    /// line end, and the new line's own indentation is added to that of the output's last line.
+    /// Returns a function that replaces a line break of a macro's body and keeps any other token. Within
+    /// brackets, a line break becomes a blank. Elsewhere, it becomes a line end, and the indentation of the
+    /// output's last line is put before the new line's own indentation.
     fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
         let indentation = (self.depth == 0).then(|| self.indentation());
         move |token| match &indentation {
@@ -166,7 +170,7 @@ impl Expander<'_> {
         first.filter(|token| token.kind == Kind::Space).map_or_else(String::new, |space| space.text.clone())
     }
 
-    /// Takes a call's arguments from the input; `None` if no bracket follows.
+    /// Takes a call's arguments from the input; `None` if no opening bracket follows.
     fn arguments(&mut self, call: &Token) -> Result<Option<Arguments>, Misuse> {
         let Some(open) = self.input.iter().position(Token::is_code) else { return Ok(None) };
         if !self.input[open].is("(") {
@@ -193,7 +197,7 @@ impl Expander<'_> {
     }
 }
 
-/// Returns whether two adjacent tokens would be read differently without a space between them.
+/// Returns true if two adjacent tokens would be read differently without a space between them.
 fn glued(before: &Token, after: &Token) -> bool {
     if !before.is_code() || !after.is_code() {
         return false;
@@ -202,7 +206,8 @@ fn glued(before: &Token, after: &Token) -> bool {
     lex(&together).first().is_none_or(|first| first.text != before.text)
 }
 
-/// Returns a blank for a line end or a comment that ends with its line, and any other token unchanged.
+/// Returns a blank if the token is a line end or a comment that ends with its line; otherwise returns the
+/// token unchanged.
 fn in_one_line(token: Token) -> Token {
     let ends = matches!(token.kind, Kind::NewLine | Kind::Break) || token.is_line_comment();
     if ends { Token { kind: Kind::Space, text: " ".to_owned(), ..token } } else { token }

@@ -69,7 +69,7 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // If macros changed a line and it has no code, the line was a macro call that expanded to nothing. Such a
+            // A line that macros changed and that has no code was a macro call that expanded to nothing. This
             // line is left out.
         }
     }

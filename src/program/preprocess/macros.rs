@@ -5,7 +5,6 @@ use super::token::{Kind, Token, lex};
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 
-/// A macro.
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
     /// The macro's parameters; `None` if the macro is used without brackets.
@@ -19,7 +18,7 @@ pub(super) struct Macro {
 /// `cl/` makes some thousands of tokens. The names of the macros from which a token came count as tokens too, since
 /// each token contains a list of these names.
 const MOST_TOKENS: usize = 500_000;
-/// The largest number of expansions within each other. Each of them needs a part of the thread's stack.
+/// The largest number of expansions within each other. Each expansion needs a part of the thread's stack.
 const MOST_NESTED: usize = 100;
 
 /// The macros that are defined at the current position in the text.
@@ -58,8 +57,8 @@ impl Macros {
         fits.then_some(()).ok_or_else(|| format!("macros expand to more than {MOST_TOKENS} tokens"))
     }
 
-    /// Calls `expand`, which expands the macros of a text in this line and may call this function again. Returns an
-    /// error if the calls of this function are nested too deeply.
+    /// Calls `expand`, which expands the macros of a text and may call this function again. Returns an error
+    /// with the line number `line` if the calls of this function are nested too deeply.
     pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
         let depth = self.nested.get();
         if depth == MOST_NESTED {
@@ -77,7 +76,8 @@ impl Macros {
         self.define(&lex(&format!("{name} {value}")))
     }
 
-    /// Reads the text after `#define`.
+    /// Defines a macro, or redefines it, from the text after `#define`. Returns a message if the text is not
+    /// a definition.
     pub fn define(&mut self, line: &[Token]) -> Result<(), String> {
         let start = line.iter().position(Token::is_code).unwrap_or(line.len());
         let Some((name, rest)) = line[start..].split_first().filter(|(name, _)| name.kind == Kind::Name)
@@ -104,8 +104,9 @@ impl Macros {
     }
 }
 
-/// Returns the parameters up to the closing bracket, and the tokens after the bracket. Variable numbers of arguments
-/// are not supported.
+/// Returns the parameters up to the closing bracket, and the tokens after the bracket. Returns `None` if the
+/// bracket is not closed or contains anything but names with commas, such as the `...` of a variable number
+/// of arguments.
 fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     let end = tokens.iter().position(|token| token.is(")"))?;
     let inside: Vec<_> = tokens[..end].iter().filter(|token| token.is_code()).collect();
@@ -117,8 +118,8 @@ fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     Some((names, &tokens[end + 1..]))
 }
 
-/// Returns a body in lines. Before each line but the first is a [`Kind::Break`], whose text is the line's indentation
-/// beyond that of the least indented of these lines.
+/// Returns a body in lines. Before each line but the first is a [`Kind::Break`], whose text is the line's
+/// indentation, minus the smallest indentation of these lines.
 fn laid_out(body: &[Token]) -> Vec<Token> {
     let lines: Vec<(usize, Vec<Token>)> = body.split(|token| token.kind == Kind::Break).map(line).collect();
     let first = lines.first().map_or(0, |_| 1);

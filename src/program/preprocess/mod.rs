@@ -1,11 +1,11 @@
 //! Preprocesses a kernel's source as its compiler would: decides the conditions, expands the macros, and removes all
 //! directives except `#pragma`. Code without macro calls stays as written.
 //!
-//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on the
-//! remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a constant
-//! replaces a macro, the macro's name follows as a comment. This preprocessor supports only what raycl's kernels use:
-//! all directives of C99 except `#include`, and macros with a fixed number of arguments. When it runs, `source.rs` has
-//! already replaced each `#include` by the file's text.
+//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on
+//! the remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a
+//! constant replaces a macro, the macro's name follows as a comment. This preprocessor supports only what
+//! raycl's kernels use: all directives of C99 except `#include`, and macros with a fixed number of arguments.
+//! Before preprocessing, `source.rs` replaces each `#include` by the file's text.
 
 mod breaking;
 mod canonical;
@@ -37,9 +37,9 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The remaining lines.
     pub lines: Vec<Line>,
-    /// Names, and texts such as `__has_builtin(NAME)`, that conditions use but that neither the text nor the caller
-    /// defines. They were treated as undefined. A caller can find out the compiler's values for them, and preprocess
-    /// the text again.
+    /// Names, and texts such as `__has_builtin(NAME)`, that conditions use but that neither the text nor the
+    /// caller defines. These names were treated as undefined. A caller can find out the compiler's values for
+    /// these names, and preprocess the text again.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except those in branches that are not compiled.
     pub files: Vec<String>,
@@ -70,7 +70,7 @@ pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) ->
     run.finish()
 }
 
-/// Returns the definitions of `-D` options; a blank may follow `-D`.
+/// Returns the definitions of `-D` options, such as `A=1` for `-D A=1` and for `-DA=1`.
 fn defines(options: &str) -> Vec<&str> {
     let mut words = options.split_whitespace();
     let mut defines = Vec::new();
@@ -125,7 +125,7 @@ struct Preprocessor {
     branches: Vec<Branch>,
     file: Rc<str>,
     files: Vec<String>,
-    /// The difference between a line's number in the file and its number in the whole text.
+    /// Added to a line's number in the whole text, this number yields the line's number in the file.
     offset: i64,
     /// The text since the last directive; empty if this text is not compiled.
     text: Vec<Token>,
@@ -229,7 +229,7 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Returns whether the condition of a directive is true.
+    /// Returns true if the condition of the directive `name` is true. An invalid condition is a user error.
     fn decide(&mut self, name: &str, code: &[Token], line: u32) -> Result<bool> {
         let named = code.first().map(|token| token.text.clone());
         let decided = match (name, named) {

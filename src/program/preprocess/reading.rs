@@ -50,7 +50,8 @@ fn part(items: &[&Item]) -> String {
     text
 }
 
-/// A function, a type, a variable or a pragma, with the comment before it; or a separate comment.
+/// A function, a type, a variable or a pragma, with the comment before it. A separate comment is an item,
+/// too.
 struct Item<'a> {
     lines: Vec<&'a Line>,
     /// True if an empty line precedes the item.
@@ -116,9 +117,9 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares. For a type, this is the last name; for a function, the name before
-/// its bracket; for a variable, the name before its size, its value or the semicolon. Returns `None` for an
-/// item without a name, such as a pragma.
+/// Returns the name that an item declares. A type's name is the last name, a function's name stands before
+/// the bracket, and a variable's name stands before its size, its value or the semicolon. Returns `None` for
+/// an item without a name, such as a pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();

@@ -5,8 +5,9 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body of the macro `name` for a call with these arguments. The line in an error is a line of the macro's
-/// definition, the line of an argument, or 0; the caller replaces it by the line of the call.
+/// Returns the body of the macro `name` for a call with these arguments. The line in an error is a line of
+/// the macro's definition, the line of an argument, or 0. The caller replaces this line by the line of the
+/// call.
 pub(super) fn substitute(
     macros: &Macros,
     name: &str,
@@ -43,8 +44,8 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token; the operator
-/// `##` replaces it by the operator's other operand.
+/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token,
+/// which the operator `##` replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> =
         argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();
@@ -54,7 +55,8 @@ fn as_spelled(argument: &[Token]) -> Vec<Token> {
     if spelled.is_empty() { vec![Token::new(Kind::Nothing, "", 0)] } else { spelled }
 }
 
-/// Joins the last token of `made` with the first token of `right`.
+/// Joins the last token of `made` with the first token of `right`. Returns an error if the two do not form
+/// one token.
 fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     while made.last().is_some_and(|last| last.kind == Kind::Space) {
         made.pop();

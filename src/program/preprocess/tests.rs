@@ -19,7 +19,7 @@ fn mistake(source: &str) -> String {
     run(source, "").map(|output| panic!("{}", output.text())).unwrap_or_else(|error| error.to_string())
 }
 
-/// Returns whether a condition is true, with `ONE` defined as 1.
+/// Returns true if a condition is true, with `ONE` defined as 1.
 #[track_caller]
 fn holds(condition: &str) -> bool {
     text(&format!("#define ONE 1\n#define SUM(a, b) ((a) + (b))\n#if {condition}\nyes\n#endif\n")) == "yes\n"

@@ -5,7 +5,7 @@
 pub(super) enum Kind {
     /// An identifier or keyword.
     Name,
-    /// A number in the sense of C's preprocessor: `0x1p-3f` is one.
+    /// A number in the sense of C's preprocessor, for example `0x1p-3f`.
     Number,
     /// A string or a character.
     Literal,
@@ -34,7 +34,7 @@ pub(super) struct Token {
     pub line: u32,
     /// True if the token comes from a macro.
     pub made: bool,
-    /// The macros from which the token came; the token cannot call them again.
+    /// The macros from which the token came. The token cannot call these macros again.
     pub hidden: Vec<String>,
 }
 
@@ -43,17 +43,17 @@ impl Token {
         Self { kind, text: text.into(), line, made: false, hidden: Vec::new() }
     }
 
-    /// Returns whether the token is this operator or bracket.
+    /// Returns true if the token is the operator or bracket `symbol`.
     pub fn is(&self, symbol: &str) -> bool {
         self.kind == Kind::Symbol && self.text == symbol
     }
 
-    /// Returns whether the token matters to the compiler.
+    /// Returns true if the token matters to the compiler.
     pub fn is_code(&self) -> bool {
         matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
     }
 
-    /// Returns whether the token is a comment that ends with its line.
+    /// Returns true if the token is a comment that ends with its line.
     pub fn is_line_comment(&self) -> bool {
         self.kind == Kind::Comment && self.text.starts_with("//")
     }
@@ -73,7 +73,7 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// Returns the tokens of a text without blanks and comments.
+/// Returns a text's tokens except blanks, line ends and comments.
 pub(super) fn code(text: &str) -> Vec<Token> {
     lex(text).into_iter().filter(Token::is_code).collect()
 }
@@ -113,7 +113,7 @@ fn line_length(text: &str) -> usize {
     text.match_indices('\n').find(ends).map_or(text.len(), |(at, _)| at)
 }
 
-/// Returns the length up to the closing quote, or to the end of the line if there is none.
+/// Returns the length up to the closing quote, or to the end of the line if the quote is not closed.
 fn literal_length(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {

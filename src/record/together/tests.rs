@@ -58,8 +58,8 @@ fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
     let records = judged([
         measured("gpu", "naive", 8, 10.0),
         measured("gpu", "wide", 1, 10.09),
-        // The samples show that this point takes at least 0.4% longer than the fastest point, but not that it takes at
-        // least 1% longer.
+        // The samples show that this point takes at least 0.4% longer than the fastest point. They do not
+        // show that the point takes at least 1% longer.
         measured("gpu", "wide", 4, 10.15),
         measured("gpu", "wide", 2, 10.3),
         few("gpu", "naive", 4, 1.0, 4),
@@ -99,7 +99,7 @@ fn what_can_be_told_apart_is_that_of_kernels_and_depends_only_on_what_differs() 
         with(&baselines[..1]),
         "Differences below 2.1% between two points are mostly not detected here."
     );
-    // The times of a group of baselines differ from run to run as much as those of kernels on a CPU.
+    // The times of baselines differ from run to run as much as the times of kernels on a CPU.
     assert_eq!(said(&baselines), "Differences below 4.1% between two points are mostly not detected here.");
     let on_cpu = ["naive", "wide"].map(|name| Record { threads: Some(2), ..measured("cpu", name, 8, 50.0) });
     let of_both = with(&on_cpu);
@@ -172,8 +172,9 @@ fn only_what_the_smallest_difference_depends_on_is_named() {
     assert_eq!(depends(&alike[..3]), "scene and when the points were measured");
 }
 
-/// The samples of two sessions cannot be paired, so the ratio of their points is the ratio of two medians. By the means
-/// of their three launches, `naive` takes longer than `wide`; by the medians of all samples, it takes less time.
+/// The samples of two sessions cannot be paired, so the ratio of their points is the ratio of two medians. By
+/// the means of their three launches, `naive` takes longer than `wide`. By the medians of all samples,
+/// `naive` takes less time than `wide`.
 #[test]
 fn points_of_several_sessions_are_ranked_by_the_medians_of_which_their_ratios_are_computed() {
     let session = |name: &str, first_launch: u32, ms: [f64; 3]| {
@@ -194,8 +195,8 @@ fn points_of_several_sessions_are_ranked_by_the_medians_of_which_their_ratios_ar
     assert_eq!(names, ["wide", "naive", "tile"]);
 }
 
-/// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing
-/// about another one.
+/// Two groups of points have equally many launches. How much launches differ on one machine or device says
+/// nothing about other machines or devices.
 #[test]
 fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     let of = |host: Option<&str>, device: &str| Record {
@@ -235,8 +236,8 @@ fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
 
 #[test]
 fn a_tie_is_decided_by_the_intervals_end() {
-    // In one launch, this point is as fast as the other point; in the other launch, it is 6%
-    // slower. The mean difference is 3%, and it is uncertain.
+    // In one launch, this point is as fast as the other point; in the other launch, it is 6% slower. The mean
+    // difference is 3%, but this mean is uncertain.
     let wavers = sampled("wide", (0..10).map(|index| (index / 5, if index < 5 { 10.0 } else { 10.6 })));
     let records = judged([launches("naive", 10.0, 0.0), wavers]);
     assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);
@@ -341,10 +342,11 @@ fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread
         judge_with_anchors(&mut records, &anchors);
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
-    // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the points adds
-    // two: the number of points, less one for each side of the ratio.
+    // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the four
+    // points adds two degrees of freedom: the number of points, less one for each side of the ratio.
     assert_eq!((degrees(Some(2), 1.0), degrees(None, 1.0)), (Some(1.0), Some(3.0)));
-    // If the anchor's time changes far more than the points' times, their usual spread says nothing about it.
+    // If the anchor's time changes far more than the points' times, the usual spread of the points says
+    // nothing about the anchor.
     assert_eq!(degrees(None, 20.0), Some(1.0));
 }
 
@@ -363,7 +365,7 @@ fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
     assert_eq!(how_sure(&with), how_sure(&alone));
     let of = |records: &[Record]| ratio(&records[1], &records[0]).expect("enough samples");
     assert_eq!(of(&with), of(&alone));
-    // The baseline's own times say how sure its ratios are.
+    // The interval of a ratio to the baseline follows from the baseline's own times.
     let to_baseline = ratio(&with[2], &with[0]).expect("enough samples");
     assert!(to_baseline.high / to_baseline.low > 1.5, "{to_baseline:?}");
     // A single kernel is compared with the baseline as before.

@@ -3,7 +3,7 @@
 use super::wire::Interpolation;
 use toml::Value;
 
-/// Returns a finite number's value; `None` for anything else.
+/// Returns the value of a finite number; `None` for any other value.
 fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Float(number) if number.is_finite() => Some(*number),
@@ -12,8 +12,8 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Returns whether a value can be interpolated: it is a finite number, or a list that is not empty and whose values can
-/// all be interpolated.
+/// Returns true if a value can be interpolated: if it is a finite number, or a list of at least one value
+/// whose values can all be interpolated.
 pub(super) fn is_numeric(value: &Value) -> bool {
     match value {
         Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),
@@ -21,8 +21,8 @@ pub(super) fn is_numeric(value: &Value) -> bool {
     }
 }
 
-/// Returns whether two numeric values have the same structure: both are numbers, or both are lists of the same length
-/// whose elements also have the same structure.
+/// Returns true if two numeric values have the same structure: if both are numbers, or if both are lists of
+/// the same length whose elements also have the same structure.
 pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => {
@@ -32,10 +32,10 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are the frames and
-/// the values of all keyframes of a track, or only of these two keyframes and their neighbours (one on each side, if it
-/// exists). Unless the interpolation is by steps, the values must have the same structure: all are numbers, or all are
-/// lists (perhaps nested) of the same length.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are the
+/// frames and the values of all keyframes of a track. It is enough if they contain these two keyframes, the
+/// keyframe before them and the keyframe after them, if there are any. Unless the interpolation is `Step`,
+/// all values must have the same structure.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,
@@ -65,8 +65,8 @@ pub(super) fn between(
 
 /// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
 /// `PchipInterpolator`. The interpolant stays between the values of the two neighbouring keyframes.
-/// Therefore, a value that is valid at all keyframes is also valid between them, and a camera never moves away from the
-/// position of its next keyframe.
+/// Therefore, a number that is in its range at all keyframes is in this range at all frames, and a camera's
+/// coordinate never moves away from its value at the next keyframe.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -83,9 +83,9 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
 }
 
 /// Returns the slope at a keyframe. If there are only two keyframes, the curve is a line. Otherwise, [`end_slope`]
-/// computes the slope at the first and the last keyframe. At any other keyframe, the slope is a weighted harmonic mean
-/// of the slopes of the lines to the two neighbouring keyframes, so that the curve does not overshoot. If these two
-/// slopes have different signs, or if one of them is 0, the slope is 0.
+/// computes the slope at the first and the last keyframe. At any other keyframe, two lines lead to the
+/// neighbouring keyframes. The slope is a weighted harmonic mean of the two lines' slopes, so that the curve
+/// does not overshoot. If the lines' slopes have different signs, or if one of them is 0, the slope is 0.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -106,8 +106,8 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe. It is the slope of the parabola through this keyframe
-/// and its two nearest keyframes, but it is limited so that the curve does not overshoot (Moler, Numerical
+/// Returns the slope at the first or the last keyframe. This is the slope of the parabola through this
+/// keyframe and the two keyframes next to it, limited so that the curve does not overshoot (Moler, Numerical
 /// Computing with MATLAB, 2004, section 3.6). The first argument has the lengths, in frames, of the two lines
 /// between these three keyframes; the second argument has the slopes of these lines. In both arguments, the
 /// line that ends at the first or the last keyframe of the track comes first.
@@ -180,9 +180,9 @@ mod tests {
         }
     }
 
-    /// The expected slopes of the parabola were calculated on paper. If the two lines between the three keyframes are
-    /// equally long and the first line has the slope 1, the parabola's slope at the first keyframe is (3 * 1 - next) /
-    /// 2, where `next` is the slope of the second line.
+    /// The expected slopes of the parabola were calculated on paper. Consider two lines of equal length
+    /// between the three keyframes. If the first line has the slope 1 and the second line the slope `next`,
+    /// the parabola's slope at the first keyframe is (3 * 1 - next) / 2.
     #[test]
     fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
         for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {

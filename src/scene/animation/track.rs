@@ -55,7 +55,7 @@ impl Track {
         Ok(Self { number, path, at, values, interpolation })
     }
 
-    /// Checks that this track does not replace a value that the track `earlier` sets.
+    /// Refuses this track if it would replace a value that the track `earlier` sets.
     ///
     /// # Errors
     ///
@@ -74,12 +74,12 @@ impl Track {
         }
     }
 
-    /// Returns whether this track sets an angle of the camera.
+    /// Returns true if this track sets the camera's azimuth or elevation.
     pub fn is_angle(&self) -> bool {
         overrides::is_angle(self.path.get_ref())
     }
 
-    /// Returns whether this track sets the camera's position.
+    /// Returns true if this track sets the camera's position or a part of the position.
     pub fn sets_camera_position(&self) -> bool {
         let path = self.path.get_ref();
         self.values.iter().any(|value| overrides::sets_camera_position(path, value.get_ref()))
@@ -94,23 +94,23 @@ impl Track {
         if frame <= self.at[begin] || begin + 1 == self.at.len() {
             return first.clone();
         }
-        // The slopes of the curve at the keyframes `begin` and `begin + 1` also depend on the keyframe before them and
-        // on the keyframe after them.
+        // The curve's slopes at the keyframes `begin` and `begin + 1` also depend on the keyframes
+        // `begin - 1` and `begin + 2`.
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the frames at which a value of this track begins. Returns no frames if no value of the track can name a
-    /// picture, either itself or through a mesh file that the value names.
+    /// Returns the frames at which a value of this track begins. Returns no frames if no value can lead to a
+    /// picture: a value can name a picture, or a mesh file that names a picture.
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
         // Keyframes at equal distances can lie between frames; their values begin at the next whole frame.
         self.at.iter().filter(move |_| may_name_pictures).map(|at| at.ceil() as u32)
     }
 
-    /// Returns what messages about a frame need to know of the value that the track sets. Messages contain the track's
-    /// path only if `quotes` says that they may quote the scene file.
+    /// Returns the value that the track sets in a frame, as messages need it. The messages contain the
+    /// track's path only if `quotes` is true, that is, if they may quote the scene file.
     pub fn setting(&self, frame: u32, quotes: bool) -> TrackValue {
         let path = self.path.get_ref();
         let (number, keyframe) = (self.number, self.last_keyframe(f64::from(frame)));
@@ -122,8 +122,7 @@ impl Track {
         }
     }
 
-    /// Finds the last keyframe that is not after a frame. Returns the location of this keyframe's
-    /// value in the file.
+    /// Returns the location, in the file, of the value of the last keyframe that is not after `frame`.
     pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }
@@ -134,7 +133,8 @@ impl Track {
     }
 }
 
-/// Returns whether a value is numeric or the name of a mesh in a format that cannot name other files.
+/// Returns true if a value is numeric, or if it is the name of a mesh in a format that cannot name other
+/// files.
 fn names_no_picture(value: &Value) -> bool {
     let format = value.as_str().and_then(|name| MeshFormat::from_ending(Path::new(name)));
     is_numeric(value) || matches!(format, Some(MeshFormat::Stl | MeshFormat::Ply))
@@ -143,7 +143,8 @@ fn names_no_picture(value: &Value) -> bool {
 /// The help in an error about values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
-/// Returns the frames in `at`, which must contain one frame for each value.
+/// Returns the frames in `at`. Returns an error unless `at` has one frame for each of the `values` values,
+/// ascending from 1 to `frames` at most.
 fn given(
     document: &Document,
     at: &Spanned<Vec<Spanned<Value>>>,
@@ -172,8 +173,8 @@ fn given(
     Ok(numbers.into_iter().map(f64::from).collect())
 }
 
-/// Returns the frames of `values` keyframes at equal distances, the first at frame 1 and the last at frame `frames`. A
-/// result need not be a whole number. An animation of one frame has only the first keyframe.
+/// Returns the frames of `values` keyframes at equal distances. The first is at frame 1 and the last at frame
+/// `frames`; the others can lie between two frames. An animation of one frame has only the first keyframe.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
@@ -181,8 +182,8 @@ fn evenly(values: usize, frames: u32) -> Vec<f64> {
     (0..values).map(|index| 1.0 + length * index as f64 / steps).collect()
 }
 
-/// Returns a track's interpolation: `given` or, if it is `None`, the default for these values. Refuses values that
-/// cannot be interpolated in this way.
+/// Returns a track's interpolation: `given` or, if `given` is `None`, the default for these values. Refuses
+/// values that this interpolation cannot interpolate.
 fn checked(
     document: &Document,
     values: &[Spanned<Value>],

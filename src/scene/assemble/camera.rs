@@ -1,5 +1,5 @@
-//! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees the whole scene. Keys
-//! of the scene file change values of the chosen camera.
+//! The camera of a scene. The base camera is the paper's camera, the camera of a mesh's file, or a camera
+//! that shows the whole scene. Keys of the scene file replace values of the base camera.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, Lens, View};
@@ -10,22 +10,23 @@ use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 
 impl CameraWire {
-    /// Returns whether the scene file sets an angle from which the camera sees the whole scene.
+    /// Returns true if the scene file sets an azimuth or an elevation, from which the camera shows the whole
+    /// scene.
     pub(super) fn is_framed(&self) -> bool {
         self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
     }
 
-    /// Returns the scene's upward direction.
+    /// Returns the scene's upward direction, of length 1; the y axis if `up` is not set or zero.
     pub(super) fn upright(&self) -> DVec3 {
         let given = self.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0).as_dvec3());
         given.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
     }
 }
 
-/// Returns the camera that the scene file's keys modify. Without a `ball` (the ball around the scene), this is the
-/// paper's camera with a z_near of 0. With a `ball`, this is the camera of the mesh's file. If the file has no camera,
-/// or if the user sets an azimuth, an elevation or `up`, this is a camera that sees the whole scene. Its distance fits
-/// the field of view that the scene file sets (`lens`).
+/// Returns the base camera, of which the scene file's keys replace values. Without a `ball` (the ball around
+/// the scene), this is the paper's camera with a z_near of 0. With a `ball`, this is the camera of the mesh's
+/// file. If this file has no camera, or if the user sets an azimuth, an elevation or `up`, this is a camera
+/// that shows the whole scene with the field of view `lens`.
 pub(super) fn base_camera(
     wire: &CameraWire,
     lens: Option<Lens>,
@@ -51,10 +52,10 @@ pub(super) fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns the camera: the base camera with the values that the scene file sets, including the field of view `lens`. If
-/// the file sets `position` but not `look_at`, the camera looks at the centre of the `ball` (the ball around the scene)
-/// or, without a `ball`, in the base camera's direction. If the file sets `position` or `look_at` but not `up`, the y
-/// axis points up. An `up` of zeros is refused.
+/// Returns the base camera with the values that the scene file sets, including the field of view `lens`. If
+/// the file sets `position` but not `look_at`, the camera looks at the centre of the `ball` (the ball around
+/// the scene) or, without a `ball`, in the base camera's direction. If the file sets `position` or `look_at`
+/// but not `up`, the y axis points up. An `up` of zeros is refused.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,
@@ -73,8 +74,8 @@ pub(super) fn camera(
     }
     let position = given(&wire.position).unwrap_or(base.position);
     let target = given(&wire.look_at).or(ball.map(|ball| ball.centre.as_vec3()));
-    // The base camera's direction is used directly, without a target point: far from the origin, single precision would
-    // round the position plus the direction to the position.
+    // The base camera's direction is not converted to a target point: far from the origin, the sum of the
+    // position and the direction could round to the position.
     let direction = target.map_or(base.forward.as_dvec3(), |target| target.as_dvec3() - position.as_dvec3());
     let up = up.unwrap_or(Vec3::Y);
     let looking = Camera::looking_along(position, direction, up, 90.0, false)
@@ -83,7 +84,8 @@ pub(super) fn camera(
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// Returns the field of view that the scene file sets; `None` if it sets none.
+/// Returns the field of view that the scene file sets; `None` if the file sets none. Returns an error if the
+/// file sets both fields of view.
 pub(super) fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<Lens>> {
     let lens = |degrees: f32, fov_is_vertical: bool| Lens {
         tan_half_fov: (f64::from(degrees).to_radians() / 2.0).tan() as f32,

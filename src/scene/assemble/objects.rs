@@ -1,5 +1,5 @@
-//! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then transforms it and sets
-//! its materials.
+//! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Then
+//! transforms the mesh and sets its materials.
 
 use crate::error::{Error, Result, nearest_file, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
@@ -19,8 +19,8 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// Returns the object's triangles in its own coordinates, with normals. `crease` is the default crease angle for
-/// meshes without normals.
+/// Returns the object's mesh in the object's own coordinates, with normals. `crease` is the scene's crease
+/// angle in degrees, for objects that set none.
 pub(super) fn make(
     document: &Document,
     object: &Spanned<ObjectWire>,
@@ -62,7 +62,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // A mesh without a scene file may have been moved to the origin. It is not moved back to its position in its file.
+    // A mesh without a scene file may have been moved to the origin when it was read. It stays there.
     let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
@@ -71,8 +71,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     file
 }
 
-/// Returns the material `base` after the values that the scene file sets have replaced its own. If the file sets only
-/// one of k_g and shininess, the material gets a highlight in which the other one has the paper's value.
+/// Returns the material `base` with the values that the scene file sets. If the file sets only one of k_g and
+/// shininess, the other one gets the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
     if wire.k_g.is_none() && wire.shininess.is_none() {
@@ -98,8 +98,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // For a mesh without a scene file, raycl has made the document (the text of a scene file) itself. In this case,
-    // `document.quotes` says whether messages may quote the mesh's file.
+    // Messages may quote a mesh without a scene file if `document.quotes` is true, and any other mesh if its
+    // file is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
@@ -132,15 +132,14 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
     document.error(file.span(), message, label).with_help(help)
 }
 
-/// Refuses a file that is not a mesh. The message begins with the location that names this file: the scene file and the
-/// number of the line, or a setting such as `--set`. Unlike other messages about mistakes in a scene file, this message
-/// quotes no line of the scene file.
+/// Refuses a file that is not a mesh. The message begins with the place where the user named the file: a line
+/// of the scene file, or a setting such as `--set`. The message does not quote this line.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let name = format!("{}: {}", document.location_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 
-/// Refuses keys of an object that would have no effect, since they belong to another kind of object.
+/// Refuses keys that would have no effect because they belong to another kind of object.
 fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     let spans = |keys: [(&'static str, Option<Range<usize>>); 3]| {
         keys.into_iter().find_map(|(key, span)| span.map(|span| (key, span)))
@@ -171,7 +170,8 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     }
 }
 
-/// Returns the shape that has this name, with the object's parameters.
+/// Returns the shape with this name and with the object's parameters. Returns an error if there is no such
+/// shape, or if it does not have one of the parameters.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
         let suggestion = or_meant(name.get_ref(), Shape::NAMES);
@@ -188,16 +188,16 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Returns a number with its location in the document.
+/// Returns a number and its location in the document; `None` if the number is not set.
 fn whole<const LEAST: u32, const MOST: u32>(
     number: &Option<Spanned<Whole<LEAST, MOST>>>,
 ) -> Option<(u32, Range<usize>)> {
     number.as_ref().map(|number| (number.get_ref().0, number.span()))
 }
 
-/// Refuses shapes that have more than `most` triangles together. Before the shapes are made, only their target numbers
-/// of triangles are known. A shape may have slightly fewer triangles than its target, so a sixteenth is subtracted from
-/// the sum of the targets.
+/// Refuses shapes that together have more than `most` triangles. Before the shapes are made, only their
+/// target numbers of triangles are known. A shape may have slightly fewer triangles than its target, so a
+/// sixteenth of the sum of the targets is subtracted from this sum.
 pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], most: u64) -> Result<()> {
     let mut triangles = 0;
     for wire in objects.iter().map(Spanned::get_ref) {
@@ -217,9 +217,10 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
     Ok(())
 }
 
-/// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one position
-/// and one normal. Joining the rest of the scene to the mesh takes at least half as much memory again. Rounded up, this
-/// makes three triangles, two positions and two normals for every two triangles of the shape.
+/// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
+/// position and one normal. Joining it with the rest of the scene takes at least half as much memory again.
+/// Rounded up, every two triangles of the shape need the memory of three triangles, two positions and two
+/// normals.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
@@ -227,7 +228,7 @@ fn room_for(shape: &Shape) -> Result<()> {
     Available::read().hold(bytes * triangles, "this shape", &sum)
 }
 
-/// For each face, a list of the numbers of its vertices or of its normals, from 0.
+/// For each face, the indices of its corners' vertices or normals.
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns the mesh of an object whose vertices and faces are in the scene file itself.

@@ -12,9 +12,10 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Returns the sky of a scene file. `is_seen` says whether rays that hit nothing see the sky's picture. Adds a note if
-/// the picture has values that are negative or not a number, and notes on properties of the picture that raycl ignores,
-/// such as other primary colours than those of sRGB.
+/// Returns the sky of a scene file. `up` is the direction of the zenith. `is_seen` is true if rays that hit
+/// nothing see the sky's picture. Adds a note if the picture has values that are negative or not a number.
+/// Also adds notes on properties of the picture that raycl ignores, such as other primary colours than those
+/// of sRGB.
 pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,
@@ -50,7 +51,7 @@ pub(super) fn build(
     Ok(Sky { zenith, horizon, up: up.as_vec3(), reach, picture })
 }
 
-/// Returns the size and the texels of a sky's picture. The texels are multiplied by the sky's `strength`.
+/// Returns the sky's picture, with its texels multiplied by the sky's `strength`.
 fn texels(
     document: &Document,
     wire: &SkyWire,

@@ -263,7 +263,8 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
     let start = "the background #ffffff is displayed as #000000, since with display.exposure = 0.0 and display.gamma =";
     assert!(black.contains(start), "{black}");
-    // The radiance would be 1e30 or, for the dark grey, less than the least number of single precision.
+    // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey would need
+    // a radiance that rounds to 0 in single precision.
     assert_ne!(note("background = \"white\"\ndisplay.exposure = 1e-30\n"), "");
     assert_ne!(note("background = \"#202020\"\ndisplay.gamma = 100\n"), "");
     for colour in ["#000000", "#203040", "#ffffff"] {
@@ -477,7 +478,8 @@ fn an_option_that_sets_the_field_of_view_of_a_bare_mesh_also_sets_the_distance()
     assert_eq!(camera(&[fov(35)]), usual);
     let centre = Vec3::new(0.5, 0.5, 0.0);
     let ratio = camera(&[fov(10)]).position.distance(centre) / usual.position.distance(centre);
-    // tan(17.5 degrees) / tan(5 degrees) is 3.6.
+    // The default field of view is 35 degrees, so the distance grows by the factor tan(17.5 degrees) / tan(5
+    // degrees), which is 3.6.
     assert!((3.0..4.0).contains(&ratio), "{ratio}");
     // The user's position stays as it is.
     let position = Value::Array([1, 2, 5].map(Value::Integer).to_vec());

@@ -6,8 +6,8 @@ use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Number of steps to which a colour's channel is rounded (8 bits, as in most files), so that triangles of almost equal
-/// colour share a material.
+/// Channels of colours are rounded to this many steps (8 bits, as in most files), so that triangles of almost
+/// equal colour share a material.
 const STEPS: f32 = 255.0;
 
 /// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
@@ -20,8 +20,9 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Assigns a material to each triangle. The new material's colour is the mean colour of the triangle's corners,
-/// multiplied by the colour of the triangle's previous material. `colours` are linear, one per position.
+/// Assigns a new material to each triangle. The material's colour is the mean colour of the triangle's
+/// corners, multiplied by the colour of the triangle's previous material. `colours` has one linear colour per
+/// position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     paint_each(mesh, |_, triangle| {
         let [a, b, c] = triangle.positions.map(|corner| colours[corner as usize]);
@@ -29,20 +30,20 @@ pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     });
 }
 
-/// Assigns a material to each triangle, as [`paint`] does. `colours` are linear, one per triangle.
+/// Does the same as [`paint`], but `colours` has one linear colour per triangle.
 pub(super) fn paint_triangles(mesh: &mut Mesh, colours: &[Vec3]) {
     paint_each(mesh, |number, _| colours[number]);
 }
 
-/// Assigns a material to each triangle, as [`paint`] does. `colour` returns a triangle's linear colour from
-/// the triangle's number and the triangle.
+/// Does the same as [`paint`], but `colour` returns the linear colour of a triangle from the triangle's index
+/// and the triangle itself.
 fn paint_each(mesh: &mut Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) {
     let (materials, numbers) = painted(mesh, colour);
     mesh.materials = materials;
     mesh.triangles.iter_mut().zip(numbers).for_each(|(triangle, number)| triangle.material = number);
 }
 
-/// Returns the materials of all triangles, and each triangle's material number.
+/// Returns the new materials, and the index of each triangle's material.
 fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Material>, Vec<u32>) {
     let (mut materials, mut known) = (Vec::new(), HashMap::new());
     let mut number = |key: (u32, [u32; 3])| {
@@ -64,20 +65,21 @@ fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Mater
     (materials, numbers)
 }
 
-/// Returns whether a channel of a linear colour lies outside the range from 0 to 1 by more than half of one of the
-/// `STEPS` steps to which channels are rounded.
+/// Returns true if a channel of a linear colour is not a number, or is outside 0 to 1 by more than half of a
+/// rounding step, which is 1 / `STEPS`.
 pub(super) fn is_outside(colour: &Vec3) -> bool {
     let most = 0.5 / STEPS;
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
 }
 
-/// Returns a note on elements, such as vertices, whose colours have channels outside 0 to 1; `None` if there are none.
+/// Returns a note on the `count` elements, such as vertices, whose colours have channels outside 0 to 1;
+/// `None` if `count` is 0.
 pub(super) fn note_outside(count: usize, element: &str) -> Option<String> {
     let elements = || counted_are(count, &format!("{element} with a colour outside 0 to 1"));
     (count > 0).then(|| format!("{} shown with channels limited to this range", elements()))
 }
 
-/// Returns a note about vertex colours for the user.
+/// Returns a note for the user on the colours of `count` vertices.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!("colours of {}: each triangle has one colour, the mean of its corners", counted(count, "vertex"))
 }

@@ -1,5 +1,5 @@
-//! Mistakes in mesh files, and the errors that report them. A file outside the folder of the file that names it may
-//! belong to somebody else, so errors must not quote such a file.
+//! Mistakes in mesh files, and the errors that report these mistakes. A mesh outside the folder of the scene
+//! file that names it may belong to somebody else, so errors must not quote it.
 
 use crate::error::Error;
 
@@ -12,18 +12,20 @@ const OUTSIDE: &str = "the file's text is not shown, since the file is outside t
 /// A mistake in a mesh file.
 #[derive(Clone, Debug)]
 pub(super) struct Flaw {
-    /// The number of the line, if it is known.
+    /// The number of the line with the mistake, if it is known.
     line: Option<usize>,
     /// What is wrong.
     what: String,
     /// What is wrong, without text of the file; `None` if `what` quotes nothing from the file.
     unquoted: Option<String>,
-    /// The remedy if the error may quote the file, or if `what` quotes nothing.
+    /// The remedy in the error's help. It is replaced by `OUTSIDE` if the error shows `unquoted` instead of
+    /// `what`.
     remedy: &'static str,
 }
 
 impl Flaw {
-    /// Returns a `Flaw` whose description quotes the file. `unquoted` describes the mistake without text of the file.
+    /// Returns a `Flaw` whose description `what` quotes the file. `unquoted` describes the same mistake
+    /// without text of the file.
     pub fn quoting(what: impl Into<String>, unquoted: impl Into<String>) -> Self {
         Self { unquoted: Some(unquoted.into()), ..Self::from(what) }
     }
@@ -39,14 +41,15 @@ impl Flaw {
     }
 }
 
-/// A mistake whose description quotes nothing from the file. Numbers of elements and bytes are no quotations.
+/// Makes a mistake whose description quotes nothing from the file. Numbers of elements and bytes do not count
+/// as quotations.
 impl<T: Into<String>> From<T> for Flaw {
     fn from(what: T) -> Self {
         Self { line: None, what: what.into(), unquoted: None, remedy: EXPORT }
     }
 }
 
-/// The name of a mesh file in errors and notes, with the permission to quote the file.
+/// The name of a mesh file for errors and notes, with the permission to quote the file.
 #[derive(Clone, Copy)]
 pub(super) struct Named<'a> {
     pub name: &'a str,
@@ -55,7 +58,7 @@ pub(super) struct Named<'a> {
 }
 
 impl Named<'_> {
-    /// Returns the error that reports a mistake, without an excerpt of the file.
+    /// Returns the error that reports a mistake: its location and description, but no excerpt of the file.
     pub fn error(&self, flaw: impl Into<Flaw>) -> Error {
         let Flaw { line, what, unquoted, remedy } = flaw.into();
         let location = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));

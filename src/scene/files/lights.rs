@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// A distance from the mesh's centre, in radii of the mesh. When the brightness at the centre is computed, a nearer
-/// light counts as if it were at this distance.
+/// When the brightness at the mesh's centre is computed, a light that is nearer to the centre than this
+/// counts as if it were at this distance. The distance is in radii of the mesh.
 const NEAREST_RADII: f64 = 0.25;
 
 /// The origin of a light: a point, or infinity.
@@ -18,7 +18,7 @@ enum Source {
     Direction(DVec3),
 }
 
-/// A light of a file. Only the ratios between the strengths of a file's lights are used.
+/// A light of a file. raycl uses only the ratios between the strengths of a file's lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,
@@ -37,8 +37,9 @@ impl FileLight {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
 
-    /// Returns the light in the coordinates of a mesh that was moved and scaled by `placement`. A point light becomes
-    /// stronger with the square of the scale, and so illuminates the mesh as brightly as before.
+    /// Returns the light in the coordinates of a mesh that was moved and scaled by `placement`. The strength
+    /// of a point light is multiplied by the square of the scale, so that the light illuminates the mesh as
+    /// brightly as before.
     pub(super) fn placed_by(self, placement: &Placement) -> Self {
         match self.source {
             Source::Point(position) => Self {
@@ -49,7 +50,7 @@ impl FileLight {
         }
     }
 
-    /// Returns whether the light's position is within the limit of coordinates, and its strength is finite.
+    /// Returns true if the light's position is within the limit of coordinates, and its strength is finite.
     pub(super) fn is_valid(&self) -> bool {
         let is_near = match &self.source {
             Source::Point(position) => origin::is_valid(position),
@@ -58,7 +59,8 @@ impl FileLight {
         is_near && self.strength.is_finite()
     }
 
-    /// Returns the light's position, and its power up to a factor that all lights share.
+    /// Returns the light's position and power. The powers of all lights still lack a common factor. `centre`
+    /// and `radius` are those of the mesh's ball.
     fn placed(&self, centre: DVec3, radius: f64) -> (DVec3, DVec3) {
         match self.source {
             Source::Point(position) => (position, self.strength),
@@ -70,8 +72,8 @@ impl FileLight {
     }
 }
 
-/// Returns lights that together illuminate the centre of a ball as brightly as one light of `power` at
-/// `distance`.
+/// Returns the lights `lights` as lights of a scene. Together, they illuminate the centre of the mesh's ball
+/// as brightly as one light with the power `power` at the distance `distance`.
 pub(in crate::scene) fn of_file(
     lights: &[FileLight],
     (centre, radius): (DVec3, f64),

@@ -1,4 +1,4 @@
-//! Reads mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
+//! Reads mesh files: OBJ, PLY, STL and glTF. The contents of a file show its format.
 
 mod colours;
 mod flaw;
@@ -24,10 +24,9 @@ pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
-/// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the
-/// points and the triangles. For a short time, there are two copies of the points and triangles. For two OBJ
-/// meshes of a dragon, with 202,520 and 810,080 triangles, 3.2 times the file's size was measured on
-/// 2026-11-20.
+/// Memory needed to read a mesh, as a multiple of the file's size. The memory contains the file's bytes and,
+/// for a short time, two copies of the positions and triangles. On 2026-11-20, 3.2 times the file's size was
+/// measured for two OBJ meshes of a dragon, with 202,520 and 810,080 triangles.
 const READING_FACTOR: u64 = 4;
 
 /// A triangle counts as a line if the sine of its angle at the first corner is at most this.
@@ -36,14 +35,15 @@ const THIN: f64 = 1e-6;
 /// The contents of a mesh file, with notes on ignored parts.
 #[derive(Clone, Default)]
 pub(in crate::scene) struct MeshFile {
-    /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
+    /// The mesh. Corners without a normal have the index [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,
-    /// How the file's positions were changed, in double precision, before they were rounded to single precision.
+    /// How the mesh was moved and scaled, in double precision, before its positions were rounded to single
+    /// precision.
     pub placement: Placement,
     /// The index of the first triangle of each part after the first; empty unless the file is glTF. The parts of a glTF
     /// file are its nodes with a mesh.
     pub more_starts: Vec<u32>,
-    /// The first camera of the file, moved and scaled like the mesh; `None` if the file has none.
+    /// The first usable camera of the file, moved and scaled like the mesh; `None` if there is none.
     pub camera: Option<Camera>,
     /// Notes for the user that are shown only if the file's camera is used.
     pub camera_notes: Vec<String>,
@@ -54,8 +54,8 @@ pub(in crate::scene) struct MeshFile {
 }
 
 impl MeshFile {
-    /// Undoes the scaling of the mesh, so that it has the size that its file states: in a scene file, the mesh and the
-    /// other objects have the same unit.
+    /// Undoes the scaling of the mesh, so that the mesh has the size that its file states. In a scene file,
+    /// all objects have the same unit of length.
     pub fn unscaled(mut self) -> Self {
         let scale = std::mem::replace(&mut self.placement.scale, 1.0);
         if scale != 1.0 {
@@ -66,7 +66,8 @@ impl MeshFile {
     }
 }
 
-/// Returns the format of an open file, from its contents or else from its extension.
+/// Returns the format of an open mesh file. If the contents do not show the format, the extension of `path`
+/// decides. Returns `None` if the file is not a mesh.
 pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshFormat> {
     match opened.filetype {
         FileType::Mesh(format) => Some(format),
@@ -108,7 +109,7 @@ pub(in crate::scene) fn read(
     Ok(file)
 }
 
-/// Returns a note if no triangle of a mesh can be seen.
+/// Returns a note if nothing is visible because no triangle of the mesh has an area.
 fn invisible(mesh: &Mesh) -> Option<String> {
     let has_area = |triangle: &Triangle| {
         let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());

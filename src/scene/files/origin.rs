@@ -1,6 +1,6 @@
-//! Moves meshes that are far from the origin, such as maps, since single precision could not distinguish many
-//! of their points. Scales meshes of extreme size, since products of their lengths would underflow or overflow
-//! single precision.
+//! Moves a mesh that is far from the origin, such as a map, to the origin, since single precision could not
+//! distinguish many of its points. Scales a mesh of extreme size, since products of its lengths would
+//! underflow or overflow single precision.
 
 use super::flaw::Flaw;
 use crate::scene::Camera;
@@ -8,20 +8,21 @@ use crate::scene::mesh::Triangle;
 use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
-/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At this
-/// distance, the distance itself takes up four of the 24 significant bits of a coordinate (f32), and only the other
-/// bits distinguish the points of the mesh.
+/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At
+/// this distance, four of the 24 significant bits of a coordinate (f32) are the same for all points of the
+/// mesh.
 const FAR_RADII: f64 = 16.0;
-/// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle test
-/// multiplies up to four lengths. The edges of a fine mesh are a thousandth of its radius, so at this radius the
-/// product of four edges is 1e-36; the smallest normal number of single precision is 1.2e-38.
+/// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle
+/// test multiplies up to four lengths. If the edges of a mesh are a thousandth of this radius, the product of
+/// four edges is 1e-36. The smallest normal number of single precision is 1.2e-38.
 const SMALLEST_RADIUS: f64 = 1e-6;
-/// A mesh with a larger radius is scaled. raycl's own lights are ten radii away from the mesh, and the edges of raycl's
-/// own ground are 60 radii away; their coordinates must be within +-1e12.
+/// A mesh with a larger radius is scaled. The lights that raycl adds are ten radii away from the mesh, and
+/// the edges of the ground that raycl adds are 60 radii away. The coordinates of these lights and edges must
+/// be within +-1e12.
 const LARGEST_RADIUS: f64 = 1e9;
 
-/// The change of a mesh's positions before they are rounded to single precision: a vector is subtracted, and the result
-/// is multiplied by a power of two.
+/// How a mesh is moved and scaled before its positions are rounded to single precision: a vector is
+/// subtracted from each position, and the result is multiplied by a power of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct Placement {
     /// The vector that is subtracted; zero unless the mesh lies far from the file's origin.
@@ -40,15 +41,15 @@ impl Placement {
     /// The placement that changes nothing.
     pub const IDENTITY: Self = Self { origin: DVec3::ZERO, scale: 1.0 };
 
-    /// Returns the placement (the vector and the power of two) for a mesh with these bounds.
+    /// Returns the placement for a mesh with these bounds.
     pub fn of(low: DVec3, high: DVec3) -> Self {
         let (centre, radius) = ((low + high) / 2.0, length(high - low) / 2.0);
         Self { origin: origin_of(centre, radius), scale: scale_of(radius) }
     }
 
-    /// Returns the identity if a mesh with these bounds, in single precision, certainly need not be moved or scaled.
-    /// Otherwise returns `None`: rounding to single precision may have changed the placement, so the bounds are needed
-    /// in double precision.
+    /// Returns the identity if the bounds, which are rounded to single precision, show that the mesh need not
+    /// be moved or scaled. Otherwise returns `None`: the placement must then be computed from the bounds in
+    /// double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let radius = length(high - low) / 2.0;
@@ -62,23 +63,23 @@ impl Placement {
         (position - self.origin) * self.scale
     }
 
-    /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single precision. A
-    /// position that no triangle uses does not decide the placement, so it can come to lie beyond the limit of
-    /// coordinates. Such a position is moved to the limit.
+    /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single
+    /// precision. The placement does not depend on positions that no triangle uses. If such a position is
+    /// beyond `MAX_COORDINATE` after the conversion, it is moved to this limit.
     pub fn settled(&self, position: DVec3) -> Vec3 {
         let most = DVec3::splat(MAX_COORDINATE.into());
         self.apply(position).clamp(-most, most).as_vec3()
     }
 
-    /// Converts a camera from the file's coordinates to the mesh's coordinates; `position` is the camera's position in
-    /// the file.
+    /// Converts a camera from the file's coordinates to the mesh's coordinates. `position` is the camera's
+    /// position in the file, and replaces `camera.position`.
     pub fn camera(&self, position: DVec3, camera: &Camera) -> Camera {
         let z_near = (f64::from(camera.z_near) * self.scale) as f32;
         Camera { position: self.apply(position).as_vec3(), z_near, ..*camera }
     }
 
-    /// Returns notes that tell the user how the mesh was moved and scaled. The notes are for a mesh without a scene
-    /// file, because moving and scaling such a mesh is not undone.
+    /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved
+    /// nor scaled. The notes are for a mesh without a scene file, which stays moved and scaled.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -101,8 +102,9 @@ impl Placement {
     }
 }
 
-/// Returns the vector to be subtracted from the positions of a mesh with this centre and radius. If the centre is far
-/// from the origin, this vector is the centre, rounded to whole numbers if the radius is above 1. Otherwise it is zero.
+/// Returns the vector to be subtracted from the positions of a mesh with this centre and radius. If the
+/// centre is far from the origin, this vector is the centre, and it is rounded to whole numbers if the radius
+/// is above 1. If the centre is not far from the origin, this vector is zero.
 fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
     // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie outside the
@@ -111,9 +113,9 @@ fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     if far { rounded } else { DVec3::ZERO }
 }
 
-/// Returns the power of two by which an extreme radius must be multiplied to be at least 1 and less than 2. The power
-/// is 1 for a radius of ordinary size, for the radius 0 of a point, and for a radius below the smallest normal number
-/// of double precision.
+/// Returns the power of two by which a mesh with this radius is multiplied. The product of an extreme radius
+/// and the power is at least 1 and less than 2. The power is 1 for other radii, for the radius 0 of a point,
+/// and for a radius below the smallest normal number of double precision.
 fn scale_of(radius: f64) -> f64 {
     if !radius.is_normal() || (SMALLEST_RADIUS..=LARGEST_RADIUS).contains(&radius) {
         return 1.0;
@@ -121,16 +123,15 @@ fn scale_of(radius: f64) -> f64 {
     2_f64.powi(-radius.log2().floor() as i32)
 }
 
-/// Returns the length of a vector. The result is correct even if the squares of the vector's components underflow or
-/// overflow.
+/// Returns the length of a vector, even if the squares of the vector's components underflow or overflow.
 fn length(vector: DVec3) -> f64 {
     let largest = vector.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
 }
 
-/// Returns positions in single precision, and their placement (how they were moved and scaled). Positions that no
-/// triangle uses do not decide the placement, and need not be finite: scanners write NaN or zeros for points that they
-/// did not measure.
+/// Returns positions in single precision, and their placement (how they were moved and scaled). The placement
+/// depends only on positions that triangles use. Other positions need not be finite: scanners write NaN or
+/// zeros for points that they did not measure.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
     settle_if(positions, triangles, |_| true)
 }
@@ -150,7 +151,8 @@ pub(super) fn settle_if(
         _ => placement_of(corners.map(|corner| &positions[corner as usize])),
     };
     let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
-    // A position that is neither used nor valid gets a value that does not enlarge the mesh.
+    // A position that is not valid, and that no triangle uses, is replaced by a position that does not
+    // enlarge the mesh.
     let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
     let settled = |position: &DVec3| placement.settled(if is_valid(position) { *position } else { instead });
     Ok((positions.iter().map(settled).collect(), placement))
@@ -166,13 +168,14 @@ pub(super) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Pl
     Placement::of(low, high)
 }
 
-/// Returns whether a position is finite and within the limit of coordinates.
+/// Returns true if a position is finite and within +-`MAX_COORDINATE`.
 pub(super) fn is_valid(position: &DVec3) -> bool {
-    // The position is compared after it is rounded to single precision, in which the limit, 1e12, is slightly smaller.
+    // The position is rounded to single precision before the comparison, since the limit of 1e12 is slightly
+    // smaller in single precision.
     position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
 }
 
-/// Refuses triangles with a position that is not valid.
+/// Returns a mistake if a triangle has a position that is not valid.
 fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
     let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
     let Some(vertex) = used.find(|&vertex| !is_valid(&positions[vertex])) else { return Ok(()) };
@@ -234,7 +237,8 @@ mod tests {
         for edge in [0.0, 5e-324, 2e-6, 1.0, 1e9] {
             assert_eq!(placed(DVec3::ZERO, edge).1.scale, 1.0, "{edge:e}");
         }
-        // This mesh is moved and scaled; near 1, single precision could not distinguish its corners.
+        // This mesh is moved and scaled, since single precision could not distinguish its corners near (1, 1,
+        // 1).
         let (side, placement) = placed(DVec3::ONE, 1e-10);
         assert!((side.x - 1e-10 * placement.scale).abs() < 1e-5 * side.x && side.x > 1.0, "{side}");
         assert!(placement.origin.distance(DVec3::ONE) < 1e-9);

@@ -17,13 +17,13 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// The supported formats. They are recognised by the file's first bytes. TGA has no such bytes; if the first bytes are
-/// of no known format, TGA is recognised by its footer or by the file's extension.
+/// The supported formats. The first bytes of a file show its format, but TGA has no typical first bytes. If
+/// the first bytes are of no known format, the file is a TGA if it has a TGA's footer or extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 /// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Older files have none.
 const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 
-/// A result whose error is the end of a message; the message begins with the picture's name.
+/// A result whose error continues a message that begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's width and height in texels, and its texels.
@@ -33,7 +33,7 @@ type Decoded = ([u32; 2], Arc<[u32]>);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::scene) struct Usage {
     pub wrap: [Wrap; 2],
-    /// The smallest alpha of a point that is not in a hole, as in [`Texture`].
+    /// The smallest alpha of a point that is not in a hole, in 65535ths; 0 if the picture is not a mask.
     pub least_alpha: u16,
 }
 
@@ -56,7 +56,9 @@ pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
     /// The decoded pictures, and the reasons why pictures cannot be decoded.
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
+    /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
+    /// The number of texels of all textures in `list`.
     texels: usize,
 }
 
@@ -73,15 +75,17 @@ impl Pictures {
         self.texture(path.clone(), usage, picture)
     }
 
-    /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file; `key` identifies the picture
-    /// within the mesh file. Calls `bytes` only if the picture is not decoded yet.
+    /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file. `key` identifies the
+    /// picture within the mesh file. `bytes` returns the bytes, and is called only if the picture is not
+    /// decoded yet.
     pub fn bytes<'a>(
         &mut self,
         key: &str,
         bytes: impl FnOnce() -> Parsed<Cow<'a, [u8]>>,
         usage: Usage,
     ) -> Parsed<u32> {
-        // This key is a relative path. The paths from `Reach::locate` are absolute, so they cannot equal this key.
+        // This key is a relative path, so it differs from every path that `Reach::locate` returns: those
+        // paths are absolute.
         let key = Path::new("in the file").join(key);
         self.texture(key, usage, || decoded(&bytes()?, None))
     }
@@ -116,7 +120,7 @@ impl Pictures {
     }
 }
 
-/// Gives a picture without transparent texels an alpha channel that equals its brightness.
+/// Sets the alpha of each texel to the texel's brightness, unless some texels are already transparent.
 pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     if texture.texels.iter().any(|texel| texel >> 24 < 255) {
         return;
@@ -130,7 +134,7 @@ pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     texture.texels = texture.texels.iter().map(with_alpha).collect();
 }
 
-/// Decodes a picture.
+/// Decodes a picture. `ending` is the format that the extension of the picture's file names.
 fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let is_tga = ending == Some(ImageFormat::Tga) || bytes.ends_with(TGA_FOOTER);
     let format = image::guess_format(bytes).ok().or(is_tga.then_some(ImageFormat::Tga));
@@ -151,7 +155,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
-    // A decoded texel takes at most 8 bytes. Its conversion to four channels of 8 bits takes as much again.
+    // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes as much again.
     room_for(size, 16, &Available::read())?;
     let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
     Ok(([width, height], words(&picture)))
@@ -281,7 +285,7 @@ mod tests {
         assert!(decoded(b"nothing", None).unwrap_err().contains("not a PNG"));
         assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
         let mut huge = png(2, 2);
-        // These bytes of the PNG's header are its width.
+        // These bytes of the PNG's header have the picture's width.
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));

@@ -25,27 +25,28 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-/// Memory for a vertex while a file is read: the vertex itself, its position in double and in single precision, its
-/// normal and its colour.
+/// Memory for a vertex while a file is read, in bytes: the vertex itself, its position in double and in
+/// single precision, its normal and its colour.
 const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_of::<Vec3>()) as u64;
-/// Memory for the list of a triangle's corners: 12 bytes, and the bytes that an allocator adds to each block.
+/// Memory for the list of a triangle's corners, in bytes: 12 bytes, and what an allocator adds to each block.
 const LIST_BYTES: usize = 32;
-/// Memory for a face while a file is read: the face itself, the list of its corners, and one triangle.
+/// Memory for a face while a file is read, in bytes: the face itself, the list of its corners, and one
+/// triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
-/// Memory for a face's own colour while a file is read, beside the memory for the face: the face together with its
-/// colour, and the colour of one triangle.
+/// Additional memory for a face with a colour of its own, in bytes: a copy of the face with its colour, and
+/// the colour of one triangle.
 const FACE_COLOUR_BYTES: u64 = (size_of::<ColouredFace>() + size_of::<Vec3>()) as u64;
-/// Memory for a colour of triangles while a file is read: a material, and the colour's entry in the map of colours.
+/// Memory for each different colour of triangles, in bytes: a material, and an entry in the map of colours.
 /// The sum is doubled, because the list of materials and the map may be half empty.
 const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]), u32)>()) as u64;
 /// The largest number of different colours of triangles: a colour has three channels of 8 bits.
 const MAX_COLOURS: u64 = 1 << 24;
 
-/// The words by which a note names the elements that are left out. If a header defines several types of elements with
-/// the same name, only the first of these types is read.
+/// The words for the elements that are left out, in a note. If a header defines several types of elements
+/// with the same name, only the first of these types is read.
 const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristrips`";
 
-/// Reads a file.
+/// Reads a PLY file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let Tidied { header: text, payload, strange, elements: names } =
         header::tidied(bytes).map_err(|flaw| named.error(flaw))?;
@@ -80,12 +81,12 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the mistake that the crate `ply-rs-bw` found, without the file's text.
+/// Returns the mistake that the crate `ply-rs-bw` found. Of the crate's message, only the first line is used.
 fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
-    // Even the first line of some messages contains a name from the header, so the message counts as a quotation.
+    // The first line of some messages contains a name from the header, so the message counts as a quotation.
     let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
     match line {
         Some(line) => flaw.at(line),
@@ -93,8 +94,9 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     }
 }
 
-/// Refuses a file that is too short for the elements that its header states. Without this check, the number of elements
-/// alone would decide how much memory and time a file takes, since elements may take few bytes or none.
+/// Returns a mistake if the file is too short for the elements that its header states, or if elements have no
+/// properties. Without this check, a small file could state a huge number of elements, and would take much
+/// memory and time.
 fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw> {
     let mut left = payload as u64;
     // In an ASCII file, the last number needs no separator after it.
@@ -118,7 +120,8 @@ fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw>
     Ok(())
 }
 
-/// Returns the smallest number of bytes that a property takes. An empty list takes only the bytes of its count.
+/// Returns the smallest number of bytes that a property takes in the file. An empty list takes only the bytes
+/// of its count.
 fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     let (PropertyType::Scalar(kind) | PropertyType::List(kind, _)) = kind;
     match (header.encoding, kind) {
@@ -131,18 +134,18 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
     }
 }
 
-/// Returns whether elements of this type have a number for each of the property names `names`.
+/// Returns true if elements of the type `element` have all properties `names`, and each of them is a number.
 fn has(header: &Header, element: &str, names: [&str; 3]) -> bool {
     let element = header.elements.get(element);
     names.iter().all(|name| element.is_some_and(|element| needed::has_number(element, name)))
 }
 
-/// Returns whether elements of this type have colours.
+/// Returns true if elements of the type `element` have colours.
 fn have_colours(header: &Header, element: &str) -> bool {
     CHANNELS.into_iter().any(|names| has(header, element, names))
 }
 
-/// Returns whether triangles get the colours of their faces. If vertices have colours, these are used instead.
+/// Returns true if triangles get the colours of their faces: if faces have colours and vertices have none.
 fn use_face_colours(header: &Header) -> bool {
     have_colours(header, "face") && !have_colours(header, "vertex")
 }
@@ -170,7 +173,7 @@ enum Elements<'a> {
 }
 
 impl Elements<'_> {
-    /// Reads all elements of the next type.
+    /// Reads all elements of the type `of`, which is the next type in the file.
     fn next<E: PropertyAccess>(
         &mut self,
         of: &ElementDef,
@@ -178,14 +181,15 @@ impl Elements<'_> {
     ) -> std::result::Result<Vec<E>, Flaw> {
         match self {
             Self::Ascii(lines) => lines.elements(of),
-            // A binary file has no lines, so the line number in the crate's error is not used.
+            // A binary file has no lines, so the line number in the error of `ply-rs-bw` is not used.
             Self::Binary(reader) => Parser::new()
                 .read_payload_for_element(reader, of, header)
                 .map_err(|error| misread(&error, None)),
         }
     }
 
-    /// Returns a note on what follows the last element. Blanks and line ends alone need no note.
+    /// Returns a note on lines or bytes after the last element; `None` if there are only blanks and line
+    /// ends.
     fn note_rest(self) -> Option<String> {
         let (count, what) = match self {
             Self::Ascii(lines) => (lines.rest(), "line after the last element"),
@@ -211,8 +215,9 @@ struct Parts {
 }
 
 impl Parts {
-    /// Reads all elements of the next type. `name` is unique in the header; of several types that have the same name in
-    /// the file, only the first keeps it.
+    /// Reads all elements of the type `element`, which is the next type in the file. `name` is the type's
+    /// name in the tidied header. Of several types that have the same name in the file, only the first keeps
+    /// this name.
     fn read(
         &mut self,
         name: &str,
@@ -281,7 +286,8 @@ impl Parts {
                 [] | [_] | [_, _] => all.short += 1,
                 _ => {
                     let mut outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
-                    // Products of the lengths of a tiny outline would underflow, so the outline is scaled first.
+                    // Products of the lengths of a tiny outline would underflow, so the outline is scaled
+                    // before it is triangulated.
                     let scale = placement_of(outline.iter()).scale;
                     outline.iter_mut().for_each(|corner| *corner *= scale);
                     let parts = triangulate(&outline).ok_or_else(|| too_large(number))?;
@@ -299,8 +305,8 @@ impl Parts {
         Ok(all)
     }
 
-    /// Gives the triangles the colours of their vertices or, if vertices have none, of their faces. `of_faces` has the
-    /// linear colours of the triangles of faces.
+    /// Gives the triangles the colours of their vertices or, if vertices have none, of their faces.
+    /// `of_faces` has the linear colour of each triangle of a face.
     fn paint(&self, mesh: &mut Mesh, header: &Header, mut of_faces: Vec<Vec3>, notes: &mut Vec<String>) {
         let white = vec![Material::lambertian(Vec3::ONE)];
         let outside = |of: &[Vec3]| of.iter().filter(|colour| colours::is_outside(colour)).count();
@@ -311,7 +317,7 @@ impl Parts {
             notes.push(colours::note(linear.len()));
             notes.extend(colours::note_outside(outside(&linear), "vertex"));
         } else if use_face_colours(header) {
-            // The triangles of strips have no colours of their own.
+            // Triangles of strips come last, and get the colour of the default material.
             of_faces.resize(mesh.triangles.len(), mesh.materials[0].lambertian);
             mesh.materials = white;
             colours::paint_triangles(mesh, &of_faces);
@@ -387,14 +393,15 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Returns the error for a concave face that has too many corners to be divided into triangles.
+/// Returns the mistake of a concave face that has too many corners to be divided into triangles.
 fn too_large(number: usize) -> Flaw {
     let most = MAX_CONCAVE_CORNERS;
     Flaw::from(format!("face {number} is concave and has more than {most} corners"))
         .with_remedy("divide the face into smaller ones")
 }
 
-/// Returns the mistake of a face or a strip with a vertex that does not exist; `what` quotes the vertex.
+/// Returns the mistake of a face or a strip with a vertex that does not exist. `kind` is "face" or "strip",
+/// and `what` quotes the vertex.
 fn missing(kind: &str, number: usize, what: &str) -> Flaw {
     Flaw::quoting(
         format!("{kind} {number}: {what}"),
@@ -416,7 +423,7 @@ fn number(property: &Property) -> Option<f64> {
     })
 }
 
-/// A face or a strip: indices of vertices.
+/// The indices of the vertices of a face or a strip; `None` if the element has no such list.
 struct Face(Option<Property>);
 
 impl Face {
@@ -436,8 +443,8 @@ impl Face {
         self.numbers().into_iter().map(|number| corner(number, count)).collect()
     }
 
-    /// Passes the triangles of a strip to `push`. Every second triangle is reversed, and -1 starts
-    /// a new strip.
+    /// Passes the triangles of a strip to `push`. Two corners of every second triangle are swapped, so that
+    /// all triangles face the same side. The index -1 starts a new strip.
     fn triangles(&self, count: usize, push: &mut impl FnMut([u32; 3])) -> std::result::Result<(), String> {
         for strip in self.numbers().split(|&number| number == -1) {
             let corners: Vec<u32> =
@@ -458,7 +465,7 @@ fn corner(number: i64, count: usize) -> std::result::Result<u32, String> {
     }
 }
 
-/// Returns whether a face's property of this name has the face's corners.
+/// Returns true if `name` is the name of the property that lists a face's corners.
 fn is_corners(name: &str) -> bool {
     matches!(name, "vertex_indices" | "vertex_index")
 }
@@ -496,7 +503,7 @@ impl PropertyAccess for ColouredFace {
     }
 }
 
-/// An element that is ignored.
+/// An element whose properties are not stored.
 struct Skipped;
 
 impl PropertyAccess for Skipped {

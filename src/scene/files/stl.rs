@@ -1,6 +1,5 @@
-//! Reads STL, ASCII and binary. Triangles in STL share no corners, so equal corners are joined, which allows
-//! smooth surfaces. The facets' normals are not read: correct normals follow from the order of the
-//! corners.
+//! Reads ASCII and binary STL. Triangles in STL share no corners. Equal corners are joined, so that surfaces
+//! can be smooth. The facets' normals are not read, since the order of the corners determines the normals.
 
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
@@ -19,18 +18,18 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
-/// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file is not
-/// text if these bytes contain a zero byte and no `vertex`.
+/// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if these
+/// bytes contain a zero byte and no word `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
 /// The program Materialise Magics writes this key into the header of a binary file, before a colour for all facets.
 const COLOUR: &[u8] = b"COLOR=";
 
-/// The bits of a corner's coordinates, by which corners are sorted, and the corner's number.
+/// The bits of a corner's coordinates, by which corners are sorted, and the corner's index.
 type Sorted = ([u64; 3], u32);
 
-/// Memory for a triangle of a binary file while equal corners are joined. A triangle has three corners. For each
-/// corner, there are four values in memory: the corner as it is in the file, its entry in the sorted list, the number
-/// of its position, and its position.
+/// Memory for a triangle of a binary file while equal corners are joined, in bytes. For each of the three
+/// corners, four values are in memory: the corner as it is in the file, its entry in the sorted list, the
+/// index of its position, and its position.
 const JOINING_BYTES: u64 =
     (3 * (2 * size_of::<DVec3>() + size_of::<Sorted>() + size_of::<u32>()) + size_of::<Triangle>()) as u64;
 
@@ -43,8 +42,8 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             hold(named.name, count as u64, &Available::read())?;
             (binary(bytes, count), notes(bytes, count))
         }
-        // In a text file, a triangle usually takes 100 bytes or more. The memory that is reserved for a mesh of any
-        // format grows with the file's size, and is then enough.
+        // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read`, which
+        // demands four times the file's size, is then enough.
         false => {
             let Text { corners, unknown, is_in_solid } = ascii(bytes).map_err(failed)?;
             let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
@@ -66,8 +65,9 @@ fn hold(name: &str, triangles: u64, available: &Available) -> Result<()> {
     available.hold(JOINING_BYTES * triangles, &format!("reading {name}"), &sum)
 }
 
-/// Returns whether this is a binary file: its length matches its count of triangles, or its first bytes are not
-/// text. The word `solid` at the beginning decides nothing, because a binary file may also begin with it.
+/// Returns true if the file is binary: if its length matches the number of triangles in the header, or if its
+/// first bytes are not text. The word `solid` at the beginning is no proof of a text file, because a binary
+/// file may also begin with it.
 fn is_binary(bytes: &[u8]) -> bool {
     let Some(count) = count(bytes) else { return false };
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
@@ -79,14 +79,15 @@ fn contains(text: &[u8], part: &[u8]) -> bool {
     text.windows(part.len()).any(|window| window == part)
 }
 
-/// Returns the number of triangles that the header states; `None` if the file is too short.
+/// Returns the number of triangles that the header states; `None` if the file is shorter than a header.
 fn count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?;
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
-/// Returns the number of triangles to be read: the header's number or, if it is 0, the number of
-/// all triangles in the file. A program that writes to a stream may leave a 0 in the header.
+/// Returns the number of triangles to be read: the number in the header or, if the header has a 0, the number
+/// of all triangles in the file. A program that writes to a stream may leave a 0 in the header. Returns a
+/// mistake if the header's number is larger than the file allows.
 fn held(bytes: &[u8]) -> std::result::Result<usize, Flaw> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {
@@ -103,7 +104,7 @@ fn rows(bytes: &[u8], count: usize) -> impl Iterator<Item = &[u8]> {
     bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES).take(count)
 }
 
-/// Returns notes on the parts of a binary file that are not triangles.
+/// Returns notes on parts of a binary file that are not read, and on a header with the number 0.
 fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
     let mut notes = Vec::new();
     let attributes = rows(bytes, triangles).filter(|row| row[48..] != [0, 0]).count();
@@ -135,7 +136,7 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
 const WORDS: [&str; 9] =
     ["solid", "endsolid", "facet", "normal", "endfacet", "outer", "loop", "endloop", "vertex"];
 
-/// A word of a text file, after the number of its line.
+/// The number of a line, from 1, and a word in this line.
 type Word<'a> = (usize, &'a [u8]);
 
 /// What a text file contains.
@@ -148,13 +149,13 @@ struct Text {
     is_in_solid: bool,
 }
 
-/// Reads a text file. Only `vertex x y z` is used, three times in each facet. A line end only ends the name of a solid,
-/// since some programs write several statements into a line.
+/// Reads a text file. Only the statements `vertex x y z` are used, three in each facet. Some programs write
+/// several statements into a line, so line ends count only after the name of a solid.
 fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let (mut corners, mut unknown) = (Vec::new(), Asked::default());
     let (mut is_in_solid, mut is_in_facet) = (false, false);
-    // The number of corners before the facet.
+    // The number of corners before the current facet.
     let mut before = 0;
     let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of).peekable();
     let mut last: &[u8] = b"";
@@ -171,8 +172,8 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
             is_in_solid = is(word, "solid") && !ends;
             skip_name(line, &mut words);
         } else if is(word, "normal") {
-            // Up to three words after `normal` are skipped even if they are no numbers, because some programs write
-            // words such as `-nan(ind)`.
+            // Up to three words after `normal` are skipped even if they are not numbers, because some
+            // programs write words such as `-nan(ind)`.
             for _ in 0..3 {
                 words.next_if(|(_, word)| !is_known(word));
             }
@@ -201,8 +202,8 @@ fn is_known(word: &[u8]) -> bool {
     WORDS.iter().any(|known| is(word, known))
 }
 
-/// Skips the name of a solid, which may be any text. The name ends before the first facet in its line, or else with the
-/// line.
+/// Skips the name of a solid, which may be any text. The name ends at the end of the line `line`, or before
+/// `facet normal` in this line.
 fn skip_name<'a>(line: usize, words: &mut (impl Iterator<Item = Word<'a>> + Clone)) {
     loop {
         let mut ahead = words.clone();
@@ -227,7 +228,7 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
     Ok(DVec3::new(number()?, number()?, number()?))
 }
 
-/// Joins equal corners into one position.
+/// Joins equal corners. Returns the distinct positions, and one triangle for every three corners.
 fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
     // Adding zero makes -0 and 0 equal.
     let mut order: Vec<Sorted> = (0..)
@@ -236,8 +237,8 @@ fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
         .collect();
     order.par_sort_unstable();
     let is_same = |a: &Sorted, b: &Sorted| a.0 == b.0;
-    // The list of positions has its final size from the beginning, since a list that grows takes up to three times the
-    // memory.
+    // The list of positions is created with its final size, since a list that grows takes up to three times
+    // the memory.
     let mut positions = Vec::with_capacity(order.chunk_by(is_same).count());
     let mut numbers = vec![0; corners.len()];
     for same in order.chunk_by(is_same) {
@@ -329,8 +330,8 @@ mod tests {
         }
     }
 
-    /// When equal corners are joined, all lists whose sizes this test adds up are in memory, besides the bytes of the
-    /// file.
+    /// While equal corners are joined, the five lists whose sizes this test adds up are in memory, besides
+    /// the bytes of the file.
     #[test]
     fn a_binary_file_is_refused_if_its_corners_cannot_be_joined() {
         let (corners, sorted, numbers, positions, triangle) = (3 * 24, 3 * 32, 3 * 4, 3 * 24, 28);

@@ -249,7 +249,7 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     let [key, fill] = towards(Ball { opening: None, ..ball })[..] else { panic!("two lights") };
     assert!(key.x < 0.0 && key.y > 0.0 && key.z > 0.0, "{key}");
     assert!(fill.x > 0.0 && fill.y > 0.0 && fill.z > 0.0, "{fill}");
-    // The mesh is open towards +z, where the eye is. Only light from there enters the mesh.
+    // The mesh is open towards +z, where the eye is. Only light from this side enters the mesh.
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
@@ -276,8 +276,9 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
 
-/// Returns a box of this size, one of whose corners is at `corner`. Its sides are, in this order: left, right, bottom,
-/// top, back, front. A side faces outwards for 1 and inwards for -1; it is missing for 0.
+/// Returns a box of this size. Its corner with the least coordinates is at `corner`. `sides` has a number for
+/// each side: left, right, bottom, top, back, front. The number is 1 if the side faces outwards, -1 if it
+/// faces inwards, and 0 if it is missing.
 fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
     // The three lowest bits of a corner's number say where the corner is along x, y and z: 0 at one end of the box, and
     // 1 at the other end.
@@ -314,8 +315,8 @@ fn a_room_is_seen_through_its_open_side_whatever_the_order_of_its_corners() {
     assert_eq!(opening_of_box(size, [0, 0, 1, 0, 1, 0]), Some(DVec3::NEG_Z));
 }
 
-/// The walls of a shell face outwards; so do the walls of a room whose faces list their corners in reversed order. Only
-/// bodies inside show that the mesh is a room.
+/// The walls of a shell face outwards. The walls of a room also face outwards if its faces list their corners
+/// in reversed order. Only bodies inside show that such a mesh is a room.
 #[test]
 fn walls_that_face_outwards_are_a_shell_unless_there_are_bodies_inside() {
     let opening = |inside: &[(Vec3, Vec3, [i32; 6])]| {

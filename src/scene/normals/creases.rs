@@ -1,15 +1,15 @@
-//! Keeps edges sharp in a mesh without normals.
+//! Makes creases sharp in a mesh whose normals were generated.
 
 use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// At a corner with more faces than this, each face keeps its own normal, since comparing every two of these faces
-/// would take too long.
+/// At a position with more faces than this, each face gets the normal of its own plane, since comparing every
+/// two of these faces would take too long.
 const MOST_FACES: usize = 1024;
-/// An edge stays smooth if the angle between its faces exceeds the crease angle by no more than this, since rounded
-/// positions turn faces slightly. Without this tolerance, rounding would decide which edges of a regular prism are
-/// sharp if its faces meet at exactly the crease angle.
+/// An edge stays smooth if the angle between its faces exceeds the crease angle by at most this. Rounding of
+/// positions turns faces slightly. If the faces of a regular prism met at exactly the crease angle, rounding
+/// would otherwise decide which of its edges are sharp.
 const ROUNDING_DEGREES: f64 = 0.01;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
@@ -26,9 +26,10 @@ impl Face {
     }
 }
 
-/// Replaces the smooth normals of the given triangles at positions where the normals of two faces differ by more
-/// than the crease angle. Each face at such a position gets its own normal there: the mean, weighted by area, of the
-/// face normals that differ from this face's normal by at most the crease angle.
+/// Replaces the smooth normals of the triangles `triangles` at positions where the normals of two of their
+/// faces differ by more than the crease angle. At such a position, each face gets a normal of its own: the
+/// mean, weighted by area, of those face normals that differ from its face normal by at most the crease
+/// angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease_degrees = f64::from(crease_degrees.max(0.0)) + ROUNDING_DEGREES;
     // No two normals differ by more than 180 degrees.
@@ -54,9 +55,10 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     mesh.normals.extend(normals);
 }
 
-/// Returns pairs of a position and a triangle at this position, in order. The positions are those
-/// where a face's normal differs from the smooth normal by more than half the crease angle. The
-/// normals of two faces can differ by more than the crease angle only at these positions.
+/// Returns sorted pairs: the index of a position, and the index of a triangle at this position. These are the
+/// positions where a face's normal differs from the smooth normal by more than half the crease angle;
+/// `least_cosine` is the cosine of this half. Only at these positions can the normals of two faces differ by
+/// more than the crease angle.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
     let parted = |triangle: &u32| {
         let unit = Face::of(mesh, *triangle).unit;

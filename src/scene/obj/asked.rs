@@ -1,12 +1,11 @@
-//! Counts unsupported features in a file. The features are counted while the file is read, and each kind is
-//! reported once.
+//! Counts the unsupported features that a file asks for, and writes one note for each kind of feature.
 
 use super::text::{quoted, words};
 use crate::words::counted;
 use std::collections::BTreeMap;
 
-/// Largest number of keywords of one kind that are counted separately, since a file may contain any number of
-/// them.
+/// Largest number of keywords that are stored for one kind of feature, since a file may contain any number of
+/// keywords.
 const MOST_COUNTED: usize = 16;
 /// Largest number of keywords that a note lists.
 const MOST_LISTED: usize = 8;
@@ -40,7 +39,7 @@ pub(in crate::scene) enum Wish {
 }
 
 impl Wish {
-    /// Returns the feature's name, and how raycl treats the feature.
+    /// Returns the feature's name, and what raycl does instead, both for messages.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Texture => ("textures", "only a material's colour and its holes can come from a texture"),
@@ -76,7 +75,7 @@ impl Wish {
     }
 }
 
-/// The number of uses of each kind of feature, with the keywords.
+/// For each kind of feature, the number of uses and the keywords that ask for it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::scene) struct Asked(BTreeMap<Wish, Count>);
 
@@ -93,7 +92,8 @@ impl Count {
         }
     }
 
-    /// Lists up to [`MOST_LISTED`] keywords, each with its count if there are several keywords.
+    /// Returns a list of up to [`MOST_LISTED`] keywords. If there are several keywords, each is followed by
+    /// its count.
     fn list(&self) -> String {
         if let [(name, _)] = self.names.iter().collect::<Vec<_>>()[..] {
             return name.clone();
@@ -121,18 +121,19 @@ impl Asked {
         count.add(&shown_name(wish, keyword), 1);
     }
 
-    /// Returns whether nothing was counted.
+    /// Returns true if nothing was counted.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Returns whether a keyword was counted. Of each kind of feature, only the first [`MOST_COUNTED`] keywords are
-    /// known.
+    /// Returns true if the keyword was counted and stored. Only the first [`MOST_COUNTED`] keywords of each
+    /// kind are stored.
     pub fn has(&self, wish: Wish, keyword: &[u8]) -> bool {
         self.0.get(&wish).is_some_and(|count| count.names.contains_key(&shown_name(wish, keyword)))
     }
 
-    /// Returns the keywords of one kind of feature for a message; `None` if there are none.
+    /// Returns the list of the keywords of one kind of feature, for a message; `None` if there are no
+    /// keywords.
     pub fn keywords(&self, wish: Wish) -> Option<String> {
         self.0.get(&wish).map(Count::list)
     }
@@ -156,8 +157,8 @@ impl Asked {
         }
     }
 
-    /// Returns a note for each kind. `who` names what the notes count: materials or statements. If `quotes` is true,
-    /// the notes contain the keywords from the file.
+    /// Returns a note for each kind of feature. `who` is the word for what was counted: "material" or
+    /// "statement". If `quotes` is true, the notes contain the keywords from the file.
     pub fn notes(&self, who: &str, quotes: bool) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();

@@ -1,5 +1,5 @@
-//! The texture coordinates (`vt`) of OBJ files. Coordinates far from 0 are kept in double precision, since single
-//! precision would lose the digits that decide where a repeated picture lies.
+//! Reads the texture coordinates (`vt`) of OBJ files. Coordinates far from 0 are stored in double precision,
+//! since single precision would lose the digits after the point, which place a repeated picture.
 
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens};
 use crate::scene::Mapped;
@@ -9,7 +9,8 @@ use crate::scene::Mapped;
 pub(super) struct Coordinates {
     /// All coordinates, rounded to single precision.
     rounded: Vec<[f32; 2]>,
-    /// The coordinates far from 0 in double precision, and their indices in `rounded`, in the order of these indices.
+    /// The coordinates far from 0 in double precision, each after its index in `rounded`. The list is sorted
+    /// by these indices.
     far: Vec<(usize, [f64; 2])>,
 }
 
@@ -21,7 +22,7 @@ impl Coordinates {
         self.rounded.push(coordinate.map(|value| value as f32));
     }
 
-    /// Joins the coordinates of consecutive pieces.
+    /// Joins the coordinates of all pieces of a file, in the order of the pieces.
     pub fn joined(pieces: Vec<Self>) -> Self {
         let mut all = Self::default();
         all.rounded.reserve_exact(pieces.iter().map(Self::count).sum());
@@ -38,7 +39,7 @@ impl Coordinates {
         self.rounded.len()
     }
 
-    /// Returns the coordinate of this index.
+    /// Returns the texture coordinate with the index `index`.
     pub fn at(&self, index: u32) -> [f64; 2] {
         let index = index as usize;
         match self.far.binary_search_by_key(&index, |(far, _)| *far) {
@@ -48,7 +49,8 @@ impl Coordinates {
     }
 }
 
-/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN, and are counted.
+/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN. Also returns the
+/// number of their lines.
 pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
     let (mut coordinates, mut odd) = (Coordinates::default(), Seen::default());
     for (offset, line) in chunk.lines() {
@@ -73,7 +75,8 @@ fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
     Ok([next(None)?, next(Some(b"0"))?])
 }
 
-/// Parses a number in single precision, which is faster, or in double precision if it lies far from 0.
+/// Parses a number in single precision, which is fast. If the number is far from 0, parses it again in double
+/// precision.
 fn value(token: &[u8]) -> Option<f64> {
     let rounded = f64::from(number(token)?);
     if rounded.abs() > Mapped::NEAR { decimal(token) } else { Some(rounded) }

@@ -12,8 +12,8 @@ use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 
-/// The numbers of positions, normals and texture coordinates before a piece of the file, and the
-/// name of the material at its beginning.
+/// The numbers of positions, normals and texture coordinates before a piece of the file, and the name of the
+/// material that is current where the piece begins.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Start<'a> {
     pub positions: usize,
@@ -22,8 +22,8 @@ pub(super) struct Start<'a> {
     material: &'a str,
 }
 
-/// Returns a [`Start`] for each piece of the file, followed by one for the end of the file. `coordinates` has the
-/// texture coordinates of each piece, or is empty.
+/// Returns a [`Start`] for each piece of the file, and then one for the end of the file. `coordinates` has
+/// the texture coordinates of each piece; it is empty if they were not read.
 pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
@@ -40,7 +40,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) 
 /// The data of the whole file that reading faces needs.
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
-    /// The normals that are not valid, in order.
+    /// The normals that are not valid, sorted by index.
     pub odd_normals: &'a [Odd],
     pub total: Start<'a>,
     /// The index of each material, by the material's name; index 0 is the default material.
@@ -50,13 +50,13 @@ pub(super) struct FaceContext<'a> {
 }
 
 impl FaceContext<'_> {
-    /// Returns whether the normal of this index is not valid.
+    /// Returns true if the normal with the index `normal` is not valid.
     fn is_odd(&self, normal: u32) -> bool {
         self.odd_normals.binary_search_by_key(&(normal as usize), |odd| odd.number).is_ok()
     }
 }
 
-/// The triangles of a piece of the file; missing normals are [`MISSING`].
+/// The triangles of a piece of the file. The index of a missing normal is [`MISSING`].
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
@@ -66,7 +66,7 @@ pub(super) struct FaceChunk {
     unknown_materials: BTreeSet<String>,
     /// The byte offset of the first face that has normals at some corners only; `None` if there is no such face.
     partial_normals: Option<usize>,
-    /// Faces that refer to a normal which the file does not have.
+    /// Faces with the index of a normal that does not exist in the file.
     lost_normals: Seen,
     /// Faces with fewer than three corners.
     short: Seen,
@@ -96,8 +96,8 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
     Ok(faces)
 }
 
-/// One corner of a face: the indices of its position, its normal and its texture coordinate. A missing normal or
-/// texture coordinate is [`MISSING`].
+/// One corner of a face: the indices of its position, its normal and its texture coordinate. The index of a
+/// missing normal or texture coordinate is [`MISSING`].
 type Corner = (u32, u32, u32);
 
 /// The number that a [`Corner`] contains instead of a normal's index if the file has no normal with this index.
@@ -107,20 +107,21 @@ const LOST: u32 = MISSING - 1;
 /// missing, not finite or out of range.
 const ODD: u32 = MISSING - 2;
 
-/// Returns whether some corners have a normal and others have none.
+/// Returns true if some corners have a normal and others have none.
 fn some_normals_missing(corners: &[Corner]) -> bool {
     let missing = corners.iter().filter(|corner| corner.1 == MISSING).count();
     0 < missing && missing < corners.len()
 }
 
 impl FaceChunk {
-    /// Returns the index of the material that a `usemtl` line names.
+    /// Returns the index of the material that the text after `usemtl` names. If there is no such material,
+    /// records the name and returns 0, the default material.
     fn material(&mut self, context: &FaceContext, text: &str) -> u32 {
         let names = possible_names(text);
         if let Some(&index) = names.into_iter().find_map(|name| context.materials.get(name)) {
             return index;
         }
-        // The note shows the text after `usemtl` up to what is certainly a comment.
+        // The note shows the text after `usemtl`, without what is certainly a comment.
         let [_, name, _] = names;
         if !name.is_empty() {
             self.unknown_materials.insert(name.to_owned());
@@ -128,8 +129,8 @@ impl FaceChunk {
         0
     }
 
-    /// Counts irregularities of a face. If the face refers to a normal that does not exist or is not valid, all
-    /// normals of the face are dropped. (Normals that are not valid are counted where they are defined.)
+    /// Counts irregularities of a face. If a normal of the face does not exist or is not valid, removes all
+    /// normals of the face. (Normals that are not valid are counted where they are defined.)
     fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
         if corners.len() < 3 {
             self.short.at(offset);
@@ -195,8 +196,8 @@ fn read_corners(
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
 /// slash may be empty.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
-    // In most meshes without normals, a corner is a plain number. Such a corner is read without splitting the text at
-    // slashes.
+    // In most meshes without normals, a corner is a number without slashes. `plain_index` reads such a corner
+    // faster.
     if let Some(position) = plain_index(token, context.total.positions) {
         return Ok((position, MISSING, MISSING));
     }
@@ -204,8 +205,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
     let texture = parts.next().unwrap_or_default();
-    // A texture coordinate that the file does not have counts as missing. The triangle with this corner then counts as
-    // a triangle without texture coordinates.
+    // A texture coordinate that does not exist in the file counts as missing, so that the triangle has no
+    // texture.
     let coordinate = match integer(texture) {
         None if texture.is_empty() => MISSING,
         None => return Err(not_an_index(texture, token)),
@@ -223,8 +224,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     Ok((position, normal, coordinate))
 }
 
-/// Returns a normal's index, [`LOST`] if the file has no such normal, or [`ODD`] if the normal is not valid. Text that
-/// is not a number is a mistake.
+/// Returns a normal's index, [`LOST`] if the file has no normal with this index, or [`ODD`] if the normal is
+/// not valid. Returns an error if `part` is not a number.
 fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Result<u32, String> {
     match resolve(part, token, "normal", seen.normals, context.total.normals) {
         Err(_) if integer(part).is_some() => Ok(LOST),
@@ -233,7 +234,8 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// Returns the zero-based index of a number from 1 to `total` that is written with digits only; `None` for other text.
+/// Converts a number from 1 to `total` to an index from 0. Returns `None` if the text has other characters
+/// than digits, or if the number is out of range.
 fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     let mut value = 0_u32;
     for byte in token {
@@ -246,8 +248,9 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// Returns the zero-based index that the text `part` means. The number in `part` counts from 1; a negative number
-/// counts backwards from -1, the last element before the face.
+/// Returns the index, from 0, of the element that the number in `part` means. The number of the first element
+/// is one. Negative numbers count backwards: -1 means the last element before the face. Returns an error if
+/// there is no such element.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -269,8 +272,8 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
     format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
 }
 
-/// Parses an integer. An integer whose absolute value exceeds half of the largest i64 becomes this half, with its sign.
-/// No mesh has an element with such an index, so callers refuse the result like the integer itself.
+/// Parses an integer. The result is limited to half of the largest i64, with either sign. The limit does not
+/// matter, since no mesh has as many elements, and callers refuse such an index anyway.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),
@@ -297,8 +300,8 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     }
 }
 
-/// Adds notes on faces whose normals do not exist in the file, and on faces that were left out
-/// since they have too few corners.
+/// Adds a note on faces whose normals do not exist in the file, and a note on faces that were left out
+/// because they have too few corners.
 pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
     let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
@@ -315,12 +318,12 @@ pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut V
     }
 }
 
-/// Returns "1 face names" or "2 faces name".
+/// Returns, for example, "1 face names" or "2 faces name".
 fn naming(count: usize) -> String {
     format!("{} {}", counted(count, "face"), if count == 1 { "names" } else { "name" })
 }
 
-/// Adds a note on the number of materials that no MTL file defines.
+/// Adds a note on the materials that `usemtl` names but no MTL file defines.
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };

@@ -1,15 +1,15 @@
-//! Reads Wavefront OBJ files of any quality into a [`Mesh`].
+//! Reads Wavefront OBJ files into a [`Mesh`], also files with mistakes and unusual forms.
 //!
-//! Geometry is read here and not by the crate `tobj`, because `tobj` 4.0.5 has several limits. It lets NaN,
-//! infinities and `1e400` through, and returns fewer normals than positions for `f 1//1 2 3`. It turns `l 1 2
-//! 3` into a triangle, and divides concave polygons into fans. It ignores the first line of a file with a
-//! byte order mark, and refuses `\` continuations and Latin-1 text. It reports no line numbers, and uses one
-//! core. raycl uses the MTL reader of `tobj` ([`mtl`]), and tests compare raycl's meshes with those of the
-//! OBJ reader of `tobj`.
+//! This module does not use the OBJ reader of the crate `tobj`, because version 4.0.5 has several limits. The
+//! reader accepts NaN, infinities and `1e400`, and returns fewer normals than positions for `f 1//1 2 3`. It
+//! turns `l 1 2 3` into a triangle, and divides concave polygons into fans. It ignores the first line of a
+//! file with a byte order mark, and refuses `\` continuations and Latin-1 text. It reports no line numbers,
+//! and uses one core. Tests compare raycl's meshes with those of this reader. raycl uses the MTL reader of
+//! `tobj` ([`mtl`]).
 //!
-//! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
-//! vertices and normals. The second pass reads faces, and can check every index. If a material has a
-//! texture, another pass between these two reads texture coordinates.
+//! The text is divided into pieces of whole lines, which are read in parallel. A first pass over the text
+//! reads vertices and normals. If a material has a texture, another pass reads texture coordinates. The last
+//! pass reads faces; it can check every index, because the numbers of vertices and normals are known.
 
 mod asked;
 mod coordinates;
@@ -47,15 +47,17 @@ pub(in crate::scene) use textures::{finite, unmapped};
 /// The permissions for reading a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Permitted {
-    /// True if files outside of the mesh's folder may be read: MTL files, pictures and glTF buffers.
+    /// True if MTL files, pictures and glTF buffers outside the mesh's folder may be read.
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
-    /// True if the mesh may be scaled, since no scene file places it among other objects.
+    /// True if the mesh may be scaled, because there is no scene file with other objects of the same unit of
+    /// length.
     pub scaled: bool,
 }
 
-/// Reads OBJ text named `name`, and the MTL files that it names; `reach` says which files may be read.
+/// Reads the OBJ text `bytes`, and the MTL files and pictures that the text names. `name` is the file's name
+/// in messages, and `reach` says which files may be read.
 pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
@@ -69,9 +71,9 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     }
 }
 
-/// Reads a mesh. If the mesh must be read again, returns the way in which it must be read. A mesh is read again for one
-/// of two reasons: some triangles are too large for `reading` and the mesh may be scaled, or vertices that no face uses
-/// have influenced the mesh's placement.
+/// Reads a mesh. Returns the mesh or, if it must be read again, the way in which it must be read. There are
+/// two reasons to read a mesh again. Some triangles may have coordinates that are valid only if the mesh is
+/// scaled. Or vertices that no face uses may have influenced the mesh's placement.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let Source { name, text, quotes } = *source;
     let chunks = text::chunks(text);
@@ -133,8 +135,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
-/// Adds the positions and normals of all pieces of the file to a mesh; `total` has the numbers of positions and
-/// normals.
+/// Adds the positions and normals of all pieces of the file to a mesh. `total` has their total numbers.
 fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     mesh.positions.reserve_exact(total.positions);
     mesh.normals.reserve_exact(total.normals);
@@ -156,7 +157,8 @@ fn without_triangles(text: &[u8], vertices: usize, points: &[PointChunk]) -> Mis
     Mistake::new(text.len(), what)
 }
 
-/// Returns the end of a message that names the file's unknown keywords. Keywords in upper case are unknown.
+/// Returns the end of a message, which names the file's unknown keywords; empty if there are none. `V` and
+/// `F` are unknown keywords; for these, the message suggests `v` and `f`.
 fn unknown_keywords(points: &[PointChunk]) -> String {
     let mut asked = Asked::default();
     points.iter().for_each(|chunk| asked.extend(&chunk.asked));
@@ -169,21 +171,22 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
     }
 }
 
-/// Colours triangles by their vertices, if any vertex has a colour.
+/// Gives triangles the colours of their vertices, if at least one vertex has a colour.
 fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String>) {
     let coloured = points.iter().map(|chunk| chunk.coloured).sum();
     if coloured == 0 {
         return;
     }
-    // Vertices' colours are multiplied by the material's colour, so the default material becomes white.
+    // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
     paint(mesh, &points::linear_colours(points));
     notes.push(colours_note(coloured));
 }
 
-/// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If `reading` does
-/// not know the placement, all vertices decide it. If a mesh is far from its origin, or is extremely small or large,
-/// its bounds and points are read again in double precision.
+/// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If
+/// `reading` has no placement, the placement is computed from the bounding box of all vertices. If a mesh is
+/// far from its origin, or is extremely small or large, the bounding box and the points are read again in
+/// double precision.
 fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placement) {
     let read = |reading: &Reading| {
         let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, reading)).collect();
@@ -204,9 +207,9 @@ fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placeme
     (read(&Reading { placement: Some(placement), ..*reading }), placement)
 }
 
-/// Returns the placement (how the mesh is moved and scaled) that the vertices' bounding box in double precision
-/// determines. The box includes only the vertices that `counts` accepts. The arguments of `counts` are the
-/// number of a piece, and the vertex's number within this piece.
+/// Returns the placement (how the mesh is moved and scaled), computed from the vertices' bounding box in
+/// double precision. The box includes only the vertices for which `counts` returns true. The arguments of
+/// `counts` are the index of a piece, and the vertex's index within this piece.
 fn exact_placement(
     chunks: &[Chunk],
     points: &[PointChunk],
@@ -220,9 +223,9 @@ fn exact_placement(
     bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
 }
 
-/// Returns the placement (how the mesh is moved and scaled) that the vertices of faces decide, if it differs from
-/// `placement`, which all vertices of the file decided. The mesh must then be read again: `placement` scales it in
-/// another way, or leaves it far from the origin or of extreme size.
+/// Returns the placement (how the mesh is moved and scaled), computed only from vertices that triangles use.
+/// Returns `None` if this equals `placement`, which was computed from all vertices of the file. Otherwise,
+/// the mesh must be read again, because `placement` moves or scales it wrongly.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,
@@ -231,8 +234,8 @@ fn placement_of_used(
     starts: &[faces::Start],
     reading: &Reading,
 ) -> Option<Placement> {
-    // The vertices are examined one by one, and read once more, only if the bounds of the triangles do not show that
-    // `placement` is right.
+    // Often, the bounds of the triangles show that `placement` is right. Only otherwise are the vertices read
+    // once more.
     let (low, high) = mesh.bounds()?;
     let is_usual = placement == Placement::IDENTITY && Placement::of_rounded(low, high).is_some();
     let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());
@@ -245,14 +248,14 @@ fn placement_of_used(
     (wanted != placement).then_some(wanted)
 }
 
-/// Returns the texture coordinates of each piece; they are only read if a material has a texture.
+/// Returns the texture coordinates of each piece, and adds a note on those that are not valid.
 fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Coordinates> {
     let (coordinates, odd): (_, Vec<Seen>) = chunks.par_iter().map(coordinates::read).unzip();
     odd::note_coordinates(odd.into_iter().fold(Seen::default(), Seen::joined), source, notes);
     coordinates
 }
 
-/// Returns the pieces' results, or the first mistake in the file.
+/// Returns the results of all pieces, or the error for the first mistake in the file.
 fn in_order<T>(source: &Source, results: Vec<std::result::Result<T, Mistake>>) -> Result<Vec<T>> {
     results.into_iter().collect::<std::result::Result<_, _>>().map_err(|mistake| source.error(mistake))
 }

@@ -1,4 +1,5 @@
-//! Reads MTL files. Each line is checked first, so that a note can name the line; then `tobj` reads the checked lines.
+//! Reads MTL files. raycl checks each line, so that notes can name the line. The crate `tobj` then reads the
+//! checked lines.
 
 use super::Permitted;
 use super::asked::Asked;
@@ -19,7 +20,7 @@ use std::collections::HashMap;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 
-/// Materials and their names; number 0 is the default material.
+/// The materials of all MTL files of a mesh. The material with the index 0 is the default material.
 pub(super) struct Materials {
     pub list: Vec<Material>,
     /// The unsupported features of each material.
@@ -33,25 +34,25 @@ pub(super) struct Materials {
 /// able to read arbitrary files.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Reach<'a> {
-    /// The mesh's folder; the names of files are relative to it.
+    /// The mesh's folder. Names of files in the mesh are relative to this folder.
     pub folder: &'a Path,
-    /// Permissions to read other files, and to quote them.
+    /// Permissions to read files outside this folder, and to quote the mesh.
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds notes on those that cannot. If several files define a material of
-/// the same name, the last `mtllib` line that names one of these files decides which file counts. If this line names
-/// several of these files, the first of them counts. The specification of OBJ demands this order.
+/// Loads all MTL files that can be loaded, and adds notes on the others. Several files may define a material
+/// of the same name. The last `mtllib` line that names one of these files then counts and, if this line names
+/// several of these files, the first file in the line. The specification of OBJ demands this order.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
     let mut loader = Loader::new();
-    // The numbers of the files that each `mtllib` line names.
+    // The indices of the files that each `mtllib` line names.
     let mut lines: Vec<Vec<usize>> = Vec::new();
-    // The numbers of the files, by the text of the line. This map saves work, since some programs write the same
-    // `mtllib` line before each object.
+    // The indices of the files, by the text of the line. Some programs write the same `mtllib` line before
+    // each object; this map saves examining such a line again.
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
         if !known.contains_key(&**library) {
@@ -66,23 +67,24 @@ pub(super) fn load_all<'a>(
     Ok(loader.named(&order))
 }
 
-/// Materials that are being loaded.
+/// The materials and files that were loaded so far.
 struct Loader {
     materials: Materials,
-    /// The number of each file that was loaded.
+    /// The index in `names` of each file that was loaded.
     files: HashMap<PathBuf, usize>,
     /// The names of the materials of each file.
     names: Vec<Names>,
-    /// The notes on files that cannot be loaded.
+    /// The subjects of the notes on files that cannot be loaded.
     missing: FewNotes,
 }
 
-/// The names of a file's materials, and the materials' numbers.
+/// The names of a file's materials, and the materials' indices in `Materials::list`.
 #[derive(Default)]
 struct Names {
+    /// The names as they are in the file.
     whole: HashMap<String, u32>,
-    /// Each name up to the first word that is only `#`, because such a word certainly begins a comment (see
-    /// `possible_names`). These names are used only if no whole name fits.
+    /// Each name up to the first word that is only `#`. Such a word certainly begins a comment (see
+    /// `possible_names`). These names are used only if no name in `whole` fits.
     short: HashMap<String, u32>,
 }
 
@@ -97,7 +99,8 @@ impl Loader {
         Self { materials, files: HashMap::new(), names: Vec::new(), missing: FewNotes::default() }
     }
 
-    /// Loads a file unless it has been loaded, and returns its number. If the file cannot be loaded, adds a note.
+    /// Loads a file unless it has been loaded, and returns its index in `names`. If the file cannot be
+    /// loaded, adds a note and returns `None`.
     fn file(&mut self, reach: Reach<'_>, name: &str, notes: &mut Vec<String>) -> Result<Option<usize>> {
         let located = reach.locate(name).and_then(|path| match self.files.get(&path) {
             Some(number) => Ok((*number, None)),
@@ -123,7 +126,8 @@ impl Loader {
         }
     }
 
-    /// Returns the materials. Each name is searched in the files in the order `order`.
+    /// Returns the materials, after filling `by_name`. If several files have a material of the same name, the
+    /// first file in `order` counts. Whole names count before short names.
     fn named(mut self, order: &[usize]) -> Materials {
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
             for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file])) {
@@ -134,7 +138,7 @@ impl Loader {
     }
 }
 
-/// Reads a material file.
+/// Reads the bytes of a material file. Returns an error if the file is known to have another format.
 fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
     match FileType::of(&bytes, bytes.len() as u64) {
@@ -145,12 +149,10 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 }
 
 impl Reach<'_> {
-    /// Returns the names of the files that the text after `mtllib` names. The whole text, with its spaces, is
-    /// one name in two cases. In the first case, a file of this name exists, with or without the comment at
-    /// the text's end. In the second case, the first word neither ends in `.mtl` nor is the name of a file.
-    /// Otherwise, each word is a name. If the first word's file exists, its materials count even if the other
-    /// words are not names of files. If a name's file does not exist, the name without its folders is tried,
-    /// too.
+    /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
+    /// one name if a file with this name exists (the name may end before a comment). It is also one name if
+    /// the first word neither ends in `.mtl` nor is the name of a file. In all other cases, each word is a
+    /// name. If there is no file with a name, the name without its folders is tried, too.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         let exists = |name: &str| self.locate(name).is_ok();
         let existing = |text: &'a str| possible_paths(text).find(|path| exists(path));
@@ -163,7 +165,8 @@ impl Reach<'_> {
         words.into_iter().map(|word| existing(word).unwrap_or(word)).collect()
     }
 
-    /// Follows links to a file and returns its path. Fails if the mesh may not read the file.
+    /// Returns the path of the file with the name `name`, after following links. Returns an error if there is
+    /// no such file, or if the mesh may not read it.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let named = self.folder.join(name.replace('\\', "/"));
@@ -180,7 +183,7 @@ impl Reach<'_> {
         }
     }
 
-    /// Returns whether a file may be read; links in its path have been followed.
+    /// Returns true if the mesh may read the file at `path`. The path must contain no links.
     fn permits(&self, path: &Path) -> bool {
         self.permitted.beyond || lies_in(path, self.folder)
     }
@@ -190,8 +193,8 @@ const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow 
      [[object]] or, for a bare mesh, --set object.0.outside_materials=true)";
 
 impl Materials {
-    /// Adds the materials of a file, and returns their names. `name` is the file's name in the mesh. Of several
-    /// materials with the same name, the last counts.
+    /// Adds the materials of a file, and returns their names. `name` is the file's name in the mesh. If the
+    /// file defines several materials of the same name, the last one counts.
     fn add(
         &mut self,
         reach: Reach<'_>,
@@ -205,7 +208,7 @@ impl Materials {
         let quotes = reach.permitted.quotes && lies_in(path, reach.folder);
         let relative = name.replace('\\', "/");
         let folder = &relative[..relative.rfind('/').map_or(0, |slash| slash + 1)];
-        // The name is a text of the mesh, so messages contain it only if they may quote the mesh.
+        // The name comes from the mesh's text, so messages contain the name only if they may quote the mesh.
         let name = &match reach.permitted.quotes {
             true => reach.folder.join(&relative).display().to_string(),
             false => "its material file".to_owned(),
@@ -244,7 +247,7 @@ const NAMELESS: &str = "\u{1}";
 struct Checked {
     /// The lines for `tobj`.
     plain: String,
-    /// The properties of each material that `tobj` does not read.
+    /// For each material, the properties that `tobj` does not read.
     extras: Vec<Extras>,
     /// Lines with values that raycl cannot use.
     ignored: Ignored,
@@ -252,7 +255,7 @@ struct Checked {
     more: Seen,
 }
 
-/// The properties of a material that are not read by `tobj`.
+/// The properties of a material that raycl reads itself, and not `tobj`.
 #[derive(Default)]
 struct Extras {
     asked: Asked,
@@ -305,8 +308,8 @@ impl Checked {
     }
 }
 
-/// Returns the lines that raycl uses, checked and in a form that `tobj` accepts: `tobj` fails on an empty `map_Kd`, a
-/// single grey value, an inline comment or Latin-1 text.
+/// Checks the lines of a material file, and converts those that raycl uses to a form that `tobj` accepts.
+/// `tobj` refuses an empty `map_Kd`, a single grey value, a comment within a line, and Latin-1 text.
 fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
     for (number, (offset, line)) in (1..).zip(Chunk::whole(text).lines()) {
@@ -320,7 +323,7 @@ fn check(text: &[u8]) -> Checked {
     checked
 }
 
-/// Converts a material: Kd is k_L, Ks is k_G and Ns is s. Without a Ks there is no highlight.
+/// Converts a material: Kd is k_L, Ks is k_G and Ns is s. Without Ks, the material has no highlight.
 fn convert(material: &tobj::Material) -> Material {
     let lambertian = material.diffuse.map_or(Vec3::splat(DEFAULT_LAMBERTIAN), Vec3::from_array);
     let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);
@@ -335,7 +338,8 @@ mod tests {
     use super::super::parse;
     use super::*;
 
-    /// Returns the notes and the material of a triangle in a folder with the given material files.
+    /// Reads a mesh of one triangle, whose folder has the material files `files`. Returns the notes, and the
+    /// triangle's material.
     fn read(library: &str, files: &[(&str, &str)], quotes: bool) -> (Vec<String>, Material) {
         let folder = tempfile::tempdir().unwrap();
         files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
@@ -416,11 +420,11 @@ mod tests {
         let missing: Vec<_> = notes.iter().filter(|note| note.starts_with("material file")).collect();
         assert_eq!(missing.len(), 1, "{notes:?}");
         assert!(missing[0].starts_with("material file `my paints.mtl` cannot be read ("), "{notes:?}");
-        // A file whose name is only the last word of the text is not read instead of the missing file.
+        // The file `paints.mtl`, whose name is only the last word of the text, is not read.
         let (notes, material) = read("my paints.mtl", &[("paints.mtl", "newmtl paint\nKd 1 0 0\n")], true);
         assert!(notes[0].starts_with("material file `my paints.mtl` "), "{notes:?}");
         assert_eq!(material, Material::default());
-        // The materials of the first file count, even if no file has the other names.
+        // The materials of the first file are used, even if there are no files with the other names.
         for library in ["body.mtl hair.mat", "body.mtl by Jane", "body hair.mat"] {
             let paint = "newmtl paint\nKd 0.25 0.25 0.25\n";
             let (notes, material) = read(library, &[("body.mtl", paint), ("body", paint)], true);

@@ -7,11 +7,11 @@ use crate::scene::normals::MISSING;
 use crate::words::counted_are;
 use std::collections::BTreeSet;
 
-/// Adds notes on smoothing groups and other statements that are not supported. `mesh` is the mesh as it
-/// was read, without generated normals.
+/// Adds notes on smoothing groups and on other statements that are not supported. `mesh` must not have
+/// generated normals yet.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
-    // A single group needs no note: all faces without normals are smooth anyway.
+    // A single group needs no note, since all faces without normals become smooth anyway.
     let edges = groups.len() > 1 || groups.iter().any(|group| *group == "off");
     let made = |mesh: &Mesh| mesh.triangles.iter().filter(|triangle| triangle.normals[0] == MISSING).count();
     let made = if edges { made(mesh) } else { 0 };

@@ -1,7 +1,6 @@
 //! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of range.
-//! Programs write NaN for points that were not measured. Some programs write other vertices that are not valid, but use
-//! them in no face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture
-//! coordinate that is not valid counts as missing.
+//! For example, programs write NaN for points that were not measured. A vertex that is not valid is a mistake
+//! only if a face uses the vertex. A normal or a texture coordinate that is not valid counts as missing.
 
 use super::coordinates::mistake_in_coordinate;
 use super::faces::Start;
@@ -14,20 +13,20 @@ use glam::Vec3;
 /// A vertex or a normal that is not valid.
 #[derive(Clone, Copy)]
 pub(super) struct Odd {
-    /// The number of the vertex or the normal, counted from 0. Numbers are counted within a piece of the file or, in
-    /// the results of [`vertices`] and [`normals`], within the whole file.
+    /// The index of the vertex or the normal within a piece of the file. In the results of [`vertices`] and
+    /// [`normals`], it is the index within the whole file.
     pub number: usize,
     /// The byte offset of the vertex's or normal's line in the text.
     pub offset: usize,
 }
 
-/// Returns the vertices of all pieces that are not valid, numbered from the beginning of the file.
+/// Returns the vertices of all pieces that are not valid, with their indices within the whole file.
 pub(super) fn vertices(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
     let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_vertices, start.positions);
     points.iter().zip(starts).flat_map(numbered).collect()
 }
 
-/// Returns the normals of all pieces that are not valid, numbered from the beginning of the file.
+/// Returns the normals of all pieces that are not valid, with their indices within the whole file.
 pub(super) fn normals(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
     let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_normals, start.normals);
     points.iter().zip(starts).flat_map(numbered).collect()
@@ -37,7 +36,7 @@ fn after(list: &[Odd], start: usize) -> Vec<Odd> {
     list.iter().map(|odd| Odd { number: start + odd.number, ..*odd }).collect()
 }
 
-/// Moves vertices that are not valid to the position of a valid vertex, where they do not enlarge the mesh.
+/// Moves vertices that are not valid to the position of a valid vertex, so that they do not enlarge the mesh.
 pub(super) fn replace(positions: &mut [Vec3], odd: &[Odd]) {
     if odd.is_empty() {
         return;
@@ -46,7 +45,7 @@ pub(super) fn replace(positions: &mut [Vec3], odd: &[Odd]) {
     odd.iter().for_each(|odd| positions[odd.number] = instead);
 }
 
-/// Returns whether a triangle uses a vertex whose coordinates are valid only in a mesh that may be scaled.
+/// Returns true if a triangle uses a vertex in `odd` that would be valid if the mesh was scaled.
 pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
     let mut large = odd.iter().filter(|odd| is_large(rest_of_line(source, odd.offset))).peekable();
     large.peek().is_some() && {
@@ -55,7 +54,8 @@ pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
     }
 }
 
-/// Refuses vertices that are not valid if a triangle uses them, and otherwise adds a note on them.
+/// Returns a mistake if a triangle uses a vertex that is not valid. Otherwise, adds a note on the vertices
+/// that are not valid, if there are any.
 pub(super) fn check_vertices(
     odd: &[Odd],
     mesh: &Mesh,
@@ -73,7 +73,7 @@ pub(super) fn check_vertices(
     Ok(())
 }
 
-/// Adds a note on normals that are not valid.
+/// Adds a note on normals that are not valid, if there are any.
 pub(super) fn note_normals(odd: &[Odd], source: &Source, notes: &mut Vec<String>) {
     let Some(first) = odd.first() else { return };
     let mistake = mistake_in_normal(first.offset, rest_of_line(source, first.offset));
@@ -84,7 +84,7 @@ pub(super) fn note_normals(odd: &[Odd], source: &Source, notes: &mut Vec<String>
     ));
 }
 
-/// Adds a note on texture coordinates that are not valid.
+/// Adds a note on texture coordinates that are not valid, if there are any.
 pub(super) fn note_coordinates(odd: Seen, source: &Source, notes: &mut Vec<String>) {
     if odd.count == 0 {
         return;

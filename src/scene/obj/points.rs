@@ -1,5 +1,6 @@
 //! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported statements.
-//! Vertices and normals that are not valid are only recorded here, since perhaps no face uses them ([`super::odd`]).
+//! Vertices and normals that are not valid are recorded; they are refused only later, and only if a face uses
+//! them ([`super::odd`]).
 
 use super::asked::Asked;
 use super::odd::Odd;
@@ -11,33 +12,34 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
-/// The colour of a vertex for which the file has no colour. This colour is brighter than every
-/// colour in a file, and so becomes white.
+/// The colour of a vertex for which the file has no colour. Colours are later limited to white, so this
+/// colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel exceeds this, the file's colours are from 0 to 255. The limit is above 1 because rounded channels may
-/// exceed 1 slightly.
+/// If a channel is larger than this, the file's colours are from 0 to 255. The limit is above 1, because
+/// rounded channels may be slightly larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
-/// The largest coordinate of a mesh that may be scaled. The distance between two points within this limit is finite in
-/// double precision.
+/// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
+/// limit is finite in double precision.
 const LARGEST: f64 = 1e300;
 
 /// How positions are read.
 #[derive(Clone, Copy)]
 pub(super) struct Reading {
-    /// How positions are changed before they are rounded to single precision; `None` if they are unchanged, because
-    /// their placement is not known yet.
+    /// How positions are moved and scaled before they are rounded to single precision; `None` if this is not
+    /// known yet, so that positions stay unchanged.
     pub placement: Option<Placement>,
     /// True if coordinates up to [`LARGEST`] are valid.
     pub is_large: bool,
 }
 
 impl Reading {
-    /// Positions are unchanged, and valid if they are within +-1e12, the limit of coordinates.
+    /// Positions are unchanged. They are valid if their coordinates are within +-`MAX_COORDINATE`.
     pub const USUAL: Self = Self { placement: None, is_large: false };
-    /// Positions are unchanged, and valid if their coordinates are within +-[`LARGEST`].
+    /// Positions are unchanged. They are valid if their coordinates are within +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
-    /// Reads a position. Returns `None` if it is not valid.
+    /// Reads a position, moves and scales it, and rounds it to single precision. Returns `None` if the
+    /// position is not valid.
     fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
         let is_unchanged = self.placement.is_none_or(|placement| placement == Placement::IDENTITY);
         if is_unchanged && !self.is_large {
@@ -68,12 +70,12 @@ pub(super) struct PointChunk {
     pub normals: Vec<Vec3>,
     /// The names in `mtllib` lines.
     pub libraries: Vec<String>,
-    /// The last `usemtl` of the piece, if there is one.
+    /// The text after the last `usemtl` of the piece; `None` if there is no `usemtl`.
     pub last_material: Option<String>,
     /// Number of vertices with a colour.
     pub coloured: usize,
-    /// Colours as the file states them: one per vertex, up to the last vertex with a colour. A
-    /// vertex without a colour has [`UNCOLOURED`].
+    /// Colours as they are in the file: one per vertex, up to the last vertex with a colour. A vertex without
+    /// a colour has [`UNCOLOURED`].
     pub colours: Vec<Vec3>,
     /// The largest channel of all colours.
     pub brightest: f32,
@@ -90,8 +92,8 @@ pub(super) struct PointChunk {
 }
 
 impl PointChunk {
-    /// Reads the numbers after a vertex's coordinates: a single number is a weight, three are a
-    /// colour.
+    /// Reads the numbers after a vertex's coordinates. Three numbers are a colour; fewer numbers, such as a
+    /// weight, are ignored.
     fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>) {
         let mut channel = || tokens.next().and_then(number);
         let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
@@ -112,7 +114,8 @@ impl PointChunk {
         }
     }
 
-    /// Reads a vertex that does not have three valid coordinates. If the vertex has two valid coordinates, z is 0.
+    /// Reads a vertex that does not have three valid coordinates. If it has only two coordinates and both are
+    /// valid, z is 0.
     fn odd_vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
         let odd = Odd { number: self.positions.len(), offset };
         let with_z = || reading.position(&mut tokens(rest).chain([&b"0"[..]]));
@@ -130,14 +133,14 @@ impl PointChunk {
         self.normals.push(normal);
     }
 
-    /// Records the vertices with only two coordinates as vertices that are not valid.
+    /// Makes the vertices with only two coordinates vertices that are not valid.
     fn drop_flat(&mut self) {
         self.flat.iter().for_each(|flat| self.positions[flat.number] = Vec3::NAN);
         self.odd_vertices.append(&mut self.flat);
         self.odd_vertices.sort_unstable_by_key(|odd| odd.number);
     }
 
-    /// Returns the bounding box of the valid positions.
+    /// Returns the bounding box of the valid positions; `None` if there are none.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let mut valid = self.positions.iter().filter(|position| !position.is_nan());
         let first = *valid.next()?;
@@ -145,8 +148,8 @@ impl PointChunk {
     }
 
     /// Returns the bounding box of the valid positions of this piece, in double precision. The box includes
-    /// only the vertices that `counts` accepts. The argument of `counts` is a vertex's number, from 0 within
-    /// the piece.
+    /// only the vertices for which `counts` returns true; `None` if there are none. The argument of `counts`
+    /// is a vertex's index within the piece.
     pub fn exact_bounds(
         &self,
         chunk: &Chunk,
@@ -156,7 +159,7 @@ impl PointChunk {
         let is_odd = |number| self.odd_vertices.binary_search_by_key(&number, |odd| odd.number).is_ok();
         let position = |(number, rest): (usize, &[u8])| {
             let is_wanted = counts(number) && !is_odd(number);
-            // The 0 that is appended here is the z of a vertex with two coordinates.
+            // The appended 0 is the z of a vertex with only two coordinates.
             is_wanted.then(|| reading.exact(&mut tokens(rest).chain([&b"0"[..]]))).flatten()
         };
         let vertices = chunk.lines().filter_map(|(_, line)| match keyword(line) {
@@ -169,7 +172,7 @@ impl PointChunk {
     }
 }
 
-/// Reads a piece of the file.
+/// Reads a piece of the file, except its faces and texture coordinates.
 pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
@@ -188,8 +191,8 @@ pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     points
 }
 
-/// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, and all colours
-/// of a file have the same range.
+/// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, others from
+/// 0 to 1. All colours of a file have the same range.
 pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
     let brightest = chunks.iter().map(|chunk| chunk.brightest).fold(0.0, f32::max);
     let full = if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 };
@@ -202,8 +205,9 @@ pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
     colours
 }
 
-/// Accepts vertices with only two coordinates if all valid vertices of the file have two, as in a plane drawing.
-/// Otherwise, vertices with two coordinates are recorded as vertices that are not valid.
+/// If some vertices of the file have two coordinates and others three, makes those with two coordinates
+/// vertices that are not valid. If all valid vertices have two coordinates, as in a plane drawing, nothing
+/// changes.
 pub(super) fn drop_mixed(chunks: &mut [PointChunk]) {
     let flat: usize = chunks.iter().map(|chunk| chunk.flat.len()).sum();
     let valid: usize = chunks.iter().map(|chunk| chunk.positions.len() - chunk.odd_vertices.len()).sum();
@@ -212,14 +216,14 @@ pub(super) fn drop_mixed(chunks: &mut [PointChunk]) {
     }
 }
 
-/// Adds a note on vertices with only two coordinates.
+/// Adds a note on vertices with only two coordinates, if there are any.
 pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     let flat = chunks.iter().map(|chunk| chunk.flat.len()).sum();
     let note = || format!("{} with two numbers each: z is 0", counted(flat, "vertex"));
     notes.extend((flat > 0).then(note));
 }
 
-/// Returns the number of a smoothing group; a missing number means `off`.
+/// Returns the name of a smoothing group; `off` if the line has no name, `0` or `off`.
 fn smoothing_group(rest: &[u8]) -> String {
     match tokens(rest).next() {
         None | Some(b"0" | b"off") => "off".to_owned(),
@@ -252,12 +256,12 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     Err(Mistake::new(offset, message))
 }
 
-/// Returns whether a vertex that is not valid would be valid in a mesh that may be scaled.
+/// Returns true if the numbers in `rest` would be a valid vertex of a mesh that may be scaled.
 pub(super) fn is_large(rest: &[u8]) -> bool {
     Reading::LARGE.exact(&mut tokens(rest)).is_some()
 }
 
-/// Reads the first three numbers; a weight or a colour may follow.
+/// Reads the first three numbers of a line; others may follow. `what` is "vertex" or "normal", for messages.
 fn vector<'a>(
     offset: usize,
     what: &str,

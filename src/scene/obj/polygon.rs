@@ -7,17 +7,17 @@ use glam::{DVec2, DVec3};
 /// refused.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
-/// An outline with more corners than this is also divided by a fan if only rounding makes the outline concave. For
-/// fewer corners, ear clipping is fast, and reverses the orientation of no triangle.
+/// An outline with more corners than this is also divided into a fan if only rounding makes the outline
+/// concave. With fewer corners, ear clipping is fast, and it reverses no triangle.
 const MANY_CORNERS: usize = 1_024;
 
 /// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
 const WIDEST_SEAM: f64 = 1e-4;
 
-/// Divides an outline of at least three corners into triangles of corner indices, in the outline's
-/// orientation. Returns `None` if the outline is concave by more than
-/// rounding and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
-/// self-intersecting outline, the triangles are arbitrary.
+/// Divides an outline of at least three corners into triangles. Each triangle has three indices of corners,
+/// in the outline's orientation. Returns `None` if the outline has more than [`MAX_CONCAVE_CORNERS`] corners
+/// and is concave by more than rounding explains. For a self-intersecting outline, the triangles are
+/// arbitrary.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) || (flat.len() > MANY_CORNERS && has_sound_fan(&flat)) {
@@ -29,7 +29,7 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
 /// Projects the outline onto the coordinate plane in which its area is largest. The result runs counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
-    // This is Newell's normal, which also works for outlines that are not quite flat.
+    // This is Newell's normal, which also exists for outlines that are not quite flat.
     let normal: DVec3 = outline.iter().zip(next).map(|(a, b)| (a - outline[0]).cross(b - outline[0])).sum();
     let size = normal.abs();
     let project = |p: &DVec3| {
@@ -58,13 +58,12 @@ fn is_convex(flat: &[DVec2]) -> bool {
     (0..count).all(|i| area(flat[i], flat[(i + 1) % count], flat[(i + 2) % count]) >= 0.0)
 }
 
-/// Returns whether a fan covers an outline once, except for overlaps that rounding explains. Rounding
-/// positions to single precision moves each corner. The angles at the corners of a circle of very many
-/// corners are so flat that rounding makes some corners concave; some triangles of the fan are then reversed.
-/// The reversed triangles together may have at most the area of a seam, a narrow strip along the outline. The
-/// seam's width is four times the largest rounding error of a coordinate, but at most a fraction of the
-/// outline's size ([`WIDEST_SEAM`]). This limit is needed because an outline in double precision may be small
-/// and far from the origin.
+/// Returns true if a fan covers an outline once, except for overlaps that rounding explains. Positions are
+/// rounded to single precision. In a circle of very many corners, the angles are so flat that rounding makes
+/// some corners concave. Some triangles of the fan are then reversed. Their total area may be at most that of
+/// a seam, a narrow strip along the outline. The seam's width is four times the largest rounding error of a
+/// coordinate. The width is limited to a fraction of the outline's size ([`WIDEST_SEAM`]), because an outline
+/// in double precision may be small and far from the origin.
 fn has_sound_fan(flat: &[DVec2]) -> bool {
     let first = flat[0];
     let largest = |from: DVec2| flat.iter().map(|p| (*p - from).abs().max_element()).fold(0.0, f64::max);
@@ -80,7 +79,7 @@ fn clip_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut left = Remaining::of(flat);
     let mut triangles = Vec::with_capacity(flat.len() - 2);
     while left.corners.len() > 3 {
-        // A self-intersecting polygon may have no ear; then any corner is cut off.
+        // A self-intersecting polygon may have no ear. In this case, the first corner is cut off.
         let ear = left.is_ear.iter().position(|is_ear| *is_ear).unwrap_or(0);
         triangles.push(left.around(ear));
         left.cut(ear);
@@ -94,10 +93,10 @@ struct Remaining<'a> {
     flat: &'a [DVec2],
     /// The corners, in the order of the outline.
     corners: Vec<usize>,
-    /// True for each remaining corner that is an ear: a corner whose triangle, with the two neighbouring corners, can
-    /// be cut off.
+    /// For each element of `corners`, true if the corner is an ear: if the triangle of the corner and its two
+    /// neighbours can be cut off.
     is_ear: Vec<bool>,
-    /// Whether each corner of the whole outline is convex.
+    /// For each corner of the whole outline, true if it is convex in the remaining part.
     is_convex: Vec<bool>,
 }
 
@@ -115,20 +114,21 @@ impl<'a> Remaining<'a> {
         all
     }
 
-    /// Returns a corner with its two neighbours.
+    /// Returns the corner before the position `at` in `corners`, the corner at this position, and the corner
+    /// after it.
     fn around(&self, at: usize) -> [usize; 3] {
         let count = self.corners.len();
         [(at + count - 1) % count, at, (at + 1) % count].map(|at| self.corners[at])
     }
 
-    /// Returns twice the signed area of the triangle of a corner and its neighbours.
+    /// Returns twice the signed area of the triangle of a remaining corner and its two neighbours.
     fn area(&self, at: usize) -> f64 {
         let [a, b, c] = self.around(at).map(|corner| self.flat[corner]);
         area(a, b, c)
     }
 
-    /// Cuts a corner off. This changes only the triangles of the corner's two neighbours, so only these neighbours can
-    /// become or cease to be ears.
+    /// Cuts a corner off. This changes only the triangles of the corner's two neighbours, so only these two
+    /// are tested again.
     fn cut(&mut self, at: usize) {
         self.corners.remove(at);
         self.is_ear.remove(at);
@@ -138,10 +138,10 @@ impl<'a> Remaining<'a> {
         neighbours.iter().for_each(|at| self.is_ear[*at] = self.has_ear(*at));
     }
 
-    /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not
-    /// convex are tested: if any corner lies in the triangle, a corner that is not convex lies there too.
-    /// Corners at the same positions as the triangle's own corners are not tested either. Such corners occur
-    /// in an outline with a hole: it contains a bridge (a line from the outer edge to the hole), and passes
+    /// Returns true if a corner is an ear: if it is convex and no other corner lies in its triangle. Only
+    /// corners that are not convex are tested: if a corner lies in the triangle, a corner that is not convex
+    /// lies there too. Corners at the positions of the triangle's own corners are not tested. An outline with
+    /// a hole has such corners: it contains a bridge, a line from the outer edge to the hole, and passes
     /// twice through both ends of the bridge.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
@@ -278,7 +278,7 @@ mod tests {
         assert!(!is_convex(&flatten(&outline)) && outline.len() > MAX_CONCAVE_CORNERS);
         let (sum, oriented) = total_area(&outline);
         assert!((sum - oriented).abs() < 1e-5, "overlap: {sum} against {oriented}");
-        // The outline gets a dent that is deeper than rounding explains, so the outline is refused, also after it is
+        // The outline gets a dent that is deeper than rounding explains. It is refused, also after it is
         // moved far from the origin.
         outline[100].x -= 0.3;
         assert_eq!(triangulate(&outline), None);
@@ -321,9 +321,9 @@ mod tests {
         (0..corners).map(corner).collect()
     }
 
-    /// Returns whether the point `p` lies in the angle to the left of an outline's two sides at a corner.
-    /// This angle may be larger than 180 degrees. An outline with a bridge passes some positions more than
-    /// once. At such a position, the function is true for at most one of the corners.
+    /// Returns true if the point `p` lies in the angle to the left of the two sides of an outline at the
+    /// corner `at`. This angle may be larger than 180 degrees. An outline with a bridge has several corners
+    /// at some positions. The function returns true for at most one of these corners.
     fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
         let count = outline.len();
         let [a, b, c] = [at + count - 1, at, at + 1].map(|at| outline[at % count]);
@@ -331,7 +331,7 @@ mod tests {
         if area(a, b, c) > 0.0 { before && after } else { before || after }
     }
 
-    /// Returns whether the line from p to q crosses no side of the outlines.
+    /// Returns true if the line from p to q crosses no side of the outlines.
     fn sees(outlines: &[Vec<DVec2>], p: DVec2, q: DVec2) -> bool {
         // For a side that ends at p or q, an area in this test is 0, so the line does not cross this side.
         let crosses =

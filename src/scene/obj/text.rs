@@ -1,4 +1,4 @@
-//! OBJ text: lines, pieces of whole lines, tokens, and the locations of mistakes.
+//! Divides OBJ text into pieces of whole lines, lines and words, parses numbers, and locates mistakes.
 
 use crate::error::Error;
 use std::borrow::Cow;
@@ -7,15 +7,15 @@ use std::borrow::Cow;
 const SHOWN_LINE_BYTES: usize = 400;
 /// Largest size in bytes of a file whose text is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
-/// Smallest number of bytes of a piece: shorter pieces are not worth another thread.
+/// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
 
-/// A mistake at a byte offset of the text that [`normalise`] returns.
+/// A mistake at a byte offset in the text that [`normalise`] returns.
 #[derive(Debug)]
 pub(super) struct Mistake {
     offset: usize,
     message: String,
-    /// The form that the line should have; `None` if the line's keyword decides it.
+    /// The form that the line should have; `None` if this form follows from the line's keyword.
     expected: Option<String>,
 }
 
@@ -24,7 +24,7 @@ impl Mistake {
         Self { offset, message: message.into(), expected: None }
     }
 
-    /// Sets the form that the line should have. The text of this form must quote nothing from the file.
+    /// Sets the form that the line should have. The string must quote nothing from the file.
     pub fn expecting(self, expected: impl Into<String>) -> Self {
         Self { expected: Some(expected.into()), ..self }
     }
@@ -35,7 +35,7 @@ impl Mistake {
     }
 }
 
-/// The number of lines that have some irregularity, and the byte offset of the first of these lines.
+/// The number of lines with one kind of irregularity, and the byte offset of the first such line.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Seen {
     pub count: usize,
@@ -48,7 +48,7 @@ impl Seen {
         self.count += 1;
     }
 
-    /// Combines the counts of consecutive pieces.
+    /// Adds the count of a later piece of the text.
     pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
@@ -84,7 +84,8 @@ impl Source<'_> {
         }
     }
 
-    /// Returns the error with its file and line, and the line itself if it may be quoted.
+    /// Returns the error for a mistake, with its file and line. The error also shows the line, if it may be
+    /// quoted and is not too long.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
         let rest = &self.text[before.len()..];
@@ -109,8 +110,8 @@ impl Source<'_> {
     }
 }
 
-/// Returns the form that the statement on the first line of a text should have, if no other form is known. Every error
-/// names a form, even an error that must not quote the line.
+/// Returns the form that the first line of a text should have, according to the line's keyword. Every error
+/// names such a form, even if it must not quote the line.
 fn expected(text: &[u8]) -> &'static str {
     let line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
     match keyword(line.trim_ascii_start()).0 {
@@ -135,7 +136,7 @@ impl<'a> Chunk<'a> {
         Self { start: 0, bytes: text }
     }
 
-    /// Returns the piece's lines without surrounding blanks, each with its offset in the text.
+    /// Returns the piece's lines without surrounding blanks, each after its byte offset in the text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let mut offset = self.start;
         self.bytes.split(|&byte| byte == b'\n').map(move |line| {
@@ -146,7 +147,7 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces for all threads.
+/// Divides a text at line ends into pieces, about four for each thread.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (4 * rayon::current_num_threads())).max(CHUNK_BYTES);
     let mut chunks = Vec::new();
@@ -160,8 +161,9 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     chunks
 }
 
-/// Returns the text with line feeds as its only line ends, without a byte order mark, and with continued lines
-/// joined. Empty lines follow a joined line, so that line numbers stay the same.
+/// Returns the text without a byte order mark, and with line feeds as its only line ends. Lines that end in
+/// `\` are joined with the next line. Empty lines are added after a joined line, so that line numbers stay
+/// the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let continued =
@@ -203,7 +205,7 @@ pub(in crate::scene) fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]>
     })
 }
 
-/// Returns a line's first word and the rest.
+/// Returns a line's first word, and the rest of the line.
 pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
     line.split_at(end)
@@ -221,8 +223,8 @@ pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     separated(line).take_while(|token| *token != b"#")
 }
 
-/// Returns the names that a text may mean, in the order in which they are looked up. Each name is a beginning of the
-/// name before it.
+/// Returns the three names that a text may mean, in the order in which they are looked up. Each name is a
+/// beginning of the previous one.
 ///
 /// 1. The whole text.
 /// 2. The text before the first word that is only `#`. Such a word certainly begins a comment.
@@ -237,16 +239,17 @@ pub(super) fn possible_names(text: &str) -> [&str; 3] {
     [text, certain, if shortest.is_empty() { certain } else { shortest }]
 }
 
-/// Returns the paths of the file that a text may mean, in the order in which they are looked up: the
-/// [`possible_names`], then each of them without its folders. Many files contain paths of their authors' disks.
+/// Returns the paths that a text may mean, in the order in which they are looked up: the [`possible_names`],
+/// and then each of these names without its folders. Many files contain paths from their authors' disks.
 pub(super) fn possible_paths(text: &str) -> impl Iterator<Item = &str> {
     let names = possible_names(text);
-    // The shortest name decides where the folders end, because a comment may contain slashes.
+    // Only slashes in the shortest name separate folders, because a comment may contain slashes, too.
     let folders = names[2].rfind(['/', '\\']).map_or(0, |slash| slash + 1);
     names.into_iter().chain(names.map(|name| &name[folders..]))
 }
 
-/// Returns a text up to the first word that begins with `#`, if `is_comment` accepts this word with all that follows.
+/// Returns a text up to the first word that begins with `#` and for which `is_comment` returns true. The
+/// argument of `is_comment` is the text from this word on.
 fn before_comment(text: &str, is_comment: impl Fn(&str) -> bool) -> &str {
     let begins_word =
         |at: usize| text[..at].chars().next_back().is_none_or(|before| before.is_ascii_whitespace());
@@ -268,7 +271,7 @@ pub(super) fn words(bytes: &[u8]) -> String {
     }
 }
 
-/// Returns a token for messages: printable, and shortened if it is long.
+/// Returns a token for messages: in backquotes, printable, and shortened to 40 characters.
 pub(in crate::scene) fn quoted(token: &[u8]) -> String {
     let mut shown = String::new();
     for char in words(token).chars().take(40) {
@@ -294,9 +297,9 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Parses a decimal number of few digits, as most numbers in meshes are. The digits as an integer
-/// and the power of ten are exact floats, so their quotient is the nearest float to the number (Clinger, "How to Read
-/// Floating Point Numbers Accurately", 1990).
+/// Parses a decimal number of few digits; most numbers in meshes have few digits. Returns `None` for all
+/// other text. The digits as an integer and the power of ten are exact in f32, so their quotient is the f32
+/// nearest to the number (Clinger, "How to Read Floating Point Numbers Accurately", 1990).
 fn short_number(token: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = token.strip_prefix(b"-").unwrap_or(token);

@@ -1,4 +1,5 @@
-//! Textures of OBJ meshes: the `map_Kd` and `map_d` of materials, and the triangles' texture coordinates.
+//! Reads the textures of OBJ meshes: the lines `map_Kd` and `map_d` of materials. Assigns textures and
+//! texture coordinates to triangles.
 
 use super::asked::{Asked, Wish};
 use super::coordinates::Coordinates;
@@ -13,7 +14,7 @@ use crate::words::counted;
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Options of `map_Kd` and `map_d` that have one argument each, and that raycl ignores.
+/// Options of `map_Kd` and `map_d` that raycl ignores, and that have one argument each.
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
@@ -30,8 +31,8 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures, and counts their unsupported options. The mask, too, is placed with the settings of
-    /// the colour texture; different settings of the mask are counted as unsupported.
+    /// Makes a material's textures, and counts their unsupported options. The settings of the colour texture
+    /// place both the texture and the mask. If the mask has other settings, they are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         [&colour, &mask].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let settings = [&colour, &mask].map(|map| map.as_ref().map(Map::placement));
@@ -43,20 +44,19 @@ impl Maps {
         Self { colour, mask }
     }
 
-    /// Returns whether there is a texture.
+    /// Returns true if the material has a colour texture or a mask.
     pub fn has_any(&self) -> bool {
         self.mapping().is_some()
     }
 
-    /// Returns the map (`map_Kd`, or `map_d` if there is no `map_Kd`) whose settings decide where the textures are on a
-    /// triangle.
+    /// Returns the map whose settings place the textures on a triangle: `map_Kd` or, without it, `map_d`.
     fn mapping(&self) -> Option<&Map> {
         self.colour.as_ref().or(self.mask.as_ref())
     }
 
-    /// Loads the textures. Returns the map (`map_Kd` or `map_d`) whose settings place the textures, and the numbers of
-    /// the colour texture and of the mask. Calls `report` for each texture that cannot be read, with the file and the
-    /// reason, and with a note.
+    /// Loads the textures; returns `None` if none could be loaded. Calls `report` for each texture that
+    /// cannot be read. The first argument of `report` names the file and the reason, and the second argument
+    /// is a note.
     fn load(
         &self,
         reach: Reach<'_>,
@@ -73,7 +73,8 @@ impl Maps {
                         true => format!(" {}", quoted(map.name().as_bytes())),
                         false => String::new(),
                     };
-                    // The text `about` contains no line number, so a file that many materials name adds only one note.
+                    // The text `about` has no line number, so a file that many materials name adds only one
+                    // note.
                     let about = format!("{what} {} {why}", quoted(map.name().as_bytes()));
                     report(about, format!("{}: {what}{name} {why}: {instead}", map.at));
                 })
@@ -87,21 +88,21 @@ impl Maps {
     }
 }
 
-/// The map (`map_Kd` or `map_d`) whose settings place a material's textures, and the numbers of the colour texture and
-/// of the mask.
+/// The map (`map_Kd` or `map_d`) whose settings place a material's textures, and the indices of the colour
+/// texture and of the mask in `Pictures::list`.
 type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
 
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
-    /// The rest of the line from the name of the picture's file on; a comment may follow the name.
+    /// The text of the line from the name of the picture's file on. A comment may follow the name.
     named: String,
     /// The location of the line that names the file, for messages.
     at: String,
     /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
-    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white: black would
-    /// hide the texture, and the grey that stands for a missing colour would darken it.
+    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white, since
+    /// black would hide it and the default grey would darken it.
     alone: bool,
     scale: [f64; 2],
     offset: [f64; 2],
@@ -111,8 +112,8 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// Parses a line without its keyword. Fails if the line names no file, or if an option's numbers are not
-    /// valid.
+    /// Parses `rest`, the line after its keyword. Returns an error if the line names no file, or if an
+    /// option's numbers are not valid.
     pub fn of_line(keyword: &str, rest: &[u8]) -> Result<Self, Unfit> {
         let mut map = Self {
             named: String::new(),
@@ -137,13 +138,13 @@ impl Map {
         Ok(map)
     }
 
-    /// Reads an option, or counts it if raycl does not support it. Returns how many of the words after the option
-    /// belong to it.
+    /// Reads an option, or counts the option if raycl does not support it. `after` has the words after the
+    /// option. Returns how many of these words belong to the option.
     fn option(&mut self, keyword: &str, option: &[u8], after: &[&[u8]]) -> Result<usize, Unfit> {
         let count = after.iter().take(3).take_while(|word| is_number(word)).count();
         let numbers = || -> Result<Vec<f64>, Unfit> {
-            // At least one number must follow. The coordinates become single precision, so numbers that are infinite
-            // in single precision count as infinite.
+            // At least one number must follow. Texture coordinates become single precision, so a number that
+            // is infinite in single precision is not valid.
             let finite = |word: &&[u8]| {
                 let found = || format!("{} after {keyword} {}", quoted(word), words(option));
                 let value = number(word).and_then(|_| decimal(word));
@@ -185,31 +186,30 @@ impl Map {
         })
     }
 
-    /// Sets the line's location, the folder of its file, and whether the `Kd` colour of the line's material is missing
-    /// or black.
+    /// Sets the fields `at`, `folder` and `alone`.
     pub fn with_context(self, at: String, folder: &str, alone: bool) -> Self {
         Self { at, folder: folder.to_owned(), alone, ..self }
     }
 
-    /// Returns the name of the picture's file, as messages show it. Only what is certainly a comment is left out.
+    /// Returns the name of the picture's file for messages, without what is certainly a comment.
     fn name(&self) -> &str {
         possible_names(&self.named)[1]
     }
 
-    /// Returns the paths, relative to the mesh's folder, at which the picture is searched, in this order. A picture may
-    /// lie beside the mesh or beside the material file.
+    /// Returns the paths at which the picture is searched, in this order. The paths are relative to the
+    /// mesh's folder. A picture may be in the mesh's folder or in the folder of the material file.
     fn paths(&self) -> impl Iterator<Item = String> {
         let folder = &self.folder;
         possible_paths(&self.named).flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
     }
 
-    /// Returns the settings that decide where the picture is on a triangle.
+    /// Returns the settings that place the picture on a triangle: scale, offset and wrap mode.
     fn placement(&self) -> ([f64; 2], [f64; 2], Wrap) {
         (self.scale, self.offset, self.wrap)
     }
 
-    /// Returns the number of the map's texture: the first file of [`Self::paths`] that can be used. If there is none,
-    /// returns what is wrong with the first of them that the mesh may read.
+    /// Returns the index, in `Pictures::list`, of the map's texture: the first file of [`Self::paths`] that
+    /// can be used. If no file can be used, returns what is wrong with the first file that the mesh may read.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         let mut unusable = None;
         for path in self.paths().filter(|path| reach.locate(path).is_ok()) {
@@ -221,32 +221,32 @@ impl Map {
         unusable.map_or_else(|| pictures.file(reach, self.name(), usage), Err)
     }
 
-    /// Returns a corner's coordinates in the texture, whose rows are counted from the top; OBJ counts from
-    /// the bottom.
+    /// Applies scale and offset to a corner's texture coordinates. Also converts v, which OBJ measures from
+    /// the texture's lower edge, to the distance from the upper edge.
     fn texture_coordinates(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
 }
 
-/// Returns whether a word is a number, finite or not.
+/// Returns true if a word is a number, finite or not.
 fn is_number(word: &[u8]) -> bool {
     words(word).parse::<f32>().is_ok()
 }
 
-/// Returns the first two numbers; `usual` replaces missing numbers.
+/// Returns the first two numbers of a list. `usual` replaces missing numbers.
 fn pair(numbers: &[f64], usual: f64) -> [f64; 2] {
     [0, 1].map(|axis| numbers.get(axis).copied().unwrap_or(usual))
 }
 
 /// The texture coordinates of faces.
 pub(super) struct FaceCoordinates {
-    /// All `vt` of the file.
+    /// All texture coordinates (`vt`) of the file.
     pub coordinates: Coordinates,
-    /// The indices of each triangle's coordinates.
+    /// For each triangle, the indices of its corners' texture coordinates.
     pub corners: Vec<[u32; 3]>,
 }
 
-/// Assigns textures to the triangles of a mesh; only materials that a triangle uses are considered.
+/// Assigns textures to the triangles of a mesh. Textures of materials that no triangle uses are not read.
 pub(super) fn apply(
     mesh: &mut Mesh,
     maps: &[Maps],
@@ -284,8 +284,8 @@ pub(super) fn apply(
 }
 
 /// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. `unmapped`
-/// has the numbers of the triangles without texture coordinates. These triangles show no texture, so they
-/// keep the `Kd` colour: if their material becomes white, they get a copy of the material as it was before.
+/// has the indices of the triangles that have no texture coordinates, and thus show no texture. If the
+/// material of such a triangle becomes white, the triangle gets a copy of the material as it was before.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     let is_whitened =
         |material: usize| matches!(loaded[material], Some((Map { alone: true, .. }, Some(_), _)));
@@ -306,12 +306,12 @@ fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     }
 }
 
-/// Returns a triangle's position in a texture if all of its coordinates are finite.
+/// Returns `row` if all of its texture coordinates are finite; otherwise `None`.
 pub(in crate::scene) fn finite(row: Mapped) -> Option<Mapped> {
     row.corners.as_flattened().iter().all(|value| value.is_finite()).then_some(row)
 }
 
-/// Returns a note on triangles without texture coordinates.
+/// Returns a note on `count` triangles that have a texture but no texture coordinates.
 pub(in crate::scene) fn unmapped(count: usize) -> String {
     let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
     format!(
@@ -385,7 +385,7 @@ mod tests {
         let all = paths(" -s 1 1 1 C:\\x\\a #2.png");
         assert!(expected.iter().all(|path| all.iter().any(|other| other == path)), "{all:?}");
         assert!(all[0] == expected[0] && all[1] == expected[1], "{all:?}");
-        // A file that only a comment names is not searched.
+        // Only a comment names the file `b.png`, so this file is not searched.
         let all = paths(" a.png # was x/b.png");
         assert!(!all.iter().any(|path| path == "b.png" || path == "mats/b.png"), "{all:?}");
     }

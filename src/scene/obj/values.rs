@@ -1,25 +1,25 @@
-//! Parses the numbers of material files. A line with a number that raycl cannot use is ignored, and a note is added.
+//! Parses the numbers in material files. Lines with numbers that raycl cannot use are ignored, with a note.
 
 use super::text::{Seen, Source, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, PAPER_SHININESS};
 use crate::words::{counted, counted_are};
 
-/// The reason to ignore a line.
+/// The reason why a line is ignored.
 #[derive(Debug)]
 pub(super) struct Unfit {
-    /// The keyword, such as `Kd`. If raycl does not support the form of a colour, the form follows (`Kd spectral`).
-    /// Ignored lines of the same kind share one note.
+    /// The keyword, such as `Kd`. For a form of colours that raycl does not support, the name of the form is
+    /// added: `Kd spectral`. Ignored lines of the same kind share one note.
     kind: String,
     /// What is wrong with the line. This text may quote the file.
     found: String,
     /// The form that raycl accepts.
     expected: String,
-    /// The effect of ignoring the line.
+    /// What raycl uses instead of the line.
     instead: String,
 }
 
-/// The ignored lines of a material file: one entry per kind, with the reason of its first line.
+/// The ignored lines of a material file. Each kind has one entry, with the reason for its first line.
 #[derive(Default)]
 pub(super) struct Ignored(Vec<(Unfit, Seen)>);
 
@@ -32,7 +32,7 @@ impl Ignored {
         }
     }
 
-    /// Returns a note for each kind.
+    /// Returns a note for each kind of ignored lines.
     pub fn notes(&self, source: &Source) -> impl Iterator<Item = String> {
         self.0.iter().map(|(Unfit { kind, found, expected, instead }, lines)| {
             let found = if source.quotes { found.clone() } else { format!("a value of {kind} is not valid") };
@@ -69,7 +69,7 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     }
 }
 
-/// Returns whether a line has more values than raycl reads of `Kd`, `Ks` or `Ns`.
+/// Returns true if a line has more values than raycl reads of `Kd`, `Ks` or `Ns`.
 pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     let most = match key {
         b"Kd" | b"Ks" => 3,
@@ -79,7 +79,7 @@ pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     tokens(rest).nth(most).is_some()
 }
 
-/// Returns a note on lines that have more values than raycl reads.
+/// Returns a note on lines that have more values than raycl reads; `None` if there are none.
 pub(super) fn note_more(lines: Seen, source: &Source) -> Option<String> {
     let note = || {
         let (line, lines) = (source.line(lines.first), counted(lines.count, "line"));
@@ -101,7 +101,7 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     })
 }
 
-/// Returns the reason to ignore a line with `map_Kd` or `map_d`.
+/// Returns the reason why a line with the keyword `key`, `map_Kd` or `map_d`, is ignored.
 pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
     let instead = match key {
         "map_d" => "the surface has no holes",
@@ -115,8 +115,8 @@ pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
     }
 }
 
-/// Checks the numbers of a feature that raycl does not support: raycl uses none of these numbers, so each finite number
-/// is valid.
+/// Checks the numbers of a feature that raycl does not support. raycl does not use these numbers, so every
+/// finite number is valid.
 pub(super) fn unused(key: &[u8], rest: &[u8]) -> Result<(), Unfit> {
     let Some((wish, most)) = wishes::of_numbers(key) else { return Ok(()) };
     let options: [&[u8]; 3] = [b"-halo", b"spectral", b"xyz"];

@@ -1,14 +1,15 @@
-//! Recognises statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as names
-//! and groups (`o`, `g`, `mg`), are not counted. Some other statements have an effect only together with a second
-//! statement; of the two, only the second statement is counted. Texture coordinates (`vt`) have an effect only with a
-//! texture, the construction (`cstype`, `deg`, `parm`, ...) of a free-form shape only with the shape itself, and the
-//! refractive index (`Ni`) only with a refracting material.
+//! Counts statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as
+//! names and groups (`o`, `g`, `mg`), are not counted. Some statements have an effect only together with
+//! another statement, and only the other statement is counted. Examples are texture coordinates (`vt`), which
+//! need a texture, the parameters (`cstype`, `deg`, `parm`, ...) of a free-form shape, which need the shape,
+//! and the refractive index (`Ni`), which needs a refracting material.
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
-/// Counts a line of an OBJ file if it asks for something that raycl does not support. Callers handle `v`, `vn`, `f`,
-/// `fo`, `s`, `usemtl` and `mtllib` themselves.
+/// Counts a line of an OBJ file if it asks for something that raycl does not support. `rest` is the line
+/// after the keyword. The function is not called for `v`, `vn`, `f`, `fo`, `s`, `usemtl` and `mtllib`, which
+/// other code handles.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -28,8 +29,9 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     asked.add(wish, keyword);
 }
 
-/// Counts a line of a material if it asks for something that raycl does not support. Callers handle `newmtl`, `Kd`,
-/// `Ks`, `Ns`, `illum`, `map_Kd` and `map_d` themselves.
+/// Counts a line of a material if it asks for something that raycl does not support. `rest` is the line after
+/// the keyword. The function is not called for `newmtl`, `Kd`, `Ks`, `Ns`, `illum`, `map_Kd` and `map_d`,
+/// which other code handles.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
@@ -55,7 +57,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Returns the unsupported feature that a keyword requests with numbers, and how many numbers may follow the keyword.
+/// Returns the unsupported feature that a keyword asks for, and how many numbers may follow the keyword.
+/// Returns `None` for keywords that are not followed by numbers.
 pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     match &keyword.to_ascii_lowercase()[..] {
         b"d" | b"tr" => Some((Wish::Transparency, 1)),
@@ -67,8 +70,8 @@ pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     }
 }
 
-/// Counts a material's illumination model if raycl does not support it. Model 2 is supported; model 1 (no highlight) is
-/// supported if the material has no highlight.
+/// Counts a material's illumination model (the value of `illum`) if raycl does not support it. Model 2 is
+/// supported. Model 1, which means no highlight, is supported if the material has no highlight.
 pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {
     let Some(model) = model else { return };
     let wish = match model {

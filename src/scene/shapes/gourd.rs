@@ -12,8 +12,8 @@ pub(super) fn gourd(triangles: u32) -> Mesh {
     revolve(segments, rings, profile)
 }
 
-/// Returns a gourd with typical modelling mistakes: vertices are displaced, facets are flat, and about one facet in
-/// six is turned inwards, so that no light reaches it.
+/// Returns a gourd with typical modelling mistakes: vertices are displaced, facets are flat, and about one
+/// facet in six is turned inwards, so that it is dark.
 pub(super) fn broken(triangles: u32) -> Mesh {
     const OFF: f32 = 0.05;
     let mut mesh = gourd(triangles);
@@ -31,8 +31,8 @@ pub(super) fn broken(triangles: u32) -> Mesh {
     mesh
 }
 
-/// Returns a pseudo-random number from 0 to 1 for each index, the same on every machine (like the finaliser of
-/// MurmurHash3, A. Appleby, with other shifts).
+/// Returns a pseudo-random number from 0 to 1 for an index, the same on every machine. The function is the
+/// finaliser of MurmurHash3 (A. Appleby) with other shifts.
 fn scattered(index: u32) -> f32 {
     let mut bits = index.wrapping_add(0x9e37_79b9);
     for multiplier in [0x85eb_ca6b_u32, 0xc2b2_ae35] {
@@ -41,7 +41,8 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the outline of a sphere that is deformed into a belly and a head, with a waist between them.
+/// Returns the gourd's radius and height at t: those of a unit sphere, with the radius changed to a belly and
+/// a head with a waist between them.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

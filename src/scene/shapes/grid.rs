@@ -4,8 +4,9 @@ use crate::scene::{Material, Mesh, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Returns `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface` returns a point and its
-/// normal. The normal has the direction of du x dv, the cross product of the surface's derivatives by u and by v.
+/// Returns a mesh of `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface`
+/// returns the point at (u, v) and its normal. The normal must have the direction of the cross product of the
+/// surface's derivatives by u and by v.
 pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3) + Sync) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let stride = columns + 1;
@@ -21,9 +22,9 @@ pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3
     mesh(vertices, triangles)
 }
 
-/// Returns the triangles of a closed surface around the y axis: `rings` circles of `segments` vertices between two
-/// poles give 2 x segments x rings triangles. `profile` returns the radius and the height for a t from 0 (the lower
-/// pole) to 1 (the upper pole).
+/// Returns the mesh of a closed surface around the y axis. The mesh has two poles and, between them, `rings`
+/// circles of `segments` vertices each, and thus 2 x `segments` x `rings` triangles. `profile` returns the
+/// surface's radius and height for a t from 0 (the lower pole) to 1 (the upper pole).
 pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, f64) + Sync) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(1));
     let pole = |t: f64, normal| (DVec3::new(0.0, profile(t).1, 0.0), normal);
@@ -54,7 +55,7 @@ pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, 
     mesh(vertices, triangles)
 }
 
-/// Returns a point of a surface of revolution and its normal, which follows from the profile's
+/// Returns the point of a surface of revolution at t and `angle`, and its normal, computed from the profile's
 /// slope.
 fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3, DVec3) {
     let (radius, height) = profile(t);
@@ -66,8 +67,8 @@ fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3
     (DVec3::new(radius * cos, height, -radius * sin), normal.normalize_or(DVec3::Y))
 }
 
-/// Returns the numbers of columns and rows for about `quads` quads; there are about `aspect` times as many columns as
-/// rows. The function tries the numbers of rows near the ideal, and chooses the one that gives the number of quads
+/// Returns the numbers of columns and rows for about `quads` quads, with about `aspect` times as many columns
+/// as rows. The function tries several numbers of rows, and chooses the one with which the number of quads is
 /// closest to `quads`.
 pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     let ideal = (quads / aspect).sqrt().max(1.0);
@@ -81,8 +82,8 @@ pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     (columns(rows) as u32, rows)
 }
 
-/// Returns the two triangles of a quad. `a` and `b` are its lower corners, from left to right, and `c` and `d` its
-/// upper corners.
+/// Returns the two triangles of a quad. `a` and `b` are the lower corners, from left to right, and `c` and
+/// `d` the upper corners.
 fn quad(a: u32, b: u32, c: u32, d: u32) -> [[u32; 3]; 2] {
     [[a, b, d], [a, d, c]]
 }

@@ -1,4 +1,5 @@
-//! A hall with two rows of columns. The faces of its walls point inwards, so that they are visible from inside.
+//! A hall with two rows of columns. The front sides of the walls face inwards, so that the hall is lit as
+//! seen from inside.
 
 use super::grid::{grid, split};
 use crate::scene::Mesh;
@@ -9,9 +10,10 @@ const WIDTH: f64 = 4.0;
 const HEIGHT: f64 = 3.0;
 const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
-/// The least number of triangles of a column; with fewer triangles, a column does not look round.
+/// The least number of triangles of a column. With fewer triangles, a column would not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// The fraction of the hall's triangles that the columns get. Only the columns are round; all other parts are flat.
+/// The fraction of the hall's triangles that the columns get. It is large, because only the columns are
+/// round.
 const COLUMN_SHARE: f64 = 0.75;
 
 /// Returns a hall of about `triangles` triangles, at least twelve. With fewer than 640 triangles, the hall has
@@ -41,7 +43,8 @@ pub(super) fn interior(triangles: u32) -> Mesh {
     mesh
 }
 
-/// Returns the position of a column: alternately left and right, from front to back.
+/// Returns the position of the column `number` on the floor. Columns are alternately left and right, from
+/// front to back; `a_side` is the number of columns on each side.
 fn foot(number: u32, a_side: u32) -> DVec3 {
     let side = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
     let depth = (f64::from(number / 2) + 0.5) / f64::from(a_side);
@@ -62,8 +65,8 @@ fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     })
 }
 
-/// Returns the floor, the ceiling and the left, right, back and front walls, each as a corner and two edges;
-/// the normal, edge x edge, points into the hall.
+/// Returns the floor, the ceiling and the left, right, back and front walls, each as a corner and two edges.
+/// The cross product of the two edges points into the hall.
 fn walls() -> [[DVec3; 3]; 6] {
     let (x, y, z) = (DVec3::X * WIDTH, DVec3::Y * HEIGHT, DVec3::Z * LENGTH);
     let corner = -x / 2.0 - z;

@@ -3,7 +3,7 @@
 use crate::scene::{Material, Mesh, Triangle};
 use glam::Vec3;
 
-/// Returns a mesh of flat triangles. `faces` has the indices of each triangle's corners, and its normal.
+/// Returns a mesh of flat triangles. `faces` has the corners' indices and the normal of each triangle.
 fn flat<const N: usize>(positions: &[Vec3], faces: [([u32; 3], Vec3); N]) -> Mesh {
     let triangles = (0..).zip(&faces).map(|(face, (positions, _))| Triangle {
         positions: *positions,

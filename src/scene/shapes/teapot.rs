@@ -5,7 +5,7 @@ use crate::scene::Mesh;
 use glam::DVec3;
 use serde::Deserialize;
 
-/// The patches of M. Newell's teapot of 1975; the file names the source of the data.
+/// The patches of M. Newell's teapot of 1975. The JSON file states the source of the data.
 const DATA: &str = include_str!("newell_teapot_patches.json");
 
 #[derive(Deserialize)]
@@ -17,9 +17,9 @@ struct Data {
 /// A patch's 4 x 4 control points.
 type Patch = [[DVec3; 4]; 4];
 
-/// Returns 32 x 2 x `columns` x `rows` triangles. Some edges of the lid's and the base's patches are collapsed to a
-/// point, so that the triangles at these edges have no area. These triangles are part of the mesh, since the paper
-/// counts them.
+/// Returns the teapot with 32 x 2 x `columns` x `rows` triangles. At the middle of the lid and of the base,
+/// an edge of each patch is a single point, so triangles at these edges have no area. These triangles are
+/// part of the mesh, since the paper counts them.
 pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for patch in patches() {
@@ -29,9 +29,9 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// Returns about `triangles` triangles, at least 64. The numbers of columns and rows may differ without
-/// leaving gaps between patches. Both patches at a common edge cut this edge into the same number of parts:
-/// either the number of columns or the number of rows.
+/// Returns the teapot with about `triangles` triangles, at least 64. The numbers of columns and rows may
+/// differ. This leaves no gaps, because two neighbouring patches both divide their common edge by the number
+/// of columns, or both by the number of rows.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)
@@ -52,7 +52,7 @@ fn patches() -> Vec<Patch> {
 /// Returns the point at u (along the rows of control points) and v (across the rows), and the outward normal.
 fn surface(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3) {
     let position = blend(patch, bernstein(u), bernstein(v));
-    // If an edge is collapsed to a point, the normal of a nearby point is used.
+    // Where an edge of the patch is a single point, the normal of a nearby point is used.
     let normal = normal(patch, u, v).or_else(|| normal(patch, u.clamp(1e-3, 0.999), v.clamp(1e-3, 0.999)));
     (position, normal.unwrap_or(DVec3::Y))
 }

@@ -13,20 +13,20 @@ const HEIGHT: f64 = 0.6;
 pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 2.0, 1.0);
     grid(columns, rows, |u, v| {
-        // v goes from front to back, so that du x dv (the cross product of the derivatives by u and by v) points up.
+        // v goes from front to back, so that the cross product of the derivatives by u and by v points up.
         let (x, z) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
         let (height, slope_x, slope_z) = fractal(x, z, seed);
         (DVec3::new(x, height, z), DVec3::new(-slope_x, 1.0, -slope_z).normalize())
     })
 }
 
-/// Returns the height and the slopes: each octave has half the size and two fifths of the height of the
-/// previous one.
+/// Returns the height and its slopes along x and z. The hills of each octave have half the width and two
+/// fifths of the height of those of the previous octave.
 fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
     for octave in 0..OCTAVES {
-        // The shift prevents the lattices of all octaves from having a common point at the origin.
+        // Without the shift, the lattices of all octaves would have a common point at the origin.
         let shift = 17.3 * f64::from(octave);
         let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
         sum.0 += amplitude * noise.0;
@@ -38,7 +38,7 @@ fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     sum
 }
 
-/// Returns noise from 0 to 1, and its slopes.
+/// Returns noise from 0 to 1, and its slopes along x and z.
 fn noise(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (i, k) = (x.floor(), z.floor());
     let ((sx, dx), (sz, dz)) = (fade(x - i), fade(z - k));

@@ -56,7 +56,7 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     }
 }
 
-/// Parses `#203040`, `#234`, `black` or `white`.
+/// Parses a colour such as `#203040` or `#234`, or `black` or `white`. Returns `None` for any other text.
 fn displayed(text: &str) -> Option<[u8; 3]> {
     match text {
         "black" => return Some([0; 3]),

@@ -47,9 +47,9 @@ ranges! {
     /// For lights, the sky and the background.
     Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
         { "minimum": 0, "maximum": 1e28 };
-    /// For divisors.
+    /// For values that must be more than 0.
     Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
-    /// For scales.
+    /// For scales, which must not be 0.
     NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
     /// For the angle of a camera above the horizon.
     Elevation: "an angle from -90 to 90 degrees", |value| (-90.0..=90.0).contains(&value),
@@ -139,7 +139,7 @@ fn refusal<R: Range>(value: f64) -> String {
     format!("{shown} is not {expected}")
 }
 
-/// Returns a number as decimal text; with an exponent if the text would otherwise have many zeros.
+/// Returns a number as decimal text. The text has an exponent if it would otherwise have many zeros.
 fn short(value: f64) -> String {
     let has_many_zeros = value != 0.0 && value.is_finite() && !(1e-5..1e16).contains(&value.abs());
     if has_many_zeros { format!("{value:e}") } else { value.to_string() }

@@ -1,4 +1,4 @@
-//! Chooses one record of each point, if several attempts have a record of it.
+//! Chooses one record of each point, if several attempts have a record of the point.
 
 use super::{Measured, lines};
 use crate::error::{Error, Result};
@@ -21,16 +21,17 @@ pub struct Chosen {
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
-/// all other records, and a record with a time takes precedence over a record without a time. Among records without a
-/// time, [`Record::rank`] decides on the order. If these rules do not decide between several records of a point, all
-/// points of a block get the records of one preferred attempt, as far as possible: points of different attempts were
-/// not measured in the same rounds. To find the preferred attempt, raycl counts, for each attempt, those points of the
-/// block for which no other attempt has a better record. The preferred attempt is the one with the largest count. If
-/// several attempts have this count, the one with the most samples of the counted points is preferred. If they also
-/// have equally many samples, the one whose name sorts first is preferred. Times of day are never compared, since the
-/// clocks of two machines may differ. If an attempt has several records of a point, its last record is used, as for a
-/// run without shards.
+/// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes
+/// precedence over all other records, and a record with a time takes precedence over a record without a time.
+/// Among records without a time, [`Record::rank`] decides on the order. If these rules do not decide between
+/// several records of a point, the record of a preferred attempt is used. The points of a block have the same
+/// preferred attempt: points of different attempts were not measured in the same rounds. To find the
+/// preferred attempt, raycl counts, for each attempt, those points of the block for which no other attempt
+/// has a better record. The preferred attempt is the one with the largest count. If several attempts have
+/// this count, the attempt with the most samples of the counted points is preferred. If these attempts also
+/// have equally many samples, the attempt whose name sorts first is preferred. Times of day are never
+/// compared, since the clocks of two machines may differ. If an attempt has several records of a point, its
+/// last record is used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -81,16 +82,17 @@ impl Offered {
                 let share = shares.get(&(*attempt, Together::of(record))).copied();
                 (record.rank(), Reverse(share.unwrap_or_default()))
             };
-            // If several records have the same order, `min_by_key` returns the first of them, which is that of the
-            // first attempt.
+            // If several records have the same order, `min_by_key` returns the first of these records: the
+            // record of the first attempt.
             chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
         }
         chosen
     }
 
-    /// Returns two numbers for each attempt and each set of points that it measured together. The first is the number
-    /// of these points of which no other attempt has a better record (a record with a lower rank). The second is the
-    /// number of samples in the attempt's records of the points that the first number counts.
+    /// Returns two numbers for each attempt and each set of points that it measured together. The first
+    /// number counts the points of the set for which no other attempt has a better record (a record with a
+    /// lower rank). The second is the number of samples in the attempt's records of the points that the first
+    /// number counts.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
@@ -116,9 +118,9 @@ impl Chosen {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }
 
-    /// Returns an error if a point with a record belongs to none of these kinds of device, which are all kinds of the
-    /// folder. The file of a kind may have been left out when the folders of several machines were copied together.
-    /// Without this check, the merge would leave out the records of this kind.
+    /// Returns an error if a point with a record belongs to none of the kinds `all`, which are all kinds of
+    /// device in the folder. The file of a kind may have been left out when the folders of several machines
+    /// were copied together. Without this check, the merge would leave out the records of this kind.
     pub fn refuse_unlisted(&self, out: &Path, all: &[Kind], attempts: &[Attempt]) -> Result<()> {
         let points = all.iter().flat_map(|kind| &kind.points);
         let listed: HashSet<&str> = points.map(|point| point.planned.key.as_str()).collect();
@@ -194,8 +196,8 @@ fn is_wrong_and_right(outcomes: &[(usize, Outcome)]) -> bool {
     outcomes.iter().any(|(_, outcome)| wrong(outcome)) && !outcomes.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-/// Joins names with commas. If there are more than four names, lists only the first four, and adds the number of the
-/// others.
+/// Joins names with commas. If there are more than four names, lists only the first four names, and adds the
+/// number of the other names.
 pub fn few(names: &[&str]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")
@@ -272,11 +274,11 @@ mod tests {
         assert_eq!(attempts_of(&unequal, block), [0, 0]);
         assert_eq!(attempts_of(&unequal, |_, record| record), [0, 0], "records of a case without blocks");
         assert_eq!(attempts_of(&unequal, apart), [0, 1]);
-        // A record counts here if the other attempt's record of the same point does not have a better outcome. In
-        // `lacking`, all three records of the second attempt count, but only two records of the first attempt. The
-        // second attempt is preferred, although the first one has more samples. In `both`, two records of each attempt
-        // count, so the first attempt, which has more samples, is preferred. Only the point that the first attempt did
-        // not measure is taken from the second attempt.
+        // A record of an attempt counts if the other attempt's record of the same point does not have a
+        // better outcome. In `lacking`, all three records of the second attempt count, but only two records
+        // of the first attempt. The second attempt is preferred, although the first one has more samples. In
+        // `both`, two records of each attempt count, so the first attempt, which has more samples, is
+        // preferred. Only the point that the first attempt did not measure is taken from the second attempt.
         let lacking: [&[(Outcome, usize)]; 2] =
             [&[(Measured, 90), (Crashed, 0), (Crashed, 0)], &[(Measured, 30), (Measured, 30), (Crashed, 0)]];
         assert_eq!(attempts_of(&lacking, block), [1, 1, 1]);

@@ -8,7 +8,7 @@ use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes `environment.json`, if at least one attempt has written such a file.
+/// Writes `environment.json`, if at least one attempt has an environment that can be read.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let mut hosts: Vec<Value> = Vec::new();
     let mut first: Option<Value> = None;

@@ -33,8 +33,8 @@ impl Launches {
         self.numbers.get(&self.origins.of((attempt, launch))).copied()
     }
 
-    /// Renumbers the launches (of worker processes) in which a record's samples were measured, and names the machines
-    /// that measured them.
+    /// Renumbers the launches (of worker processes) in which a record's samples were measured, and sets the
+    /// record's `host` to the machines that measured the samples.
     pub fn renumber(&self, attempt: usize, record: &mut Record) {
         if let Some(host) = self.origins.host(attempt, record) {
             record.host = Some(host);
@@ -44,8 +44,8 @@ impl Launches {
         }
     }
 
-    /// Identifies the samples that records use: returns pairs of the launch (of worker processes) that measured the
-    /// samples, and of the point's key.
+    /// Identifies the samples that records use: returns pairs of a launch (of worker processes), which
+    /// measured the samples, and a point's key.
     pub fn counted<'a>(&self, records: &'a [Measured]) -> HashSet<(Launch, &'a str)> {
         let mut counted = HashSet::new();
         for (attempt, record) in records {

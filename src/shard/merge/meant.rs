@@ -12,14 +12,14 @@ use std::collections::HashMap;
 /// The type of each kind of device, such as "gpu", by [`Kind::identity`].
 pub type Types = HashMap<String, String>;
 
-/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments. An attempt
-/// that was killed before it wrote its environment is left out; it has no records either.
+/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments.
+/// An attempt that was killed before it wrote its environment is left out. Such an attempt has no records.
 pub fn types_of_devices(attempts: &[Attempt]) -> Result<Types> {
     let mut types = Types::new();
     for attempt in attempts {
         let environment = existing::bytes(&attempt.folder.join(ENVIRONMENT))?;
         let Some((environment, about)) = environment.zip(attempt.about()?) else { continue };
-        // Both lists have the attempt's devices in the same order.
+        // `about.devices` and `of_devices` have the attempt's devices in the same order.
         let of_devices = device_types(&environment).unwrap_or_default();
         types.extend(about.devices.into_iter().zip(of_devices));
     }
@@ -45,8 +45,9 @@ pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>,
     (all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun)
 }
 
-/// Returns whether a word, in lower case, selects a kind of device of this type. If the type is unknown, the word is
-/// looked for in the description, like any other word.
+/// Returns true if `word`, which is in lower case, selects `kind`. `known` is the type of the kind's devices.
+/// If this type is unknown, a word such as `gpu` is looked for in the kind's description, like any other
+/// word.
 fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
     let types = [DeviceKind::Cpu, DeviceKind::Gpu, DeviceKind::Accelerator].map(DeviceKind::name);
     let is_type = types.contains(&word);

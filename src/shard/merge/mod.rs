@@ -44,8 +44,8 @@ pub struct Merged {
     pub attempts: usize,
     /// Number of merged records, one for each point with a record on each selected kind of device.
     pub records: usize,
-    /// Three numbers of samples: those of the merged records, those of the records in `controls.jsonl`, and those of
-    /// neither.
+    /// Three numbers of samples: samples of the merged records, samples of the records in `controls.jsonl`,
+    /// and all other samples.
     pub samples: [usize; 3],
     /// Notes to be shown with the results.
     pub notes: Vec<String>,
@@ -56,15 +56,17 @@ pub struct Merged {
 /// A record, and the index of the attempt that measured it.
 type Measured = (usize, Record);
 
-/// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains words
-/// that select kinds of device, as for `raycl run --device`; if it is empty, all kinds that took part are used.
+/// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains
+/// words that select kinds of device, as for `raycl run --device`; if `meant` is empty, all kinds that took
+/// part are used.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
     let attempts = Attempt::all(out)?;
     let chosen = choose(&attempts)?;
-    // The kinds are read after the records. An attempt writes the files of its kinds before its first record. So the
-    // kind of each record that was read is among the kinds that are read here, even if the attempt has only just begun.
+    // The kinds are read after the records. An attempt writes the files of its kinds before its first record.
+    // The kind of each record that was read is therefore among these kinds, even if the attempt has only just
+    // begun.
     let all = Kind::all(out)?;
     let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts)?, meant);
     chosen.refuse_unlisted(out, &all, &attempts)?;
@@ -79,8 +81,9 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let origins = Origins::read(&attempts)?;
     let mut controls = controls(&attempts, &origins)?;
     let launches = Launches::of(origins, records.iter().chain(&controls));
-    // The file `merge.json`, which shows that a merge wrote the folder, is written first. If this merge is killed, the
-    // next merge finds the file, and does not refuse the folder as that of a run without shards.
+    // The file `merge.json`, which shows that a merge wrote the folder, is written first. If this merge is
+    // killed, the next merge finds the file, and does not refuse the folder as the folder of a run without
+    // shards.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, [&records, &controls], &launches)?;
@@ -126,7 +129,7 @@ fn refuse_other_results(out: &Path) -> Result<()> {
     }
 }
 
-/// Returns notes on the attempts, and on points that several of them measured.
+/// Returns notes on the attempts, and on points that several attempts measured.
 fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = chosen.notes(attempts);
     notes.extend(again::attempted_again(attempts)?);
@@ -157,8 +160,8 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
-/// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines. The merged
-/// journals do not have these lines, so only this note tells the user of them.
+/// Returns a note on each attempt's journal (a file with one JSON object per line) that has damaged lines.
+/// The merged journals do not have these lines, so only this note reports the damage to the user.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -194,9 +197,10 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     }))
 }
 
-/// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured although the
-/// points belong to another block. If an attempt copied all launches of such a record, an earlier attempt may have a
-/// record of the same launches; only one of these two records is returned.
+/// Returns the records in all attempts' `controls.jsonl`: records of control points that a block measured
+/// although the points belong to another block. If an attempt copied all launches of such a record, an
+/// earlier attempt may have a record of the same launches. In this case, only one of the two records is
+/// returned.
 fn controls(attempts: &[Attempt], origins: &Origins) -> Result<Vec<Measured>> {
     let (mut controls, mut known) = (Vec::new(), HashSet::new());
     for (index, attempt) in attempts.iter().enumerate() {
@@ -246,9 +250,10 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Joins the attempts' journals (files with one JSON object per line) that have this name. Only lines about launches
-/// (of worker processes) that records use are written, each once, with the launches' new numbers. `change` is called
-/// with each of these lines and the index of its attempt; it returns the line, or `None` if the line is left out.
+/// Joins the attempts' journals (files with one JSON object per line) that have this name. Only lines about
+/// launches (of worker processes) that records use are written, each once, with the launches' new numbers.
+/// `change` is called with each of these lines and the index of its attempt; `change` returns the line, or
+/// `None` if the line is left out.
 fn write_renumbered<T: Serialize + OfLaunch>(
     out: &Path,
     name: &str,
@@ -267,10 +272,11 @@ fn write_renumbered<T: Serialize + OfLaunch>(
     })
 }
 
-/// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device of an
-/// attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates for which `name`
-/// returns `None` are left out: a reader might mistake them for the rates of a selected kind of device that has the
-/// same name. If several attempts have rates of the same device, those of the first attempt are used.
+/// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device
+/// of an attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates
+/// for which `name` returns `None` are left out: a reader might mistake such rates for the rates of a
+/// selected kind of device that has the same name. If several attempts have rates of the same device, the
+/// rates of the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
@@ -607,8 +613,8 @@ mod tests {
         let out = folder.path();
         merge_one_record(out);
         std::fs::remove_file(Kind::file(out, "gpu", "x")).unwrap();
-        // A merge that fails changes nothing: it does not even remove the unfinished file of an earlier merge that was
-        // killed.
+        // A merge that fails changes nothing: the merge does not even remove the unfinished file of an
+        // earlier merge that was killed.
         let killed = out.join(".raycl-killed");
         let file = std::fs::File::create(&killed).unwrap();
         file.set_modified(std::time::SystemTime::now() - 2 * ABANDONED).unwrap();
@@ -618,8 +624,9 @@ mod tests {
         assert!(merge(out, &[]).is_ok() && !killed.exists());
     }
 
-    /// A link that leads to itself stands for everything that a user or a failed disk keeps from being read. If a merge
-    /// took it for a missing file, it would replace the merged results by fewer results.
+    /// In this test, a link that leads to itself stands for any file or folder that cannot be read, for
+    /// example because of its permissions or a failed disk. If a merge took such a file for a missing one, it
+    /// would replace the merged results by fewer results.
     #[cfg(unix)]
     #[test]
     fn a_merge_that_cannot_read_an_attempt_leaves_the_results_of_an_earlier_merge() {

@@ -1,5 +1,6 @@
-//! Finds the attempt that measured a launch (of worker processes). An attempt that continues an earlier one copies
-//! launches from it, so the folders of both attempts have the lines of these launches.
+//! Finds the attempt that measured a launch (of worker processes). An attempt that continues an earlier
+//! attempt copies launches from the earlier attempt. The folders of both attempts then have the lines of
+//! these launches.
 
 use super::lines;
 use crate::error::Result;
@@ -17,9 +18,9 @@ pub type Launch = (usize, u32);
 pub struct Origins {
     /// The original of each copied launch.
     originals: HashMap<Launch, Launch>,
-    /// The name of each attempt's machine. The list begins with the attempts of the folder. Then follow attempts whose
-    /// folders are missing, but from which other attempts copied launches; the machine of such an attempt is known from
-    /// the attempt's name.
+    /// The name of each attempt's machine. The list begins with the attempts of the folder. After them come
+    /// attempts whose folders are missing, but from which other attempts copied launches. The machine of such
+    /// an attempt is known from the attempt's name.
     hosts: Vec<String>,
 }
 
@@ -46,7 +47,7 @@ impl Origins {
         Ok(Self { originals, hosts })
     }
 
-    /// Returns the launch itself or, if it was copied, its original.
+    /// Returns `launch` or, if this launch was copied, its original.
     pub fn of(&self, launch: Launch) -> Launch {
         self.originals.get(&launch).copied().unwrap_or(launch)
     }
@@ -56,8 +57,8 @@ impl Origins {
         record.sample_launches.iter().map(|launch| self.of((attempt, *launch))).collect()
     }
 
-    /// Returns the machine that measured a record's samples; the names of several machines are separated by `, `.
-    /// `None` if the record has no samples.
+    /// Returns the machine that measured a record's samples. The names of several machines are separated by
+    /// `, `. `None` if the record has no samples.
     pub fn host(&self, attempt: usize, record: &Record) -> Option<String> {
         let launches = self.of_record(attempt, record);
         let hosts: BTreeSet<&str> =
@@ -117,9 +118,9 @@ impl OfLaunch for RoundLoad {
     }
 }
 
-/// Calls `use_line` with the lines of the attempts' journals of this name, and with the index of each line's attempt.
-/// `use_line` returns whether it used the line. Copies of lines that were used are left out. The originals come first,
-/// so a copy is used only if the original is missing.
+/// Calls `use_line` with the lines of the attempts' journals of this name, and with the index of each line's
+/// attempt. `use_line` returns true if it used the line. Copies of lines that were used are left out. The
+/// originals come first, so a copy is used only if the original is missing.
 pub fn each_line<T: OfLaunch>(
     attempts: &[Attempt],
     journal: &str,

@@ -1,6 +1,6 @@
-//! Reports attempts that were started with another plan than that of the folder. This happens if the folders of several
-//! machines, each with its own plan, are copied together. These plans may differ, since a plan depends on the times
-//! that its machine measured earlier.
+//! Reports attempts whose plan differs from the plan of the folder. Such attempts exist if the folders of
+//! several machines, each with its own plan, were copied together. These plans may differ, since a plan
+//! depends on the times that its machine measured earlier.
 
 use super::choice::few;
 use crate::error::Result;

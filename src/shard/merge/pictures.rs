@@ -21,7 +21,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         if !stays_inside(name) {
             continue;
         }
-        // A picture may be lost with its machine; the record's times are still used.
+        // A picture may be lost with its machine. The record's times are still used.
         let Some(bytes) = read_inside(attempt, name) else { continue };
         let (mut target, mut path) = (name.clone(), out.join(&name));
         if read_inside(out, name).is_some_and(|there| there != bytes) {
@@ -37,12 +37,13 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a path in a record leads to a file inside the record's folder.
+/// Returns true if a path in a record leads to a file inside the record's folder.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Makes the folders in `out` that a file with this path in `out` needs. Fails if one of them is a link.
+/// Makes the folders in `out` that a file with this path in `out` needs. Fails if one of these folders is a
+/// link.
 fn own_folders_of(out: &Path, name: &str) -> Result<()> {
     let mut folder = out.to_owned();
     for part in Path::new(name).parent().into_iter().flat_map(Path::components) {

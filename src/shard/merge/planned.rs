@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 pub struct Planned {
     /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// For each caster on the host, by its key: the words that distinguish its kind of host from others. The map is
-    /// empty if there is only one kind of host.
+    /// For each caster on the host, by its key: the words that distinguish its kind of host from the other
+    /// kinds of host. The map is empty if there is only one kind of host.
     hosts: HashMap<String, String>,
 }
 
@@ -61,8 +61,8 @@ impl Planned {
         records.filter_map(named).collect()
     }
 
-    /// Adds the kind of host to the name of a caster on the host, so that tables and plots distinguish it from
-    /// casters on other kinds of host.
+    /// Adds the kind of host to the name of a caster on the host, so that tables and plots distinguish this
+    /// caster from casters on other kinds of host.
     pub fn tell_apart(&self, record: &mut Record) {
         if let Some(what) = self.hosts.get(&record.key) {
             record.strategy = format!("{} ({what})", record.strategy);

@@ -107,7 +107,7 @@ impl<T: ?Sized> LastHash<T> {
 }
 
 impl Keys {
-    /// Prepares the keys of the frames of `film`, which are cast with `kernels`.
+    /// Returns a maker of keys for the frames of `film`, which are cast with `kernels`.
     pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
         let Sampling { first, most, half_light } = sampling;
@@ -119,7 +119,7 @@ impl Keys {
         Self { shared, mesh: LastHash(None), texels: LastHash(None) }
     }
 
-    /// Returns the key of a frame that shows a scene.
+    /// Returns the key of the frame with this number, which shows `scene`.
     pub fn key(&mut self, scene: &Scene, number: u32) -> String {
         let mut view = Scene { mesh: Arc::default(), ..scene.clone() };
         let picture = view.sky.as_mut().and_then(|sky| sky.picture.as_mut());
@@ -139,7 +139,8 @@ impl Keys {
     }
 }
 
-/// Returns a scene that contains nothing but a mesh and, if there are texels, a picture of the sky with these texels.
+/// Returns a scene that contains only the mesh and, if `texels` is given, a picture of the sky with these
+/// texels.
 fn alone(mesh: &Arc<Mesh>, texels: Option<Arc<[[f32; 3]]>>) -> Scene {
     let sky = |texels| {
         let picture = SkyPicture { size: [0, 0], texels, ahead: Vec3::ZERO, is_seen: false };

@@ -75,13 +75,14 @@ impl Numbered {
         Self { pattern: target.clone(), digits: count.to_string().len().max(4), force, wanted }
     }
 
-    /// Checks that the files' folder exists, and that none of the files is a file of the scene, which has been loaded.
+    /// Returns an error if the files' folder does not exist, or if one of the files is a file of the scene
+    /// (which has been loaded).
     pub fn check(&self) -> Result<()> {
         self.target(self.wanted.first).check_folder()?;
         self.wanted.numbers().try_for_each(|number| spare_scene(&self.target(number)))
     }
 
-    /// Returns whether a file may be replaced: one of the files exists, and `--force` is given.
+    /// Returns true if a file may be replaced: one of the files exists, and `--force` is given.
     pub fn may_replace(&self) -> bool {
         self.force && self.wanted.numbers().any(|number| self.file(number).exists())
     }

@@ -51,8 +51,8 @@ impl Sink {
         target.check_folder()
     }
 
-    /// Makes the output whose kind follows from the file's name. The output receives the frames `wanted`, out of
-    /// `count` frames. Fails if one of its files is a file of the scene, which has been loaded.
+    /// Returns the output for the frames `wanted`, out of `count` frames. The kind of output follows from the
+    /// file's name. Fails if a file of the output is a file of the scene (which has been loaded).
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {
@@ -67,7 +67,7 @@ impl Sink {
         Ok(Self::Numbered(numbered))
     }
 
-    /// Returns whether writing the frames `wanted`, out of `count` frames, may replace a file.
+    /// Returns true if writing the frames `wanted`, out of `count` frames, may replace a file.
     pub fn may_replace(args: &Args, wanted: Frames, count: u32) -> bool {
         let target = target(args);
         if target.is_standard_output() {
@@ -111,12 +111,13 @@ impl Sink {
     }
 }
 
-/// Returns whether the frames are written to one animated picture.
+/// Returns true if the frames are written to one animated picture.
 fn is_apng(target: &Target) -> bool {
     target.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("apng"))
 }
 
-/// Returns the error for a number of frames per second that is given with numbered pictures, which have no such number.
+/// Returns the error for a `--rate` (frames per second) that is given with numbered pictures, which have no
+/// rate.
 fn no_rate(rate: u16, target: &Target) -> Error {
     let name = target.path().display();
     Error::input(format!("--rate {rate} has no effect: '{name}' is written as numbered pictures"))

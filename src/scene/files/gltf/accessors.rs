@@ -7,8 +7,8 @@ use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 
-/// Largest number of elements of an accessor (in glTF, a description of a list of numbers or vectors in a buffer);
-/// larger than any supported scene needs.
+/// Largest number of elements of an accessor (in glTF, a list of numbers or vectors in a buffer). No
+/// supported scene needs as many.
 const MOST_ELEMENTS: u64 = 1 << 31;
 
 /// The JSON and the buffers of a file, from which numbers are read.
@@ -29,8 +29,8 @@ struct StridedView<'a> {
 }
 
 impl StridedView<'_> {
-    /// Returns the components of an element; `None` if the element ends beyond the end of its buffer view (a part of a
-    /// buffer). The padding after the last element may be missing.
+    /// Returns the components of the element `number`; `None` if the element ends beyond the end of its
+    /// buffer view (a part of a buffer). The last element need not be followed by padding.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
         let start = number.checked_mul(self.stride)?;
@@ -42,7 +42,8 @@ impl StridedView<'_> {
         Some(values)
     }
 
-    /// Returns one number, normalised if the accessor says so (glTF 2.0, 3.6.2.2).
+    /// Returns one number. If the accessor is normalised, whole numbers are converted to 0 to 1 or -1 to 1
+    /// (glTF 2.0, 3.6.2.2).
     fn component(&self, bytes: &[u8]) -> f64 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
@@ -69,14 +70,14 @@ fn bytes_of(component: ComponentType) -> usize {
 impl<'a> Numbers<'a> {
     /// Makes the reader for a file's JSON and buffers.
     pub fn of_file(root: &'a Root, buffers: &'a [Bytes<'a>]) -> Self {
-        // An element takes at least one byte of its buffer. Elements without data take no bytes in the file, so their
-        // number must be limited, too.
+        // An element takes at least one byte of its buffer, so the size of the largest buffer limits the
+        // number of elements. An accessor without data takes no bytes in the file; it may have 65,536
+        // elements even if all buffers are smaller.
         let largest = buffers.iter().map(|bytes| bytes.len()).max().unwrap_or(0);
         Self { root, buffers, most: largest.max(1 << 16) }
     }
 
-    /// Returns the number of an accessor's elements, but at most the largest number of elements that an accessor may
-    /// have.
+    /// Returns the number of an accessor's elements, but at most `most`; 0 if the accessor does not exist.
     pub fn count(&self, index: Index<Accessor>) -> u64 {
         self.root.get(index).map_or(0, |accessor| accessor.count.0.min(self.most as u64))
     }
@@ -90,12 +91,12 @@ impl<'a> Numbers<'a> {
         self.elements(accessor).map_err(message)
     }
 
-    /// Returns whether an accessor stores nothing, so that all its elements are zero.
+    /// Returns true if an accessor stores nothing, so that all its elements are zero.
     pub fn is_empty(&self, index: Index<Accessor>) -> bool {
         is_empty(self.root, index)
     }
 
-    /// Returns the number of components in an accessor's elements.
+    /// Returns the number of components of an accessor's elements; 0 if this number is unknown.
     pub fn components(&self, index: Index<Accessor>) -> usize {
         self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
     }
@@ -128,7 +129,7 @@ impl<'a> Numbers<'a> {
         Ok(values)
     }
 
-    /// Returns the elements of an accessor without a buffer view (a part of a buffer that has the data): zeros (glTF
+    /// Returns `count` elements of zeros for an accessor without a buffer view, and thus without data (glTF
     /// 2.0, 3.6.2.3). If the accessor is sparse, some of these zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         if count > self.most {
@@ -177,7 +178,8 @@ impl<'a> Numbers<'a> {
         let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
         let range = start.saturating_add(offset).min(end) as usize..end as usize;
         let size = bytes_of(component) * components;
-        // In glTF 1.0, a stride of 0 means that there is nothing between elements, and some converters keep the 0.
+        // In glTF 1.0, a stride of 0 means that elements follow each other without gaps, and some converters
+        // keep the 0.
         let stride = view.byte_stride.map(|stride| stride.0).filter(|stride| *stride > 0).unwrap_or(size);
         if stride < size {
             return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
@@ -186,7 +188,7 @@ impl<'a> Numbers<'a> {
     }
 }
 
-/// Returns whether an accessor stores nothing, so that all its elements are zero.
+/// Returns true if an accessor stores nothing, so that all its elements are zero.
 pub(super) fn is_empty(root: &Root, index: Index<Accessor>) -> bool {
     let accessor = root.get(index);
     accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())

@@ -17,7 +17,8 @@ use std::rc::Rc;
 /// The bytes of a buffer. Buffers that name the same file share its bytes.
 pub(super) type Bytes<'a> = Rc<Cow<'a, [u8]>>;
 
-/// Returns all buffers in the file's order.
+/// Returns the bytes of all buffers, in the file's order. `binary` has the bytes of the first buffer if the
+/// file is a binary one.
 pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
@@ -33,8 +34,8 @@ pub(super) fn load<'a>(
                 .map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // An empty buffer is refused here. The checks of accessors might not find it, since
-                // perhaps no accessor uses the buffer.
+                // An empty buffer is refused here, because the checks of accessors do not find it if no
+                // accessor uses the buffer.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }
@@ -75,7 +76,7 @@ fn read<'a>(
     bytes.map_err(|why| format!("{} {why}", shown(&name)))
 }
 
-/// Reads a file, unless it is too large for the host's memory.
+/// Reads a file. Returns an error if the file cannot be read or is too large for the host's memory.
 fn file(path: &Path) -> Parsed<Vec<u8>> {
     let unreadable = |error: std::io::Error| format!("cannot be read ({error})");
     let length = path.metadata().map_err(unreadable)?.len();
@@ -98,7 +99,7 @@ pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     engine.decode(text.trim_ascii()).map_err(damaged)
 }
 
-/// Replaces escapes such as `%20` in a name; anything else stays.
+/// Replaces escapes such as `%20` in a file's name by the bytes that they stand for.
 pub(super) fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,4 +1,4 @@
-//! The parts of a glTF file: JSON and, in a binary file (GLB), the bytes of its first buffer.
+//! Separates the parts of a glTF file: the JSON and, in a binary file (GLB), the bytes of the first buffer.
 
 use super::{Named, Result};
 use crate::error::Error;
@@ -12,11 +12,12 @@ const HEADER_BYTES: usize = 12;
 /// Number of bytes before a chunk's contents: their length and the chunk's type.
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// The JSON and, if the file is binary, its first buffer.
+/// The JSON and, if the file is binary and contains a buffer, the bytes of its first buffer.
 pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
 
-/// Separates the JSON from the first buffer. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length
-/// in the header is not used: each chunk has its own length, and must end within the file.
+/// Separates the JSON from the first buffer. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires.
+/// The length in the file's header is not used: each chunk states its own length, and must end within the
+/// file.
 pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>> {
     if !bytes.starts_with(MAGIC) {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
@@ -53,7 +54,7 @@ fn other_version(named: Named<'_>, version: u32) -> Error {
 
 /// Returns the contents of the first chunk of the type `BIN` at or after the offset `at`, if there is one.
 fn buffer(bytes: &[u8], mut at: usize) -> std::result::Result<Option<&[u8]>, String> {
-    // If fewer bytes remain than a chunk's header has, they are padding.
+    // If fewer bytes remain than a chunk's header has, these bytes are padding.
     while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {
         let (current, next) = chunk(bytes, at)?;
         if current.kind == b"BIN\0" {
@@ -69,7 +70,7 @@ struct Chunk<'a> {
     contents: &'a [u8],
 }
 
-/// Returns the chunk at an offset, and the offset after it.
+/// Returns the chunk at the offset `at`, and the offset after this chunk.
 fn chunk(bytes: &[u8], at: usize) -> std::result::Result<(Chunk<'_>, usize), String> {
     let cut = || format!("the file ends in the header of the chunk at byte {at}");
     let length = number(bytes, at).ok_or_else(cut)? as usize;

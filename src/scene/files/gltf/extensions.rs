@@ -6,15 +6,15 @@ use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// Extensions that raycl supports, and extensions that have their own note if a part of the file
+/// Extensions that raycl supports, and extensions on which other code writes a note if a part of the file
 /// uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of further extensions that have their own notes; these extensions only
-/// concern surfaces.
+/// Beginnings of the names of further extensions on which other code writes notes. These extensions concern
+/// only surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// This extension does not count as known, although its name begins with `KHR_materials_`. It concerns no single
-/// surface, but offers other materials to choose from.
+/// This extension does not count as known, although its name begins with `KHR_materials_`: no other code
+/// writes a note on it. It offers several materials for a surface to choose from.
 const VARIANTS: &str = "KHR_materials_variants";
 /// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
@@ -33,7 +33,7 @@ fn is_compression(extension: &str) -> bool {
     COMPRESSIONS.iter().any(|part| extension.contains(part))
 }
 
-/// Refuses a file whose vertices are compressed, and names the extensions.
+/// Refuses a file whose vertices are compressed. The error names the extensions that compress them.
 pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
@@ -52,7 +52,7 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
-/// Returns whether a primitive (a part of a mesh) has its vertices in compressed form only.
+/// Returns true if a primitive (a part of a mesh) has its vertices in compressed form only.
 fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     let compressed =
         primitive.extensions.as_ref().is_some_and(|extensions| extensions.others.contains_key(DRACO));
@@ -60,8 +60,8 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions that no other note mentions. The notes contain the names of the extensions
-/// only if `quotes` is true.
+/// Returns notes on unsupported extensions on which other code writes no notes. The notes contain the names
+/// of the extensions only if `quotes` is true.
 pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
     let required = |extension: &String| root.extensions_required.contains(extension);
     let unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file. Parts that do not affect the picture may have any form.
+//! Reads the JSON of a glTF file. Parts of the JSON that raycl does not use need not be valid glTF.
 
 use super::{Flaw, Named, Result, quoted};
 use crate::error::Error;
@@ -11,9 +11,9 @@ pub(super) struct Read {
     pub animations: usize,
 }
 
-/// Reads JSON. If the crate `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not
-/// use. `gltf-json` refuses some valid files: those that have animations without a node (`KHR_animation_pointer`),
-/// scenes without nodes, or extras such as a number.
+/// Reads JSON. If the crate `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl
+/// does not use. `gltf-json` refuses some valid files: files with animations without a node
+/// (`KHR_animation_pointer`), with scenes without nodes, or with extras that are single numbers.
 pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),
@@ -21,8 +21,8 @@ pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     }
 }
 
-/// Returns a note if a file is not of glTF 2.0, or needs a later version. The versions are quoted only if `quotes` is
-/// true.
+/// Returns a note if the file states a version that does not begin with 2, or if it needs another version
+/// than 2.0. The note quotes the version only if `quotes` is true.
 pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
     let needed = root.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
     let stated = Some(&root.asset.version).filter(|stated| !stated.starts_with('2'));
@@ -32,7 +32,8 @@ pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
     Some(format!("the file asks for {named} of glTF: it is read as version 2.0"))
 }
 
-/// Returns the JSON without unused parts; `None` if the rest is not valid either.
+/// Reads the JSON without the parts that raycl does not use; returns `None` if the rest is not valid glTF
+/// 2.0.
 fn tidied(json: &[u8]) -> Option<Read> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
     let version = &value["asset"]["version"];
@@ -60,14 +61,14 @@ fn objects<'a>(
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// Adds a key with the value `usual` to each object of a list, unless the object has this key.
+/// Adds the key `key` with the value `usual` to each object of the list `list` that does not have this key.
 fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
     for object in objects(of, list) {
         object.entry(key).or_insert_with(|| usual.clone());
     }
 }
 
-/// Removes names and application-specific data.
+/// Removes names and application-specific data (`extras`) from a value and from all values in it.
 fn strip(value: &mut Value) {
     match value {
         Value::Object(object) => {
@@ -98,7 +99,7 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
         }
         _ => {
             let message = error.to_string();
-            // The message's own line number is removed, since the location before the message has it.
+            // The line number at the end of the message is removed, since the error's location contains it.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             let invalid = "not valid glTF 2.0";
             named.error(Flaw::quoting(format!("{invalid}: {}", plain(what)), invalid).at(error.line()))
@@ -106,7 +107,7 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     }
 }
 
-/// Returns a message of `serde_json` in which the expected numbers are not named by their types in Rust.
+/// Returns a message of `serde_json` with plain words instead of the names of Rust's number types.
 fn plain(message: &str) -> String {
     let Some((found, expected)) = message.rsplit_once(", expected ") else { return message.to_owned() };
     let expected = match expected {

@@ -1,4 +1,5 @@
-//! Parts of a glTF file that the picture leaves out or shows differently, and notes on them.
+//! Counts parts of a glTF file that the picture leaves out or shows differently, and writes notes on these
+//! parts.
 
 use super::Parsed;
 use super::primitives::Part;
@@ -32,7 +33,8 @@ pub(super) struct LeftOut {
     /// The number of corners after the last whole triangle of a primitive.
     pub spare: usize,
     pub odd_coordinates: usize,
-    /// The number of triangles on which the texture is placed only coarsely, because its coordinates are far from 0.
+    /// The number of triangles whose texture coordinates are so far from 0 that the texture is placed only
+    /// coarsely.
     pub coarse: usize,
     /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
@@ -41,8 +43,7 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Adds the counts of a primitive (a part of a mesh): empty accessors, triangles with a position that
-    /// does not exist, corners after the last whole triangle, and texture coordinates that are not finite.
+    /// Adds the counts of the primitive (a part of a mesh) `part`.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.empty += part.empty;
@@ -50,7 +51,8 @@ impl LeftOut {
         self.spare += part.spare;
     }
 
-    /// Refuses a file if all of its triangles were left out because they name positions that do not exist.
+    /// Returns an error if no triangle remains (`triangles` is 0) and some triangles were left out because
+    /// they name positions that do not exist.
     pub fn check(&self, triangles: usize) -> Parsed<()> {
         if triangles == 0 && self.dangling > 0 {
             let triangles = counted_are(self.dangling, "triangle with a position that does not exist");
@@ -106,6 +108,7 @@ impl LeftOut {
 }
 
 /// Returns a note that states which of several scenes is shown, or that the default scene does not exist.
+/// Returns `None` if the file has no other scene than the shown one.
 pub(super) fn other_scenes(root: &Root) -> Option<String> {
     let shown = match root.scene {
         Some(scene) if scene.value() >= root.scenes.len() => {

@@ -1,4 +1,4 @@
-//! glTF materials: the base colour of each, and their unsupported features.
+//! Reads the base colours of glTF materials, and counts the materials' unsupported features.
 
 use super::textures::{colour_texture, unsupported_options};
 use crate::scene::files::colours::is_outside;
@@ -10,16 +10,16 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, extensions::material::Material as Extensions};
 
-/// Materials and their unsupported features. Material 0 is for primitives without a material. A primitive that has
-/// colours but no material uses the material whose number [`white`] returns.
+/// Materials and their unsupported features. Material 0 is for primitives without a material and without
+/// colours. [`white`] returns the index of the material for primitives that have colours but no material.
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub asked: Vec<Asked>,
 }
 
 pub(super) fn read(root: &Root) -> Materials {
-    // A primitive without a material is white in glTF. Here it gets a diffuse reflectance (k_L) of 0.8, raycl's default
-    // for meshes of all formats.
+    // In glTF, a primitive without a material is white. raycl gives it a diffuse reflectance (k_L) of 0.8,
+    // the default for meshes of all formats.
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
         materials.list.push(Material::lambertian(base_colour(wire)));
@@ -34,7 +34,7 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// Returns the number of the material of primitives that have colours but no material.
+/// Returns the index of the material for primitives that have colours but no material.
 pub(super) fn white(root: &Root) -> u32 {
     root.materials.len() as u32 + 1
 }
@@ -43,27 +43,29 @@ fn has_colours(primitive: &Primitive) -> bool {
     primitive.attributes.contains_key(&Checked::Valid(Semantic::Colors(0)))
 }
 
-/// raycl does not blend a surface with the surfaces behind it. Where the file asks for blending, points with at least
-/// this alpha are opaque, and all other points are holes.
+/// raycl does not blend a surface with the surfaces behind it. If a material asks for blending, points with
+/// at least this alpha are opaque, and all other points are holes.
 const BLENDED: f32 = 0.5;
 
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
-        // Every point of the surface is less than half opaque, as in a picture of a shadow. Without holes, the surface
-        // would hide the surfaces behind it, so the alpha of its texture alone decides which points are holes.
+        // The factor makes every point of the surface less than half opaque, as in a picture of a shadow.
+        // Without holes, the surface would hide the surfaces behind it. The factor is therefore ignored, and
+        // the texture's alpha alone decides which points are holes.
         Checked::Valid(AlphaMode::Blend) if factor(wire) > 0.0 && is_hidden(wire) => BLENDED,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Blend) if !is_hidden(wire) => cutoff(wire) / factor(wire),
         _ => 0.0,
     }
 }
 
-/// Returns whether the material's surface is masked or blended by its alpha.
+/// Returns true if the material's alpha masks or blends the surface.
 pub(super) fn uses_alpha(wire: &Wire) -> bool {
     matches!(wire.alpha_mode, Checked::Valid(AlphaMode::Mask | AlphaMode::Blend))
 }
 
-/// Returns the smallest alpha, from 0 to 1, of a point that is not in a hole.
+/// Returns the cutoff, 0 or more: a point is in a hole if its alpha, the texture's alpha times the factor, is
+/// less than this.
 fn cutoff(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         Checked::Valid(AlphaMode::Blend) => BLENDED,
@@ -78,9 +80,9 @@ fn factor(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns whether all points of the surface would be in a hole, whatever the texture is. raycl draws such a
-/// surface without holes. There is one exception: if the surface is blended and the factor of its texture's
-/// alpha is above 0, this alpha alone decides which points are holes.
+/// Returns true if all points of the surface would be in a hole, whatever the texture is: if the factor is 0
+/// or less than the cutoff. raycl draws such a surface without holes, except a blended surface whose factor
+/// is above 0 (see [`least_alpha`]).
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -90,8 +92,8 @@ fn base_colour(wire: &Wire) -> Vec3 {
     stated_colour(wire).1.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-/// Returns the key and the value of the base colour. A material with the older extension
-/// KHR_materials_pbrSpecularGlossiness stores this colour as `diffuseFactor`.
+/// Returns the key and the value of the base colour in the file. A material with the older extension
+/// KHR_materials_pbrSpecularGlossiness has this colour under the key `diffuseFactor`.
 fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
     if let Some(older) = extension(wire, "KHR_materials_pbrSpecularGlossiness") {
         let channel = |at: usize| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
@@ -114,8 +116,8 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
 fn asked(root: &Root, wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
-    // The default `emissiveFactor` is 0. An emissive texture is multiplied by this factor, so it has no effect if the
-    // factor is 0.
+    // An emissive texture is multiplied by `emissiveFactor`, which is 0 by default. If this factor is 0, the
+    // texture has no effect.
     let emits = wire.emissive_factor.0 != [0.0; 3];
     let textures = [
         ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),

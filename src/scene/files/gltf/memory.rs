@@ -1,5 +1,5 @@
-//! The memory that the meshes of a glTF file take. A small file can have many triangles, since many nodes may place the
-//! same mesh, and many primitives may name the same accessors.
+//! Checks the memory that the meshes of a glTF file need. Even a small file can have many triangles, since
+//! many nodes may place the same mesh, and many primitives may name the same accessors.
 
 use super::accessors::Numbers;
 use super::nodes::{PlacedNode, meshes_of};
@@ -12,15 +12,17 @@ use crate::scene::mesh::Triangle;
 use glam::{DVec3, Vec3};
 use gltf::json::mesh::Primitive;
 
-/// Memory for a position of the whole mesh. The position is stored in double and in single precision, with its normal
-/// and its colour.
+/// Memory for a position of the whole mesh, in bytes: the position in double and in single precision, its
+/// normal and its colour.
 const POSITION_BYTES: u64 = (size_of::<DVec3>() + 3 * size_of::<Vec3>()) as u64;
-/// Memory for an element of an accessor while its primitive is read: at most four numbers in double precision.
+/// Memory for an element of an accessor while its primitive is read, in bytes: at most four numbers in double
+/// precision.
 const ELEMENT_BYTES: u64 = size_of::<[f64; 4]>() as u64;
-/// Memory for a position of a primitive that was read, with its normal, its colour and its texture coordinates.
+/// Memory for a position of a primitive after reading, in bytes: the position, its normal, its colour and its
+/// texture coordinates.
 const READ_BYTES: u64 = (2 * size_of::<DVec3>() + size_of::<Vec3>() + size_of::<[f32; 2]>()) as u64;
 
-/// Refuses a file whose meshes, as often as its nodes place them, do not fit into the host's memory.
+/// Refuses a file whose meshes do not fit into the host's memory. A mesh counts as often as nodes place it.
 pub(super) fn hold(
     name: &str,
     numbers: Numbers<'_>,
@@ -32,7 +34,7 @@ pub(super) fn hold(
     Available::read().hold(stored.saturating_add(read), &format!("reading {name}"), &sum)
 }
 
-/// Returns the memory for the whole mesh, and for reading its largest primitive.
+/// Returns the memory for the whole mesh and the memory for reading its largest primitive, in bytes.
 fn needed(numbers: Numbers<'_>, placed: &[PlacedNode], maps: &[Option<ColourMap>]) -> (u64, u64) {
     let mapped = if maps.iter().any(Option::is_some) { size_of::<Mapped>() } else { 0 };
     let triangle = (size_of::<Triangle>() + mapped) as u64;
@@ -47,7 +49,7 @@ fn needed(numbers: Numbers<'_>, placed: &[PlacedNode], maps: &[Option<ColourMap>
             (stored.saturating_add(more), read.max(other))
         })
     };
-    // Each mesh is looked at once, however many nodes place it.
+    // The memory of each mesh is computed only once, even if many nodes place the mesh.
     let meshes: Vec<_> = numbers.root.meshes.iter().map(|mesh| of_mesh(&mesh.primitives)).collect();
     let all = meshes_of(numbers.root, placed).into_iter().filter_map(|mesh| meshes.get(mesh.value()));
     all.fold((0, 0), |(stored, read), (more, other)| (stored.saturating_add(*more), read.max(*other)))

@@ -1,5 +1,6 @@
-//! Reads glTF 2.0, which is either JSON with separate or embedded buffers, or one binary file. The crate `gltf-json`
-//! reads the JSON; every index and every byte is checked here.
+//! Reads glTF 2.0: a JSON file with separate or embedded buffers, or one binary file. The crate `gltf-json`
+//! reads the JSON. This module checks every index in the JSON, and that buffers contain the bytes that the
+//! JSON names.
 
 mod accessors;
 mod buffers;
@@ -22,11 +23,12 @@ use accessors::Numbers;
 use nodes::Walk;
 use textures::Files;
 
-/// A result whose error is a message about a mistake in the file. The message quotes no text of a file that must not be
-/// quoted.
+/// A result whose error is a message about a mistake in the file. The message does not quote a file that must
+/// not be quoted.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Reads a file named `name`, and the files that it names; `reach` says which files may be read.
+/// Reads the glTF file `bytes`, and the files that it names. `name` is the file's name in messages, and
+/// `reach` says which files may be read.
 pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let quotes = reach.permitted.quotes;
     let named = Named { name, quotes };

@@ -1,4 +1,4 @@
-//! The nodes of a glTF scene, which place its meshes, cameras and lights.
+//! Reads the nodes of a glTF scene, which place the scene's meshes, cameras and lights.
 
 use super::accessors::Numbers;
 use super::left_out::{self, LeftOut};
@@ -22,10 +22,10 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 use std::collections::HashSet;
 
-/// A node of the scene, with its transform to the scene's coordinates.
+/// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
 pub(super) type PlacedNode = (Index<Node>, DMat4);
 
-/// The results of traversing the nodes; positions are in the scene's coordinates, in double precision.
+/// What was read from the nodes so far. Positions are in the scene's coordinates, in double precision.
 pub(super) struct Walk<'a> {
     numbers: Numbers<'a>,
     positions: Vec<DVec3>,
@@ -45,8 +45,8 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The index of the first triangle of each node that has a mesh.
     starts: Vec<u32>,
-    /// For each perspective camera: its position in double precision, the camera moved to the origin, and the depth
-    /// beyond which the camera sees nothing (zfar), if the file states this depth.
+    /// For each perspective camera: its position in double precision, the camera moved to the origin, and its
+    /// zfar, if the file states one. zfar is the depth beyond which the file's camera sees nothing.
     cameras: Vec<(DVec3, Camera, Option<f32>)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
@@ -86,7 +86,7 @@ impl<'a> Walk<'a> {
         Ok(walk)
     }
 
-    /// Adds all meshes of a file whose scene has none, such as a library of meshes.
+    /// Adds all meshes of the file, for a file whose scene contains no mesh, such as a library of meshes.
     fn add_unplaced(&mut self) -> Parsed<()> {
         let meshes = meshes_of(self.numbers.root, &[]);
         self.left_out.unplaced = meshes.len();
@@ -156,8 +156,8 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the order of the corners
-    /// is reversed.
+    /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the second and the third
+    /// corner of each triangle are swapped.
     fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
         let LeftOut { unmapped, coarse, .. } = &mut self.left_out;
         self.mapped.extend(part.triangles.iter().map(|corners| {
@@ -220,7 +220,8 @@ impl<'a> Walk<'a> {
                 index.value()
             ));
         }
-        // A dark light is left out. If all lights of the file are dark, the scene gets raycl's own lights.
+        // A light without strength is left out. If all lights of the file are left out, raycl adds its own
+        // lights.
         if strength == DVec3::ZERO {
             self.left_out.dark += 1;
             return Ok(());
@@ -240,16 +241,16 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. If they are not,
-    /// the mesh is not scaled. A camera beyond the limits is at least 1e11 radii of the mesh away from the mesh, and
-    /// sees it as less than a pixel anyway.
+    /// Returns true if the file's camera and lights, scaled like the mesh, are within raycl's limits. If they
+    /// are not, the mesh is not scaled. A camera beyond the limits is so far away, at least 1e11 radii of the
+    /// mesh, that the mesh covers less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
             && self.lights.iter().all(|light| light.placed_by(placement).is_valid())
     }
 
-    /// Returns notes on the first camera, for a user who looks through it.
+    /// Returns the notes that are shown if the picture is seen from the file's first camera.
     fn camera_notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let cameras = self.cameras.len();
@@ -266,7 +267,8 @@ impl<'a> Walk<'a> {
         notes
     }
 
-    /// Returns the mesh in single precision, with the file's camera and lights.
+    /// Returns the mesh in single precision, with the file's first camera and its lights. `note_materials`
+    /// adds notes on the materials of the mesh.
     pub fn settled(
         self,
         (materials, pictures): (Vec<Material>, Vec<Texture>),
@@ -295,8 +297,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Returns the nodes of the file's scene in order or, if the file has no scene, all nodes without a parent and their
-/// descendants.
+/// Returns the nodes of the file's default scene, or else of its first scene, in order. If the file has no
+/// scene, returns the nodes without a parent and their descendants. A parent comes before its children.
 pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
     let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
     let mut next: Vec<PlacedNode> = match scene {
@@ -305,8 +307,8 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
     };
     next.reverse();
     let (mut placed, mut visited) = (Vec::new(), vec![false; root.nodes.len()]);
-    // The nodes that are still to be visited are in the list `next`. Recursive calls could overflow the call stack,
-    // since nodes may be nested arbitrarily deep.
+    // The list `next` has the nodes that are still to be visited. Recursive calls are not used, since they
+    // could overflow the call stack: nodes may be nested arbitrarily deep.
     while let Some((index, parent)) = next.pop() {
         let number = index.value();
         let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
@@ -323,7 +325,8 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
     Ok(placed)
 }
 
-/// Returns the mesh of each node that has one. If no node has a mesh, returns all meshes of the file.
+/// Returns the mesh of each node in `placed` that has one. If no node has a mesh, returns all meshes of the
+/// file.
 pub(super) fn meshes_of(root: &Root, placed: &[PlacedNode]) -> Vec<Index<GltfMesh>> {
     let of_nodes: Vec<_> = placed.iter().filter_map(|(node, _)| root.get(*node)?.mesh).collect();
     if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }
@@ -331,7 +334,7 @@ pub(super) fn meshes_of(root: &Root, placed: &[PlacedNode]) -> Vec<Index<GltfMes
 
 /// Returns the indices of the materials of the triangles in the meshes of the nodes `placed`.
 pub(super) fn materials_of(root: &Root, placed: &[PlacedNode]) -> HashSet<usize> {
-    // Each mesh is looked at once, however many nodes place it.
+    // Each mesh is examined only once, even if many nodes place it.
     let meshes: HashSet<usize> = meshes_of(root, placed).iter().map(Index::value).collect();
     let meshes = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh));
     let primitives = meshes.flat_map(|mesh| &mesh.primitives);
@@ -353,7 +356,7 @@ fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
         .map(|(number, _)| Index::new(number as u32))
 }
 
-/// Returns a node's own transform.
+/// Returns the transform from a node's coordinates to the coordinates of its parent.
 fn local(node: &Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
         return DMat4::from_cols_array(&matrix.map(f64::from));
@@ -370,8 +373,9 @@ fn local(node: &Node) -> DMat4 {
     )
 }
 
-/// Returns the matrix that transforms normals: the matrix of cofactors, negated if the determinant is negative. This
-/// matrix equals the inverse transpose times a positive factor, but it also exists if the transform flattens the mesh.
+/// Returns the matrix that transforms normals: the matrix of cofactors of `linear`, negated if the
+/// determinant is negative. This matrix is the inverse transpose times a positive factor. Unlike the inverse,
+/// it also exists if the transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

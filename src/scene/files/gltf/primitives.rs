@@ -1,4 +1,4 @@
-//! The parts of a glTF mesh, each with one material.
+//! Reads the parts of glTF meshes (primitives). Each part has one material.
 
 use super::Parsed;
 use super::accessors::Numbers;
@@ -23,11 +23,11 @@ pub(super) struct Part {
     pub outside: usize,
     /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
-    /// Coordinates in the material's texture: one pair per position, or none at all.
+    /// Texture coordinates: one pair per position, or none at all.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
-    /// The number of the material; the file's materials start at 1. If the part has no material, the number is 0 or, if
-    /// the part has colours, the number that [`white`] returns.
+    /// The index of the material in `Materials::list`: the file's materials begin at 1. A part without a
+    /// material has the index 0 or, if the part has colours, the index that [`white`] returns.
     pub material: u32,
     /// Number of the part's accessors that store nothing.
     pub empty: usize,
@@ -39,17 +39,17 @@ pub(super) struct Part {
     pub odd_coordinates: usize,
 }
 
-/// Upper limits of a part's sizes, from its accessors' numbers of elements.
+/// Upper limits of a part's sizes, computed from the numbers of elements of its accessors.
 #[derive(Default)]
 pub(super) struct Sizes {
     /// The number of elements of all accessors together.
     pub elements: u64,
     pub triangles: u64,
-    /// The number of the triangles' positions. Positions that no triangle uses are not kept.
+    /// The number of positions that triangles use.
     pub positions: u64,
 }
 
-/// The accessors of a primitive that raycl reads.
+/// Those accessors of a primitive that raycl reads; `None` if the primitive does not have the accessor.
 struct Used {
     positions: Option<Index<Accessor>>,
     normals: Option<Index<Accessor>>,
@@ -74,7 +74,7 @@ impl Used {
         [self.positions, self.normals, self.colours, self.coordinates, self.indices].into_iter().flatten()
     }
 
-    /// Returns how many of the accessors that raycl reads store nothing.
+    /// Returns the number of these accessors that store nothing.
     fn empty(&self, numbers: &Numbers<'_>) -> usize {
         self.all().filter(|index| numbers.is_empty(*index)).count()
     }
@@ -92,8 +92,8 @@ impl Part {
     /// primitive's material uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let used = Used::of(primitive, set);
-        // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans. (An
-        // extension may provide positions, but extensions are not read here.)
+        // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans.
+        // Positions from extensions are not read.
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
@@ -147,7 +147,7 @@ impl Part {
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
-    /// Returns upper limits of the sizes of a primitive that is not read yet.
+    /// Returns upper limits of the sizes of a primitive, without reading its buffers.
     pub fn largest(numbers: &Numbers<'_>, primitive: &Primitive) -> Sizes {
         let used = Used::of(primitive, Some(0));
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Sizes::default() };
@@ -159,8 +159,8 @@ impl Part {
         Sizes { elements: used.all().map(|index| numbers.count(index)).sum(), triangles, positions }
     }
 
-    /// Removes positions that no triangle uses. Several primitives may share one list of positions, of which each uses
-    /// a part.
+    /// Removes positions that no triangle uses. Several primitives may share one list of positions, and each
+    /// may use only a part of the list.
     fn compact(self) -> Self {
         let mut is_used = vec![false; self.positions.len()];
         self.triangles.as_flattened().iter().for_each(|corner| is_used[*corner as usize] = true);
@@ -185,8 +185,8 @@ impl Part {
         }
     }
 
-    /// Makes separate corners for every triangle, since a mesh without normals has flat faces (glTF 2.0,
-    /// 3.7.2.1).
+    /// Gives every triangle its own corners and the normal of its plane, since a mesh without normals has
+    /// flat faces (glTF 2.0, 3.7.2.1).
     fn flat(self) -> Self {
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
         let (mut colours, mut coordinates) = (Vec::new(), Vec::new());
@@ -214,7 +214,7 @@ pub(super) fn mode_of(primitive: &Primitive) -> Option<Mode> {
     }
 }
 
-/// Returns the elements of a list that are used.
+/// Returns those elements of `list` for which `is_used` is true.
 fn only<T>(list: Vec<T>, is_used: &[bool]) -> Vec<T> {
     list.into_iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(element, _)| element).collect()
 }
@@ -224,7 +224,7 @@ fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32
     Ok(numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32)).collect())
 }
 
-/// Reads linear colours, with or without alpha; also returns whether any alpha is below 1.
+/// Returns linear colours without their alpha, and true if at least one alpha is below 1.
 fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, bool)> {
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
@@ -237,13 +237,15 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, 
     })
 }
 
-/// Returns the indices of the triangles' corners in order.
+/// Returns the indices of the corners' positions, in order: the values of `indices` or, without `indices`,
+/// the numbers from 0 to `count` - 1.
 fn corners(numbers: &Numbers<'_>, indices: Option<Index<Accessor>>, count: usize) -> Parsed<Vec<u32>> {
     let Some(index) = indices else { return Ok((0..count as u32).collect()) };
     Ok(numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect())
 }
 
-/// Returns the triangles whose corners exist, and the number of the other triangles.
+/// Returns the triangles whose three positions exist, and the number of triangles that were left out. `count`
+/// is the number of positions.
 fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
     let total = all.len();
     let exists = |corner: &u32| (*corner as usize) < count;
@@ -252,7 +254,7 @@ fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
     (existing, dangling)
 }
 
-/// Returns how many of `corners` corners come after the last whole triangle.
+/// Returns the number of corners after the last whole triangle, for a primitive with `corners` corners.
 fn spare(mode: Mode, corners: usize) -> usize {
     match mode {
         Mode::Triangles => corners % 3,

@@ -284,8 +284,8 @@ fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
     assert!(error.starts_with("reading a.gltf needs about") && error.contains("B for all nodes"), "{error}");
 }
 
-/// A file outside the folder of the file that names it may belong to somebody else, so errors and notes must not quote
-/// it.
+/// A mesh outside the folder of the scene file that names it may belong to somebody else, so errors and notes
+/// must not quote it.
 #[test]
 fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
     let permitted = Permitted { quotes: false, ..PERMITTED };
@@ -534,7 +534,7 @@ fn of_several_cameras_that_of_the_first_node_in_the_scenes_order_is_used() {
     };
     let scene = |nodes: &str| format!("\"scenes\": [{{\"nodes\": {nodes}}}],\n");
     assert_eq!([scene("[0, 1, 2]"), scene("[2, 0, 1]")].map(|scene| x_of_camera(&scene, "")), [1.0, 2.0]);
-    // Without scenes, the nodes that are no children are shown, in the file's order.
+    // Without scenes, the nodes without a parent are shown, in the file's order.
     assert_eq!(x_of_camera("", ""), 1.0);
     // The cameras are in children of node 3.
     assert_eq!(x_of_camera(&scene("[3]"), r#", {"children": [2, 0, 1]}"#), 2.0);
@@ -588,7 +588,7 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
         (file.camera.is_some(), file.notes)
     };
     assert_eq!(with("perspective", "1", "[1, 1, 1]"), (true, Vec::new()));
-    // Radians: 3.1415 is 179.995 degrees, and 1.7e-5 is 0.00097 degrees.
+    // The numbers are in radians: 3.1415 is 179.995 degrees, and 1.7e-5 is 0.00097 degrees.
     for yfov in ["3.5", "3.1415", "1.7e-5", "0", "-1"] {
         let (is_used, notes) = with("perspective", yfov, "[1, 1, 1]");
         let note = "1 camera with a yfov that is not between 0.001 and 179.99 degrees is used with a field \

@@ -1,4 +1,4 @@
-//! Base-colour textures. Their pictures are stored in a buffer, in a separate file, or as base64.
+//! Reads base-colour textures. Their pictures are in a buffer, in a separate file, or in the JSON as base64.
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
@@ -15,8 +15,8 @@ use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-/// The largest absolute value of a texture coordinate up to which the single precision of glTF places a texture finely.
-/// Beyond it, the steps of single precision are at least 1/2048 of the picture's side.
+/// A texture coordinate with a larger absolute value places the texture coarsely: glTF stores coordinates in
+/// single precision, whose steps are at least 1/2048 of the picture's side beyond this value.
 const COARSE: f64 = 4096.0;
 
 /// The texture of a material's colour.
@@ -27,7 +27,7 @@ pub(super) struct ColourMap {
     usage: Usage,
     /// The index of the set of texture coordinates in a primitive.
     pub set: u32,
-    /// The transform of the coordinates.
+    /// The transform from the file's texture coordinates to those of the picture.
     transform: DAffine2,
 }
 
@@ -39,19 +39,21 @@ impl ColourMap {
         Mapped::new(corners.map(transformed), Some(self.texture), mask, self.usage.wrap)
     }
 
-    /// Returns whether the coordinates of a triangle with this material lie so far from 0 that single precision places
-    /// the picture only coarsely. A clamped picture looks the same everywhere so far from 0, so it never counts as
-    /// coarse.
+    /// Returns true if the coordinates of a triangle with this material are so far from 0 that single
+    /// precision places the picture only coarsely. A clamped picture never counts as coarse, since it looks
+    /// the same everywhere far from 0.
     pub fn is_coarse(&self, corners: [[f32; 2]; 3]) -> bool {
         corners.into_iter().any(|corner| {
-            // The offset is added in double precision, so it makes no coordinate coarser.
+            // The transform's offset is left out here: it is added in double precision, so it makes no
+            // coordinate coarser.
             let scaled = self.transform.transform_vector2(vector(corner)).abs().to_array();
             scaled.into_iter().zip(self.usage.wrap).any(|(value, wrap)| value > COARSE && wrap != Wrap::Clamp)
         })
     }
 }
 
-/// The sources of pictures: the JSON and the buffers of the glTF file, and the files that it may name (`reach`).
+/// Where pictures are read from: the JSON and the buffers of the glTF file, and the files that the JSON may
+/// name (`reach`).
 #[derive(Clone, Copy)]
 pub(super) struct Files<'a> {
     pub root: &'a Root,
@@ -60,8 +62,9 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// Returns the texture of each material, in the file's order; `None` for a material without a
-    /// texture, and for a material whose index is not in `used`. Each texture that cannot be read adds a note.
+    /// Returns the texture of each material, in the file's order. A material without a texture, or whose
+    /// index is not in `used`, gets `None`. A texture that cannot be read adds a note to `notes`, and its
+    /// material also gets `None`.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
@@ -169,8 +172,8 @@ pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Ite
     options.into_iter().flatten().filter(|(is_asked, _)| *is_asked).map(|(_, option)| option)
 }
 
-/// Returns the texture of a material's colour. Files with the older extension KHR_materials_pbrSpecularGlossiness store
-/// this texture as `diffuseTexture`.
+/// Returns the texture of a material's colour; `None` if there is none. A material with the older extension
+/// KHR_materials_pbrSpecularGlossiness has this texture under the key `diffuseTexture`.
 pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {
@@ -179,13 +182,13 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// Returns a stored texture coordinate in double precision, which transforms it exactly enough.
+/// Converts a texture coordinate to double precision, so that its transform is exact enough.
 fn vector(coordinate: [f32; 2]) -> DVec2 {
     DVec2::from_array(coordinate.map(f64::from))
 }
 
-/// Returns the transform of KHR_texture_transform, and the index of the set of texture coordinates if the extension
-/// names one.
+/// Returns the transform that the extension KHR_texture_transform states, or the identity. Also returns the
+/// index of the set of texture coordinates, if the extension states one.
 fn transform(info: &Info) -> (DAffine2, Option<u32>) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
@@ -195,8 +198,7 @@ fn transform(info: &Info) -> (DAffine2, Option<u32>) {
         DVec2::new(value(0), value(1))
     };
     let rotation = named["rotation"].as_f64().unwrap_or(0.0);
-    // The angle is negated, because glTF's rotation is counter-clockwise if v grows upwards, and here v grows
-    // downwards.
+    // The angle is negated: glTF's rotation is counter-clockwise if v grows upwards, but v grows downwards.
     let transform =
         DAffine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
     (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))

@@ -1,5 +1,5 @@
-//! The elements of an ASCII file, one per line. They are not read by the crate `ply-rs-bw`, because `ply-rs-bw` refuses
-//! numbers such as `nan`, `.5` and `5.`, which other programs write.
+//! Reads the elements of an ASCII file, one per line. The crate `ply-rs-bw` is not used here, because it
+//! refuses numbers such as `nan`, `.5` and `5.`, which other programs write.
 
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::{quoted, split_lines};
@@ -16,7 +16,7 @@ impl<'a> Lines<'a> {
         Self(Box::new(lines.filter(|(_, line)| !line.trim_ascii().is_empty())))
     }
 
-    /// Reads all elements of one type.
+    /// Reads all elements of the type `of`.
     pub fn elements<E: PropertyAccess>(&mut self, of: &ElementDef) -> Result<Vec<E>, Flaw> {
         let ends = |read: usize| {
             let (name, count) = (quoted(of.name.as_bytes()), of.count);
@@ -36,7 +36,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Reads an element. Further numbers in the line are ignored.
+/// Reads an element of the type `of` from its line. Numbers after the last property are ignored.
 fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<E, Flaw> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut element = E::new();
@@ -66,8 +66,8 @@ fn scalar<'a>(kind: &ScalarType, words: &mut impl Iterator<Item = &'a [u8]>) -> 
         ScalarType::UShort => Property::UShort(next(words, whole, WHOLE)?),
         ScalarType::Int => Property::Int(next(words, whole, WHOLE)?),
         ScalarType::UInt => Property::UInt(next(words, whole, WHOLE)?),
-        // Numbers of the type `float` are read in double precision, too: programs write more digits than a float has,
-        // and a position is rounded only after the mesh was moved.
+        // Numbers of the type `float` are read in double precision, too. Programs write more digits than
+        // single precision has, and a position is rounded only after the mesh was moved.
         ScalarType::Float | ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
     })
 }
@@ -89,7 +89,7 @@ fn list<'a>(
     })
 }
 
-/// Reads as many numbers as the list says that it has.
+/// Reads the `count` numbers of a list.
 fn several<'a, T>(
     count: usize,
     words: &mut impl Iterator<Item = &'a [u8]>,
@@ -99,7 +99,7 @@ fn several<'a, T>(
     (0..count).map(|_| next(words, read, expected)).collect()
 }
 
-/// Reads the next number.
+/// Reads the next word with `read`. Returns a mistake if there is no word, or if `read` returns `None`.
 fn next<'a, T>(
     words: &mut impl Iterator<Item = &'a [u8]>,
     read: fn(&[u8]) -> Option<T>,
@@ -117,7 +117,7 @@ fn parsed<T: FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Parses a whole number. Some programs write it with a decimal point.
+/// Parses a whole number, also with a decimal point, as some programs write it.
 fn whole<T: TryFrom<i64>>(word: &[u8]) -> Option<T> {
     // All whole numbers up to this one are exact in double precision.
     const MOST: f64 = (1_u64 << 53) as f64;

@@ -4,13 +4,14 @@ use crate::scene::files::colours;
 use glam::Vec3;
 use ply_rs_bw::ply::Property;
 
-/// The names of the colour channels of vertices and faces. A file uses one row of them.
+/// The names of the colour channels of vertices and faces. A file uses the names of one row.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The names of the alpha channel.
 const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
 
-/// Returns the name of a property, in lower case if it is a channel: some programs write `Red`.
+/// Returns the name of a property. The name of a colour channel is converted to lower case, since some
+/// programs write `Red`.
 pub(super) fn with_lower_case(name: String) -> String {
     let is_channel =
         CHANNELS.as_flattened().iter().chain(&ALPHA).any(|channel| channel.eq_ignore_ascii_case(&name));
@@ -29,7 +30,8 @@ impl Colour {
         Self { channels: Vec3::ZERO, alpha: 1.0 }
     }
 
-    /// Sets the channel with the name of a property, whose value is `value`. Returns whether there is such a channel.
+    /// Sets the channel `name` from the value `value` of the property `property`. Returns true if a channel
+    /// has this name.
     pub fn set(&mut self, name: &str, property: &Property, value: f64) -> bool {
         let channel = match name {
             "red" | "diffuse_red" | "r" => &mut self.channels.x,
@@ -52,8 +54,8 @@ impl Colour {
     }
 }
 
-/// Returns the channel value of full intensity. Files with `short`, `int` or `uint` channels store values from 0
-/// to 255.
+/// Returns the value of a channel at full intensity, which depends on the property's type. Channels of the
+/// types `short`, `int` and `uint` have values from 0 to 255.
 fn full_channel(property: &Property) -> f64 {
     match property {
         Property::Float(_) | Property::Double(_) => 1.0,

@@ -1,5 +1,5 @@
-//! The header of a PLY file. The crate `ply-rs-bw` reads headers as PLY defines them; variants that some programs write
-//! are brought into this form first.
+//! The header of a PLY file. The crate `ply-rs-bw` reads only headers in the form that PLY defines. Headers
+//! that programs write in other forms are converted to this form first.
 
 use super::colour::with_lower_case;
 use crate::scene::files::flaw::Flaw;
@@ -17,14 +17,14 @@ const TYPES: [&str; 16] = [
 /// The longest header that is read, in bytes.
 const MAX_BYTES: usize = 1 << 20;
 
-/// A file whose header is in the form that PLY defines.
+/// A file whose header was converted to the form that PLY defines.
 pub(super) struct Tidied<'a> {
     /// The lines of the header. Each line has the same number as in the file.
     pub header: String,
     /// The bytes after the header.
     pub payload: &'a [u8],
-    /// The number of lines whose first word PLY does not define; in `header`, these lines are comments. Some exporters,
-    /// for example, write their name into a line without the word `comment`.
+    /// The number of lines whose first word PLY does not define. For example, some exporters write their name
+    /// into a line without the word `comment`. In `header`, these lines are comments.
     pub strange: usize,
     /// A map from the name of each element in `header` to the element's name in the file.
     pub elements: HashMap<String, String>,
@@ -58,12 +58,12 @@ pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
         }
     }
     tidied.elements = names.elements;
-    // A file whose first line is not `ply` is refused later, because of this line.
+    // If the first line is not `ply`, the file is refused later with a message about this line.
     let is_ply = tidied.header.lines().next().is_some_and(|line| line.trim_end().eq_ignore_ascii_case("ply"));
     if is_read || !is_ply { Ok(tidied) } else { Err(too_long()) }
 }
 
-/// Returns the mistake of a header that is too long.
+/// Returns the mistake of a header that is longer than `MAX_BYTES`.
 fn too_long() -> Flaw {
     Flaw::from(format!(
         "no line `end_header` in the first {MAX_BYTES} bytes; expected a header of at most this size"
@@ -71,8 +71,8 @@ fn too_long() -> Flaw {
     .with_remedy("export the file with fewer comments in its header, or convert it to OBJ")
 }
 
-/// Returns what is wrong with a line of a header that the crate `ply-rs-bw` does not read; `None` if the message of
-/// `ply-rs-bw` is used instead. Lines are counted from 1.
+/// Returns what is wrong with the line `number`, from 1, of a header that the crate `ply-rs-bw` refuses.
+/// Returns `None` if the message of `ply-rs-bw` is to be used.
 pub(super) fn mistake(header: &str, number: usize) -> Option<Flaw> {
     let before = || header.lines().take(number.saturating_sub(1));
     let line = header.lines().nth(number.checked_sub(1)?)?;
@@ -110,8 +110,8 @@ fn of_types(types: &[&str]) -> Flaw {
 }
 
 /// Returns the byte that ends each line of a header. It is CR if the first line ends with a CR that no LF follows, and
-/// otherwise LF. The first line decides, because in a binary file the byte after the header's last line belongs to the
-/// data, and may be equal to an LF.
+/// otherwise LF. Only the first line is examined: after the header's last line, a binary file has data, which
+/// may begin with a byte equal to LF.
 fn line_end(head: &[u8]) -> u8 {
     match head.iter().position(|&byte| byte == b'\n' || byte == b'\r') {
         Some(at) if head[at] == b'\r' && head.get(at + 1) != Some(&b'\n') => b'\r',
@@ -119,7 +119,7 @@ fn line_end(head: &[u8]) -> u8 {
     }
 }
 
-/// The names that the header has used so far, with the names in the file that they stand for.
+/// The names in the header so far. Each map leads from the name in the tidied header to the name in the file.
 #[derive(Default)]
 struct Names {
     elements: HashMap<String, String>,
@@ -129,9 +129,9 @@ struct Names {
 }
 
 impl Names {
-    /// Returns the words of the next line, with another name for an element or a property if `ply-rs-bw` would not read
-    /// its name. Such a name contains characters that PLY does not define, such as brackets, or occurs twice. The name
-    /// of a colour channel gets lower case.
+    /// Returns the words of the next line. The name of an element or a property is replaced if `ply-rs-bw`
+    /// would refuse it, because the name contains characters that PLY does not define, such as brackets, or
+    /// because it occurs twice. The name of a colour channel is converted to lower case.
     fn replaced<'a>(&mut self, mut words: Vec<Cow<'a, str>>) -> Vec<Cow<'a, str>> {
         self.line += 1;
         let (at, used) = match words.first().map(|word| &**word) {
@@ -154,7 +154,7 @@ impl Names {
     }
 }
 
-/// Returns a name in which all characters are valid.
+/// Returns the name with `_` in place of each character that PLY does not define.
 fn valid(name: &str) -> String {
     let is_valid = |char: char| char.is_ascii_alphanumeric() || char == '_' || char == '-';
     let name: String = name.chars().map(|char| if is_valid(char) { char } else { '_' }).collect();

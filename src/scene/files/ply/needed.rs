@@ -1,5 +1,5 @@
-//! The elements and properties that a mesh needs. The header of a PLY file may give its elements any names and
-//! properties, and an element keeps zeros for the properties that it lacks.
+//! Checks that a PLY file has the elements and properties that a mesh needs. The header of a PLY file may
+//! define any elements with any properties. Without these checks, a missing property would be read as zeros.
 
 use super::colour::CHANNELS;
 use super::is_corners;
@@ -12,7 +12,7 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Refuses a header whose vertices have no x or y, or whose faces or strips have no list of corners.
+/// Returns a mistake if vertices have no x or y, or if faces or strips have no list of corners.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
@@ -28,7 +28,8 @@ pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     }
 }
 
-/// Refuses a header without vertices, or without faces and strips, if an element has a similar name.
+/// Returns a mistake if the header has no vertices, or neither faces nor strips, but an element with a
+/// similar name.
 fn check_names(header: &Header) -> Result<(), Flaw> {
     let lacks = |names: &[&str]| !names.iter().any(|name| header.elements.contains_key(*name));
     for (name, others) in [("vertex", &["vertex"][..]), ("face", &["face", "tristrips"])] {
@@ -41,7 +42,7 @@ fn check_names(header: &Header) -> Result<(), Flaw> {
     Ok(())
 }
 
-/// Returns the mistake of an element that lacks a property.
+/// Returns the mistake of an element that lacks a property. `what` says which property is missing.
 fn without(element: &ElementDef, what: &str) -> Flaw {
     let mut names: Vec<String> = element.properties.values().take(MOST_LISTED).map(described).collect();
     names.extend((element.properties.len() > MOST_LISTED).then(|| "...".to_owned()));
@@ -49,7 +50,7 @@ fn without(element: &ElementDef, what: &str) -> Flaw {
     Flaw::quoting(format!("{what}; it has {}", names.join(", ")), what)
 }
 
-/// Returns a property for messages: its name, and its type if it is a list.
+/// Returns the words for a property in messages: its name, and its type if it is a list.
 fn described(property: &PropertyDef) -> String {
     let name = quoted(property.name.as_bytes());
     match &property.data_type {
@@ -68,14 +69,14 @@ fn has_corners(property: &PropertyDef) -> bool {
     is_list && is_corners(&property.name)
 }
 
-/// Returns whether an element has a property of this name that is a number, not a list.
+/// Returns true if an element has a property of this name, and the property is a number, not a list.
 pub(super) fn has_number(element: &ElementDef, name: &str) -> bool {
     let property = element.properties.get(name);
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
-/// Returns notes on groups of properties of vertices or faces, such as nx, ny and nz, if only some properties of a
-/// group exist.
+/// Returns a note if vertices have no z, and a note on each group of properties, such as nx, ny and nz, of
+/// which only some exist.
 pub(super) fn notes(header: &Header) -> Vec<String> {
     let Some(vertex) = header.elements.get("vertex") else { return Vec::new() };
     let mut notes = Vec::new();

@@ -4,7 +4,7 @@ use super::*;
 use crate::scene::material::PAPER_SHININESS;
 
 /// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
-/// Returns whether the outer file was read, and the notes.
+/// Returns true if the outer file was read, and the notes.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -186,7 +186,7 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(notes, [format!("line 7: `nan` {expected}: {ignored}"), unmapped.to_owned()]);
     let withheld = "line 7: the line is not valid; expected `vt u v`: two finite numbers";
     assert_eq!(read(text, false).notes, [format!("{withheld}: {ignored}"), unmapped.to_owned()]);
-    // No triangle uses the second coordinate here, so the only note is that this coordinate is ignored.
+    // No triangle uses the second texture coordinate, so the only note is that this coordinate is ignored.
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
 }
 
@@ -229,7 +229,7 @@ fn a_comment_may_follow_a_name() {
         "{notes:?}"
     );
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
-    // Without a space after it, the `#` is a comment only if the name before it is known.
+    // If no space follows the `#`, it begins a comment only if the name before it is known.
     assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
     // A material may be nameless, with or without a comment.
     let nameless = "newmtl # nameless\nKd 0.5 0 0\n";

@@ -205,8 +205,8 @@ fn a_picture_that_cannot_be_decoded_from_its_uri_is_noted_in_a_sentence() {
     }
 }
 
-/// A picture in the file is used twice: as the colour of an opaque surface, and as the colour and the mask of another
-/// one.
+/// A picture in the file is the colour of an opaque surface, and both the colour and the mask of another
+/// surface.
 #[test]
 fn a_picture_has_the_same_mip_levels_in_the_file_and_beside_it() {
     let mut bytes = Cursor::new(Vec::new());
@@ -252,7 +252,8 @@ fn blending_makes_holes_where_a_point_or_of_a_faint_surface_its_texture_is_less_
         let file = read(&textured(&material)).unwrap();
         (file.mesh.textures.have_holes(), file.notes.join("\n"))
     };
-    // With a factor below 0.5, every point would be a hole, so the texture's alpha alone decides.
+    // With a factor below 0.5, every point would be a hole, so the texture's alpha alone decides which points
+    // are holes.
     for (factor, expected) in [(0.8, false), (0.6, true), (0.2, false)] {
         let (has_holes, notes) = of(factor);
         assert_eq!(has_holes, expected, "{factor}");
