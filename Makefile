@@ -24,7 +24,7 @@ demo: build ## build, cast the paper's scenes with a few strategies, print where
 setup-tests:
 	@.ci/setup --test
 
-# Tests run on one thread more than the machine has cores, since some tests only wait.
+# The tests run on one more thread than the machine has cores, since some tests only wait.
 TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked --target-dir $(TARGET_DIR)
 
 test: setup-tests ## run the tests
@@ -37,7 +37,7 @@ mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; fo
 	@tests/mutants/run
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- ::a_broken_ --skip mutants::
 
-mutants-sample: setup-tests ## insert a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
+mutants-sample: setup-tests ## insert a sample of the mistakes of `make mutants`, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
 	@tests/mutants/run --sample "$${SAMPLE:-$$(date +%F)}"
 
 oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and reads of unwritten values; also with each barrier removed in turn

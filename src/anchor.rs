@@ -4,6 +4,7 @@
 //! device, the anchor runs once per round instead. Two runs can therefore be compared by the ratios of their
 //! times to the anchor's time, even if the machine's speed changed between the runs.
 
+use crate::clock::ms_since;
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::launch::{FrameTimes, LaunchError, Queue, duration_ms};
@@ -103,7 +104,7 @@ impl Anchor {
         // per work-item. Both buffers have these lengths, and live as long as `self`.
         unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        let host_ms = ms_since(start);
         Ok(FrameTimes::whole(duration_ms(&event).map_err(failed)?, host_ms))
     }
 }

@@ -48,6 +48,7 @@ mod cache;
 mod child;
 #[doc(hidden)]
 pub mod cli;
+mod clock;
 #[doc(hidden)]
 pub mod config;
 #[doc(hidden)]
@@ -56,6 +57,7 @@ pub mod device;
 pub mod device_lock;
 #[doc(hidden)]
 pub mod documents;
+mod entry;
 mod error;
 mod existing;
 #[doc(hidden)]

@@ -7,6 +7,7 @@ mod processor_time;
 
 pub use processor_time::processor_time;
 
+use crate::clock::ms_since;
 use std::path::Path;
 use std::time::Instant;
 
@@ -59,7 +60,7 @@ impl Watch {
     /// Returns the processor time that other processes took since the last reading; `None` if the system does not
     /// report it or the interval is too short.
     pub fn look(&mut self) -> Option<Load> {
-        let ms = self.since.elapsed().as_secs_f64() * 1e3;
+        let ms = ms_since(self.since);
         if ms < SHORTEST_MS {
             return None;
         }

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Available bytes; `u64::MAX` if the system does not report available memory.
     pub bytes: u64,
-    /// The file that contains this number of bytes, or the limit from which it was computed; "nothing" if there is no
-    /// such file.
+    /// The path of the file that contains `bytes`, or that contains the limit from which `bytes` was computed;
+    /// "nothing" if the system does not report available memory.
     pub source: String,
 }
 
@@ -62,6 +62,7 @@ fn address_space_left() -> Option<u64> {
 }
 
 /// The size of a new thread's stack if stacks have no limit, as glibc chooses it on x86-64 and AArch64.
+#[cfg(unix)]
 const UNLIMITED_STACK_BYTES: u64 = 2 << 20;
 
 /// Returns the size of the stacks that drivers' threads get by default (`ulimit -s`).
@@ -71,10 +72,10 @@ pub fn thread_stack_bytes() -> u64 {
     getrlimit(Resource::Stack).current.unwrap_or(UNLIMITED_STACK_BYTES)
 }
 
-/// Returns the size of the stacks that drivers' threads get by default.
+/// Returns the size of the stacks that drivers' threads get by default: 1 MiB, as on Windows.
 #[cfg(not(unix))]
 pub fn thread_stack_bytes() -> u64 {
-    UNLIMITED_STACK_BYTES
+    1 << 20
 }
 
 /// Returns the soft limit of the address space in the text of /proc/self/limits; `None` if it is "unlimited".

@@ -1,11 +1,13 @@
 //! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts them by itself
 //! when they are first needed, but panics if the system refuses a thread: `ulimit -u` or a control group's limit may
 //! allow no more. The code of raycl starts single threads with `std::thread::Builder`, which returns an error, and not
-//! with `std::thread::spawn` or a scope's `spawn`, which panic.
+//! with `std::thread::spawn` or a scope's `spawn`, which panic. This file also locks data that threads share, and counts
+//! the cores that they may use.
 
 use crate::error::{Error, Result};
 use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
 use std::error::Error as _;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Starts rayon's threads. Call this function once, before the first parallel iterator.
 ///
@@ -20,6 +22,17 @@ pub fn start_pool() -> Result<()> {
 /// before.
 fn no_thread_of(error: Option<&ThreadPoolBuildError>) -> Option<Error> {
     error?.source()?.downcast_ref::<std::io::Error>().map(Error::no_thread)
+}
+
+/// Locks a mutex. If a thread panicked while it held the lock, the data stays as that thread left it.
+pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns the number of cores that this process may use, according to its affinity and control groups; 1 if the number
+/// is unknown.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 #[cfg(test)]

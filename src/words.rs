@@ -1,4 +1,4 @@
-//! Formats numbers in sentences, and arguments of commands.
+//! Formats numbers and lists of names in sentences, and arguments of commands.
 
 use crate::printer::steers;
 use std::fmt::{Display, Write as _};
@@ -94,6 +94,13 @@ fn escaped(argument: &str) -> String {
     text
 }
 
+/// Joins names with commas. Of more than four names, lists only the first four and the number of the others: "a, b, c,
+/// d, and 2 more".
+pub fn few(names: &[impl AsRef<str>]) -> String {
+    let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
+    names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
+}
+
 /// Returns an option and its value as words of a command. A value that begins with `-` is joined to the option by `=`;
 /// as a word of its own, it would be read as another option.
 pub fn option(name: &str, value: impl Display) -> Vec<String> {
@@ -130,7 +137,13 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{counted, counted_are, counted_of_were, in_singular, quote};
+    use super::{counted, counted_are, counted_of_were, few, in_singular, quote};
+
+    #[test]
+    fn of_many_names_only_the_first_four_are_listed() {
+        let names = ["a", "b", "c", "d", "e"];
+        assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);
+    }
 
     #[test]
     fn a_quoted_argument_has_no_hidden_character_and_a_shell_reads_it_unchanged() {

@@ -126,7 +126,7 @@ fn a_single_picture_is_the_first_frame_and_says_so() {
     animate(&folder, &["--frames", "1"]);
     assert_eq!(pixels(&folder, "one.png"), pixels(&folder, "scene-0001.png"));
     assert!(!folder.path("scene-0002.png").exists());
-    // A single picture shows all of an animation of one frame, so raycl does not point to `--animate`.
+    // If an animation has one frame, a single picture shows all of it, so raycl does not mention `--animate`.
     let whole = folder_with("[animation]\nframes = 1\n");
     let said = whole.output(&[&usual, &SIZE[..]].concat());
     assert!(!said.contains("--animate"), "{said}");
@@ -143,7 +143,7 @@ fn streams_have_the_scenes_rate_or_the_options() {
         has(&String::from_utf8_lossy(&out[..header]), &["YUV4MPEG2 W48 H30", rate]);
         assert_eq!(out.len() - header, 4 * (6 + 48 * 30 * 3 / 2));
     }
-    // A turntable shows nothing of the animation, so it does not have the animation's rate.
+    // A turntable does not show the animation, so it has the usual frame rate, not the animation's.
     let turning = ["render", "scene.toml", "--turntable", "1", "-o", "-", "-q", "--device", &device];
     let out = folder.raycl(&[&turning[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
     assert!(out.starts_with(b"YUV4MPEG2 W48 H30 F30:1 "));
@@ -233,12 +233,12 @@ fn a_picture_of_the_sky_is_read_once_and_turned() {
     assert_eq!(third.texels[9], first.texels[9].map(|value| 2.0 * value));
 }
 
-/// Returns an animation with one track.
+/// Returns an animation of nine frames with one track.
 fn track(text: &str) -> String {
     format!("[animation]\nframes = 9\n[[animation.track]]\n{text}\n")
 }
 
-/// Checks that each animation is refused with these words, and that nothing is cast.
+/// Checks that each animation is refused with its message and its line, and that nothing is cast.
 #[track_caller]
 fn are_refused(cases: &[(String, &str, &str)]) {
     let device = device();

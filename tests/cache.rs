@@ -5,7 +5,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Two strategies, one of them with a tree, on two scenes.
+/// An experiment with two scenes and two strategies, one of which uses a tree.
 const CONFIG: &str = r#"question = "Is it compiled again?"
 expectation = "No."
 scenes = ["scene.toml", "other.toml"]

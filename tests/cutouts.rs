@@ -96,8 +96,8 @@ fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
     }
 }
 
-/// The rays to soft lights and to a sky have no common origin, so kernels cast them with other code, which must also
-/// know holes.
+/// The rays to soft lights and to a sky have no common origin, so other code of the kernels casts these rays.
+/// That code must take account of holes, too.
 #[test]
 fn soft_light_falls_through_holes() {
     let folder = room(MTL);
@@ -127,7 +127,8 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
     let (cut, _) = folder.picture(&["--verify"]);
     let plain = folder.picture(&["--set", "textures=false"]).0;
     assert!(apart(&cut, &plain) > 300, "{}", apart(&cut, &plain));
-    // Now the alpha of the colour texture defines the holes; it has the same values as the mask.
+    // In the next scene, the alpha of the colour texture defines the holes. This alpha has the same values as
+    // the mask.
     let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =

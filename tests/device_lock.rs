@@ -22,7 +22,7 @@ fn new_folder() -> WorkFolder {
     WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
-/// Starts the binary in the folder, with its standard error written to a file there.
+/// Starts raycl in the folder, and writes its standard error to the file `said` in the folder.
 fn start(folder: &WorkFolder, arguments: &[&str], said: &str) -> Child {
     let mut command = crate::binary::program();
     command.args(arguments).current_dir(folder.path("")).env("RAYCL_LOCK_DIR", folder.path(".locks"));
@@ -66,7 +66,7 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
     let first = holder(&folder, &device);
     let second = waiter(&folder, &device, &[], &first);
     // While the first run holds the device, the second run may time only its baseline, with at most three samples. If
-    // the device is the host's CPU, it must not time even that.
+    // the device is the host's CPU, the second run must not time even its baseline.
     let timed = folder.json_lines("second/samples.jsonl").len();
     assert!(timed <= 3, "{timed} samples beside the first");
     end(first);
@@ -95,7 +95,7 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
     }
     let refused = folder.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
     has(&String::from_utf8_lossy(&refused.get_output().stderr), &[&process]);
-    // The results of `raycl noise` are in a temporary folder, so no command can continue it.
+    // The results of `raycl noise` are in a temporary folder, so no command can continue the measurement.
     let noise = folder.mistake(&["noise", "--quiet", "--device", &device, "--no-wait"], 1);
     has(&noise, &[&process, "without --no-wait, raycl waits"]);
     assert!(!noise.contains("to continue from here"), "{noise}");
@@ -124,7 +124,7 @@ fn the_time_for_which_a_picture_waits_is_not_the_time_of_its_frames() {
     assert!(wait["ms"].as_f64().is_some_and(|ms| ms >= 100.0), "{said}");
 }
 
-/// Returns whether a process holds a lock.
+/// Returns true if some process holds a device lock.
 fn is_held(folder: &WorkFolder) -> bool {
     let files = std::fs::read_dir(folder.path(".locks")).into_iter().flatten().flatten();
     files
@@ -143,7 +143,8 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
     ] {
         let folder = new_folder();
         let mut process = start(&folder, &arguments, "said.txt");
-        // The test looks ten times in a row, since a process may hold a lock for a moment only to look at it.
+        // The test looks ten times in a row, since a process that only checks a lock holds it for a moment,
+        // too.
         let look = || {
             std::thread::sleep(Duration::from_millis(2));
             is_held(&folder)

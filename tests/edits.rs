@@ -301,8 +301,8 @@ fn of_csv(text: &str) -> BTreeMap<Name, f64> {
     rows.iter().map(point).collect()
 }
 
-/// Some files show a baseline's strategy, such as `parallel-f32 (host)`, instead of its name. Returns the name for this
-/// strategy.
+/// Returns the name of a baseline: `parallel` for the strategy `parallel-f32 (host)`. Some files show a
+/// baseline's strategy instead of its name.
 fn by_name(strategy: &str) -> String {
     strategy.trim_end_matches(" (host)").replace("parallel-f32", "parallel")
 }

@@ -180,8 +180,8 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
     }
 }
 
-/// The changes to the kernels include another channel, another row, a shift by half a texel, and the sky in
-/// front of surfaces.
+/// For example, a changed kernel reads another channel or another row of the picture, shifts the picture by
+/// half a texel, or shows the sky in front of surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let folder = folder_with(SCENE);

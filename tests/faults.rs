@@ -65,10 +65,10 @@ impl Ground {
         self.records().iter().filter(|record| record.outcome == outcome).count()
     }
 
-    /// Checks that every point was measured exactly once, and that no sample is stored twice. A round has one
-    /// sample of each point. It has two samples of a point if the first one does not count, because the host
-    /// had moved a virtual machine's processors to other cores. This may happen at any time, and only the
-    /// core-to-core latency shows it.
+    /// Checks that every point was measured exactly once, and that no sample is stored twice. Usually, a
+    /// round has one sample of each point. A round has two samples of a point if the first sample does not
+    /// count because the host had moved a virtual machine's processors to other cores. Such a move may happen
+    /// at any time, and only the core-to-core latency shows it.
     fn all_measured_once(&self) {
         assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
@@ -105,7 +105,7 @@ impl Ground {
         until("it hangs", || self.out.join(".hangs").exists());
     }
 
-    /// Lets a worker continue that waits because of `--fault`.
+    /// Lets the worker that waits because of `--fault` continue.
     fn let_go(&self) {
         std::fs::remove_file(self.out.join(".hangs")).expect("the file that a waiting worker makes");
     }
@@ -128,7 +128,8 @@ fn signal(signal: Signal, process: u32) {
     until("the signal is taken", || !has_pending_signals(process));
 }
 
-/// Returns whether a signal to the process has not reached its handler yet; false if the process has ended.
+/// Returns true if a signal to the process has not reached its handler yet, and false if none is pending or
+/// if the process has ended.
 fn has_pending_signals(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let masks =
@@ -143,7 +144,7 @@ pub fn children(process: u32) -> Vec<u32> {
     list.split_whitespace().filter_map(|word| word.parse().ok()).collect()
 }
 
-/// Returns whether a process has not ended yet.
+/// Returns true if a process exists and has not ended.
 pub fn is_alive(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     !status.is_empty() && !status.contains(") Z ")
@@ -168,8 +169,8 @@ fn every_way_to_die_costs_its_point_only() {
         let lost = ground.records().into_iter().find(|record| record.outcome == outcome);
         let why = lost.and_then(|record| record.reason).unwrap_or_default();
         assert!(why.contains(reason), "{fault}: {why}");
-        // A resumed run leaves the failed point as it is; with `--retry-failed`, it measures that point again and no
-        // other.
+        // A resumed run leaves the failed point as it is. With `--retry-failed`, the run measures this point
+        // again, but no other point.
         assert_eq!(ground.run(&["--resume"]).status.code(), Some(1));
         assert_eq!(ground.records().len(), POINTS);
         assert!(ground.run(&["--resume", "--retry-failed"]).status.success());

@@ -38,7 +38,8 @@ struct Ray {
     along: DVec3,
 }
 
-/// Returns the distance of the hit, and the barycentric weights of the triangle's second and third corner.
+/// Returns the distance of the hit, and the barycentric weights of the triangle's second and third corner;
+/// `None` if the ray misses the triangle.
 fn intersect(ray: &Ray, triangle: &Triangle) -> Option<(f64, f64, f64)> {
     let [v0, v1, v2] = triangle.corners;
     let (e1, e2) = (v1 - v0, v2 - v0);

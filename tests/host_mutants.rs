@@ -32,7 +32,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_default()
 }
 
-/// Returns whether a module of the library has a test of this name:
+/// Returns true if the library has the test with this path, such as
 /// `measure::modes::tests::a_timers_steps_are_no_modes`.
 fn is_there(test: &str) -> bool {
     let Some((module, name)) = test.rsplit_once("::") else { return false };
@@ -57,7 +57,8 @@ fn block(text: &str) -> Option<syn::Block> {
     syn::parse_str(&format!("{{ {text} }}")).ok()
 }
 
-/// Returns whether a block can replace these statements. A variable that they define would be unknown after the block.
+/// Returns true if a block can replace these statements: none of them may define a variable, since this
+/// variable would be unknown after the block.
 fn are_statements(text: &str) -> bool {
     block(text)
         .is_some_and(|block| !block.stmts.iter().any(|statement| matches!(statement, syn::Stmt::Local(_))))

@@ -66,7 +66,7 @@ fn every_command_of_the_workflows_exists() {
                 let [run, uses] = ["run", "uses"].map(|key| step[key].as_str());
                 assert!(run.is_some() != uses.is_some(), "{path}, {job}: {step:?}");
                 run.into_iter().for_each(check);
-                // An action must have a version, so that it does not change by itself.
+                // Each action must name its version. Otherwise, GitHub would always use the newest version.
                 assert!(uses.is_none_or(|action| action.contains('@')), "{path}, {job}: {uses:?}");
             }
         }
@@ -121,7 +121,7 @@ fn the_workflows_lint_test_and_release_for_both_processors() {
     assert!(runs(WORKFLOWS[0], "lint").contains(&"make lint".to_owned()));
     assert!(runs(WORKFLOWS[0], "test").contains(&"make test".to_owned()));
     assert!(runs(WORKFLOWS[1], "binary").iter().any(|run| run.starts_with(".ci/archive ")));
-    // The tag must name this version before anything is built.
+    // Before a job builds or publishes anything, `.ci/notes` checks that the tag names this version.
     for job in ["binary", "publish"] {
         assert!(runs(WORKFLOWS[1], job).iter().any(|run| run.starts_with(".ci/notes ")), "{job}");
     }
@@ -178,7 +178,7 @@ fn archived() -> BTreeSet<String> {
     folder.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(folder.path("raycl"), executable).expect("permissions");
-    // A function takes the place of Python, which a minimal Debian does not contain.
+    // A shell function takes the place of Python, which a minimal Debian does not contain.
     let lines = r#"
         python3() { echo "$@"; }
         export -f python3

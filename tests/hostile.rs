@@ -49,7 +49,8 @@ fn among_good_ones(folder: &WorkFolder, body: &str) -> std::path::PathBuf {
     vendors
 }
 
-/// Checks that `render` and `devices` work without this driver, since one broken driver must not disable the others.
+/// Checks that `render` and `devices` leave out a driver that runs `body` as soon as it is loaded, and use
+/// all other drivers.
 #[track_caller]
 fn is_left_out(body: &str, reason: &str) {
     let folder = one_point();

@@ -1,5 +1,5 @@
-//! `raycl kernel`: it prints the text that a compiler gets. A program built from this text casts the same
-//! image as the strategy.
+//! `raycl kernel` prints the text that a compiler gets. A program built from this text casts the same image
+//! as the strategy.
 
 use crate::binary::{WorkFolder, has, repository};
 use crate::common::Stand;

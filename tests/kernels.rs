@@ -53,7 +53,7 @@ fn all_agree(
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns whether a point was refused because it needs more memory or more registers than the device has.
+/// Returns true if a point was refused because it needs more memory or more registers than the device has.
 fn is_too_large(infeasible: &str) -> bool {
     infeasible.contains('>') || infeasible.contains("supports at most")
 }

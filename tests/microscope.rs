@@ -103,9 +103,10 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     assert!(with_line * 10 > all * 8, "{with_line} of {all} instructions have a line");
 }
 
-/// Renders the teapot with these options and an own folder for PoCL's compiled kernels, and returns the machine code of
-/// the kernel that the frame ran. PoCL names the folder of this file by the local size. Returns `None` if the driver is
-/// not PoCL and does not use this folder.
+/// Renders the teapot with these options and with a separate folder for PoCL's compiled kernels. Returns the
+/// path of the file with the machine code of the kernel that the frame ran; the file's folder is named by the
+/// local size. Returns `None` if the driver is not PoCL, since it then does not use the folder for compiled
+/// kernels.
 fn rendered(folder: &WorkFolder, kernel: &str, local_size: &str, options: &[&str]) -> Option<PathBuf> {
     let (scene, device) = (repository("scenes/teapot.toml"), device());
     let scene = scene.to_str().expect("a path");
@@ -130,7 +131,8 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
 }
 
-/// Returns the number of instructions of a kernel of PoCL and of the functions that it calls.
+/// Returns the number of instructions of a kernel that PoCL compiled, including the functions that the kernel
+/// calls.
 fn instructions(file: &Path, kernel: &str) -> u64 {
     let output = run(Command::new("objdump").args(["--disassemble", "--no-show-raw-insn"]).arg(file));
     let text = String::from_utf8(output.stdout).expect("UTF-8");
@@ -181,7 +183,7 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
     }
 }
 
-/// With this variable, PoCL compiles no version for a local size.
+/// With POCL_WORK_GROUP_SPECIALIZATION=0, PoCL compiles only the version for any local size.
 #[test]
 fn a_version_for_any_local_size_is_named_and_not_called_the_timed_one() {
     let (folder, device) = (WorkFolder::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());

@@ -128,8 +128,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// The changes to the kernels are a level of another size, swapped weights of two levels, a wrong cone, and texels of
-/// the previous level.
+/// The changed kernels use a level of another size, swap the weights of two levels, use a wrong cone, or read
+/// texels of the previous level.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let folder = floor();

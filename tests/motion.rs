@@ -113,7 +113,8 @@ fn a_stream_onto_a_full_disk_is_a_failed_run_that_says_so() {
     has(&said, &["cannot write to standard output", "free up space on the file's disk"]);
 }
 
-/// A pipe holds few of these frames, so most of them are cast only if somebody reads them.
+/// A pipe holds only a few frames of this stream, so most frames are cast only after somebody has read the
+/// earlier ones.
 #[test]
 fn a_stream_that_its_reader_closes_early_has_the_frames_that_were_cast() {
     let (folder, device) = (new_folder(), device());
@@ -140,8 +141,8 @@ fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
     let two = ["scene.toml", "--turntable", "2"];
     turn(&folder, &two);
     let file = "common/store_radiance.cl";
-    // Another folder of kernels counts as a change, even if its kernels compute the same. An edit in the same
-    // folder also counts as a change.
+    // Another folder of kernels counts as a change, even if its kernels compute the same values. An edit in
+    // the same folder also counts as a change.
     let kernels = folder.kernels(file, "(varying)(1.0f)", "(varying)(1)");
     let with = [&two[..], &["--cl-dir", &kernels]].concat();
     let refused = || folder.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);

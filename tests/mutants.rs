@@ -105,7 +105,8 @@ impl Mutant {
         named.filter(|(_, strategy)| strategy.contradiction().is_none() && self.is_in(strategy)).collect()
     }
 
-    /// Returns whether a device with these lane operations compiles the changed code; prints a line if not.
+    /// Returns true if a device with these lane operations compiles the changed code; otherwise prints a
+    /// line.
     fn is_about(&self, lanes: LaneOperations) -> bool {
         let is = self.lanes.as_ref().is_none_or(|those| those.contains(&lanes));
         if !is {

@@ -15,7 +15,8 @@ use raycl::verify::verify;
 const SIZE: [u32; 2] = [30, 20];
 const LOCAL: [u32; 2] = COMMON_LOCAL_SIZE;
 
-/// Returns the same scene in other units: lengths times `factor`, powers times its square.
+/// Returns the same scene in other units: multiplies lengths by `factor`, and the lights' powers by its
+/// square.
 fn scaled(scene: &Scene, factor: f32) -> Scene {
     let mut scene = scene.clone();
     scene.mesh_mut().positions.iter_mut().for_each(|position| *position *= factor);
@@ -195,8 +196,9 @@ fn needles(at_points: Vec3) -> Scene {
     scene
 }
 
-/// Returns whether interpolated normals stay between the corners' normals, although rounding gives narrow
-/// triangles arbitrary weights.
+/// Returns true if narrow triangles whose tips have another normal are nowhere brighter than triangles whose
+/// corners all have the brightest corner's normal. Rounding gives narrow triangles arbitrary weights, but
+/// interpolated normals must stay between the corners' normals.
 fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
     let deferred = preset("deferred").expect("a preset").strategy;
     let strategy = Strategy { intersector: Intersector::WATERTIGHT, ..deferred };

@@ -78,8 +78,8 @@ impl Simulation<'_> {
         Some(logged + &failed)
     }
 
-    /// Returns whether a race is reported. Ends the simulation at the first report, since a kernel without
-    /// one of its barriers may never end.
+    /// Returns true if Oclgrind reports a race. Ends the simulation at the first report, since a kernel
+    /// without one of its barriers may never end.
     fn has_race(&self) -> bool {
         let folder = tempfile::tempdir().expect("a folder");
         let mut command = self.command(folder.path());
@@ -160,8 +160,9 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
 }
 
-/// Returns whether a row of the cover is tested in this run. `make test-long` tests all rows. Other runs test the
-/// half that tests/kernels.rs does not verify with PoCL, and every row in which work-items share tiles.
+/// Returns true if this run tests a row of the pairwise cover. `make test-long` tests all rows. Other runs
+/// test the half that tests/kernels.rs does not verify with PoCL, and every row in which work-items share
+/// tiles.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 2 == 1 || strategy.shares_tiles()
 }
@@ -237,10 +238,10 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
 }
 
 /// Synchronisations of a tile's lanes that are needed, although Oclgrind does not show a race without them.
-/// Each is given by its file and the text that follows it in the file. Oclgrind has no sub-groups, so lane
-/// operations there use `__local` memory, and the barriers inside these operations order all other accesses
-/// too. The operations of sub-groups exchange registers and order no accesses, so devices with sub-groups
-/// need these synchronisations.
+/// Each is given by its file and the text that follows the call in the file. Oclgrind has no sub-groups. In
+/// Oclgrind, lane operations therefore use `__local` memory, and the barriers inside these operations order
+/// all other accesses, too. The operations of sub-groups exchange registers and order no accesses, so devices
+/// with sub-groups need these synchronisations.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     // After each of these synchronisations, another one follows before the same `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
@@ -250,9 +251,9 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return blocked"),
 ];
 
-/// One barrier precedes the filling of a tile of triangles. It has an effect only from the second tile on, so
-/// only a scene with more triangles than a tile holds shows that it is needed. `make test` does not test the
-/// barriers of tiles that work-items share.
+/// One of the barriers precedes the filling of a tile of triangles. This barrier has an effect only from the
+/// second tile on, so only a scene with more triangles than a tile holds shows that the barrier is needed.
+/// `make test` does not test the barriers of tiles that work-items share.
 #[test]
 fn each_barrier_is_needed() {
     let (mut removed, mut hidden) = (0, 0);

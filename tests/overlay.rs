@@ -110,7 +110,10 @@ fn a_wrong_name_is_answered_with_the_nearest_and_a_contradiction_with_its_reason
         has(&mistake(strategy), &["records = once, but traversal", "records = each-test"]);
     }
     has(&mistake("naive,records=once,triangles=local"), &["records = once", "triangles = global or tiled"]);
-    has(&mistake("tiled-common-origin,records=once"), &["common-origin prepares a row for each origin"]);
+    has(
+        &mistake("tiled-common-origin,records=once"),
+        &["common-origin needs new data of every triangle in every frame"],
+    );
 }
 
 #[test]
@@ -260,10 +263,10 @@ fn each_axis_of_files_takes_a_new_one() {
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
-/// A record is the list of numbers that a ray-triangle test needs of a triangle. A user's test may have records that
-/// are longer or shorter than those of the built-in tests. Its pictures agree with the reference in three cases:
-/// records are read from a table in global memory, records are read from a tile of triangles in `__local` memory, and
-/// records are computed at each test.
+/// A record is the list of numbers that a ray-triangle test needs of a triangle. A user's test may have
+/// records that are longer or shorter than those of the built-in tests. The pictures of such a test agree
+/// with the reference in three cases: records are read from a table in global memory, records are read from a
+/// tile of triangles in `__local` memory, and records are computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let folder = WorkFolder::new();

@@ -68,7 +68,8 @@ fn stays(folder: &WorkFolder, file: &str, words: &str, option: &str) {
     assert!(std::fs::read(folder.path(file)).expect("a file") == before, "{file} was touched");
 }
 
-/// A picture that raycl has made may later become a file of a scene, such as a texture. raycl must not replace it then.
+/// A picture that raycl has made may later become a file of a scene, such as a texture. raycl must then not
+/// replace the picture.
 #[test]
 fn a_file_of_the_scene_stays_even_with_force() {
     let folder = one_point();

@@ -1,5 +1,5 @@
 //! `raycl peak`, and how a run uses the peak rates. The tests only check that each rate exists, not how high it is.
-//! They need not check the kernels' results: `raycl peak` does so itself.
+//! The tests need not check the kernels' results, since `raycl peak` checks them itself.
 
 use crate::binary::{TRIANGLE, WorkFolder, config, device, has};
 use serde_json::{Value, json};

@@ -94,8 +94,9 @@ fn with_mesh(text: &str, obj: &str, material: &str) -> Scene {
     load_scene(&folder.path().join("scene.toml")).expect("a scene").scene
 }
 
-/// Returns a triangle whose normals turn away from the eye, although light reaches it. The direction halfway between
-/// those to the light and to the eye points behind the surface, so there is no highlight.
+/// Returns a triangle whose normals turn away from the eye, although light reaches the triangle. The
+/// direction halfway between the direction to the light and the direction to the eye points behind the
+/// surface, so there is no highlight.
 fn turned_away() -> Scene {
     let text = "[camera]\nz_near = 0.01\n[[light]]\nposition = [50, 0, 1]\npower = 10000\n";
     let obj = "v -2 -2 -2\nv 2 -2 -2\nv 0 3 -2\nvn 0.4 0 -0.9\nf 1//1 2//1 3//1\n";
@@ -115,7 +116,8 @@ fn thin_triangles_and_distant_lights_are_verified_right() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns the scene still-life.toml, seen in a direction from outside.
+/// Returns the scene still-life.toml with another camera. The camera stands outside the box around the scene, and
+/// looks at the box's centre in the direction `forward`, a unit vector along a coordinate axis.
 fn seen_along(forward: Vec3) -> Scene {
     let mut scene = scene("still-life.toml");
     let (low, high) = scene.mesh.bounds().expect("triangles");
@@ -126,8 +128,9 @@ fn seen_along(forward: Vec3) -> Scene {
     scene
 }
 
-/// The watertight test looks along the axis that is nearest to the ray. Whichever axis this is, and in whichever
-/// direction the ray runs along it, the same triangles show their backs, which culling removes.
+/// The watertight ray-triangle test swaps coordinates so that it looks along the axis nearest to the ray. This swap
+/// must not turn the front of a triangle into its back. The camera therefore looks along each axis in both directions,
+/// and culling must remove the triangles that the reference removes.
 #[test]
 fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     for forward in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {

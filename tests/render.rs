@@ -1,7 +1,8 @@
 //! `raycl render`: pictures in every format, its reports, and the effects of its options.
 
-use crate::binary::{TRIANGLE, WorkFolder, device, has, repository};
+use crate::binary::{TRIANGLE, WorkFolder, device, finish, has, program, repository};
 use serde_json::Value;
+use std::process::Stdio;
 
 /// A tetrahedron as it is often found in practice: without normals, and with a material that no file defines.
 const TETRAHEDRON: &str =
@@ -29,6 +30,19 @@ fn every_format_holds_a_picture_of_the_size_asked_for() {
         let background = 0.0053;
         assert!(brightest > 2.0 * background, "{name}: {brightest}");
     }
+}
+
+/// The reader of a pipe may need only the first bytes of a picture, or none.
+#[test]
+fn a_picture_whose_reader_goes_away_is_no_error() {
+    let (folder, device) = (new_folder(), device());
+    let mut command = program();
+    command.current_dir(folder.path(".")).args(["render", "scene.toml", "-o", "-", "--device", &device]);
+    command.args(["--width", "37", "--height", "23"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    drop(child.stdout.take());
+    let output = finish(child);
+    assert!(output.status.success(), "{output:?}");
 }
 
 #[test]

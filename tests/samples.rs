@@ -98,8 +98,8 @@ fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour
     }
 }
 
-/// The changes to the kernels are: blocks are counted wrongly, a pixel gets a wrong number of samples, or the mean of
-/// its samples is computed with a wrong number of samples.
+/// A changed kernel counts blocks wrongly, gives a pixel a wrong number of samples, or computes the mean of a
+/// pixel's samples with a wrong number of samples.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -135,8 +135,8 @@ fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
     assert!(noticed.iter().any(|text| message.contains(text)), "{message}");
 }
 
-/// The changes to tiles that cast several samples of their pixels in one frame: a sample is at another position,
-/// is counted twice, or is missing.
+/// The changed kernels cast tiles with several samples of each pixel in one frame. In these kernels, a sample
+/// is at another position, is counted twice, or is missing.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -152,8 +152,8 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
         ("tile_cpu/shade.cl", "sum_of_lanes(hit)", "sum_of_lanes(hit) * 0.0f", "16"),
         (
             "tile_cpu/shade.cl",
-            "const float2 c = b.lo + b.hi;\n    return c.x + c.y;\n}\n\n// Returns the sums",
-            "const float2 c = b.lo + b.hi;\n    return c.x + c.x;\n}\n\n// Returns the sums",
+            "const float2 c = b.lo + b.hi;\n    return c.x + c.y;\n}\n\n// Returns four sums",
+            "const float2 c = b.lo + b.hi;\n    return c.x + c.x;\n}\n\n// Returns four sums",
             "16",
         ),
         ("tile_cpu/shade.cl", "across.s0145 + across.s2367", "across.s0145 + across.s0167", "4"),

@@ -234,8 +234,8 @@ pub fn names(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Returns the fields of the first table under a heading of docs/format.md. They are in backticks in its
-/// first column.
+/// Returns the fields of the first table under a heading of docs/format.md: the names in backticks in the
+/// table's first column.
 fn documented(heading: &str) -> BTreeSet<String> {
     table("docs/format.md", heading).iter().flat_map(|row| names(&row[0])).collect()
 }

@@ -61,7 +61,7 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
     }
 }
 
-/// Returns the image of the last scene, and whether the caster accepted this scene. The caster is created for
+/// Returns the image of the last scene, and true if the caster accepted this scene. The caster is created for
 /// the first scene, and then gets the other scenes.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
@@ -102,8 +102,8 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
         assert!(shown && one == other, "{strategy}: another image");
         assert!(image_of(strategy, &[&before]).0 != other, "{strategy}: the same view");
     }
-    // Other buffers or kernels are needed for another mesh, another number of lights, no sky or no
-    // background.
+    // A scene with another mesh, another number of lights, no sky or a transparent background needs other
+    // buffers or kernels, so the caster refuses such a scene.
     let change = |change: fn(&mut Scene)| {
         let mut scene = Scene::clone(&after);
         change(&mut scene);

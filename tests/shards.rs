@@ -176,8 +176,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
 }
 
-/// In this test, a folder has the attempts of several machines, but another experiment's plan, and later also lacks the
-/// files of the kinds of device.
+/// In this test, a folder has the attempts of several machines, but the plan of another experiment. Later,
+/// the files of the kinds of device are also missing.
 #[test]
 fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
     let ground = Ground::new();

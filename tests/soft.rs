@@ -204,8 +204,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// With the changes to the kernels, rays use another point of the sequence, of the ball or of the hemisphere,
-/// occlusion is inverted, or only one triangle of a leaf is tested.
+/// A changed kernel uses another point of the sequence, of the ball or of the hemisphere, inverts the
+/// occlusion, or tests only one triangle of a leaf.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
@@ -232,7 +232,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ]) {
         folder.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
-    // Only if a packet's rays to a large light pass many small boxes do these changes have a visible effect.
+    // These changes have a visible effect only if a packet's rays to a large light pass many small boxes.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
     let narrower = (
         "tile_cpu/soft.cl",

@@ -150,8 +150,8 @@ fn a_local_size_that_raycl_chose_becomes_smaller_if_the_kernel_supports_fewer_wo
     has(&String::from_utf8_lossy(&output.stderr), &["supports at most 2", "choose another --local-size"]);
 }
 
-/// A function in C with which the driver crashes when it loads a stored program. It leaves a file, which shows that it
-/// was called.
+/// A function in C with which the driver crashes when it loads a stored program. The function first writes
+/// the file `crashed`, which shows that the function was called.
 const CRASHING: &str = "void *clCreateProgramWithBinary() { creat(\"crashed\", 0600); abort(); }";
 
 /// Runs a command with these arguments, after `raycl run` has stored the program that it needs. The driver crashes when

@@ -62,7 +62,7 @@ Kd 0 0 0
 map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
 ";
 
-/// Returns whether two pictures differ in more than eight pixels, since rounding may change a few pixels at edges.
+/// Returns true if two pictures differ in more than eight pixels. Rounding may change a few pixels at edges.
 fn differ(a: &RgbImage, b: &RgbImage) -> bool {
     apart(a, b) > 8
 }
@@ -173,8 +173,8 @@ fn a_picture_is_in_the_same_place_if_its_coordinates_are_far_from_0() {
     assert!(!differ(&gltf("[10000000.3, 0]"), &gltf("[0.3, 0]")));
 }
 
-/// The defects of the changed kernels include another channel, a shift by half a texel, a wrong neighbour and a wrong
-/// coordinate of a corner.
+/// For example, a changed kernel reads another channel or a wrong neighbour of a texel, shifts the picture by
+/// half a texel, or uses a wrong coordinate of a corner.
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let folder = room(MTL);

@@ -43,7 +43,8 @@ fn all_finite(picture: &Path) -> Result<(), String> {
         .ok_or_else(|| "a picture with NaN or infinity".to_owned())
 }
 
-/// Returns whether an error names a file of the folder and a line, and has some text; its lines may be broken anywhere.
+/// Returns true if an error names an OBJ or MTL file and a line, followed by some text. Line breaks may be
+/// anywhere in the error.
 fn is_helpful(said: &str) -> bool {
     let text: String = said.chars().filter(|c| !c.is_whitespace() && *c != '│').collect();
     let position = text.match_indices(".obj:").chain(text.match_indices(".mtl:")).next();

@@ -529,7 +529,8 @@ fn a_terminal_is_usable_after_a_view_that_a_signal_ended() {
         let path = |name: &str| folder.path(name).display().to_string();
         let (device, scene, program) = (device(), path("scene.toml"), env!("CARGO_BIN_EXE_raycl"));
         let (process, mode, ended) = (path("process"), path("mode"), path("code"));
-        // The crash writes no file with the memory of the process. `cat` keeps the terminal open.
+        // With `ulimit -c 0`, the crash writes no file with the memory of the process. `cat` keeps the
+        // terminal open.
         let begin = "ulimit -c 0; echo $$ >\"$0\"; exec \"$@\"";
         let command = format!(
             "sh -c '{begin}' '{process}' '{program}' view '{scene}' --terminal --spin --device '{device}'; \

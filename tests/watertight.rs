@@ -116,7 +116,7 @@ pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
 /// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their distance from
 /// the edge is 7e-7 of their length, which is a few rounding errors. For the Möller-Trumbore test, which allows each
 /// triangle its own rounding error, the distance is ten times larger. Tiles and the test `pixel-linear` cast only rays
-/// of a camera, not these rays, so for them this function returns 0.
+/// of a camera, not these rays. For such strategies, this function returns 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;

@@ -3,8 +3,8 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray runs from the hit (the working
-// vector POINT) in the direction TO_LIGHT. It starts at the distance `bias` from the hit, so that the triangle that was
-// hit does not shadow itself.
+// vector POINT) in the direction TO_LIGHT. The ray starts at the distance `bias` from the hit, so that the triangle
+// that was hit does not shadow itself.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -12,7 +12,8 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #define REACH SELECT(open, t_max, (varying)(-1.0f))
 #else
-// Finds the nearest hit at t > t_min for the rays in the working vectors.
+// For each lane of `wanted`, finds the nearest hit at t > t_min of the ray in the working vectors, and stores it in
+// `nearest`.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Vec3 from = working_get(working, RAY_ORIGIN);
     const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
@@ -24,7 +25,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack contains the children that are still to be visited; the nearest child is on top.
+    // Node 0 is the root. The stack contains the nodes and leaves that are still to be visited. Of the children of one
+    // node, the nearest is on top.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
@@ -47,7 +49,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
-                // Lanes outside the image take part in the traversal, but record no hit.
+                // Lanes that are not wanted (outside the image) take part in the traversal, but record no hit.
                 const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, index);

@@ -7,7 +7,7 @@ varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
 
-// A ray as the slab test needs it: its origin, and the reciprocals of its direction's components.
+// Each lane's ray, as the slab test needs it: the origin, and the reciprocals of the direction's components.
 typedef struct {
     Vec3 origin, per_direction;
 } BoxProbe;
@@ -19,17 +19,18 @@ BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
     return probe;
 }
 
-// A child to be visited.
+// An entry of the stack: a child of a node, which is still to be visited.
 typedef struct {
-    uint word;   // its word in the node: see common/tree.cl
-    float entry; // the t at which the first of the rays enters it
+    uint word;   // the child's word in the node: see common/tree.cl
+    float entry; // the smallest t at which a ray enters the child's box
 } Waiting;
 
-// Puts a child of a node onto the stack. `waiting` is the number of entries of the stack; `below` is the number that it
-// had before the first child of this node was pushed. Returns the new number of entries.
+// Pushes a child of a node onto the stack. `waiting` is the number of the stack's entries; `below` is the number of
+// entries before the first child of this node was pushed. Returns the new number of entries.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int slot = waiting;
-    // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.
+    // Insertion sort: children of this node that the rays enter earlier than the new child move up, so that the nearest
+    // child is on top.
     for (; slot > below && stack[slot - 1].entry < entry; slot--) stack[slot] = stack[slot - 1];
     stack[slot].word = word;
     stack[slot].entry = entry;
@@ -61,7 +62,7 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
 }
 
 // Pushes those children of a node onto the stack whose boxes the ray enters before t = `reach`. The nearest child is on
-// top. Returns the new height of the stack.
+// top. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
@@ -100,10 +101,10 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
     return (near <= far) & (near <= reach);
 }
 
-// Returns the smallest value among the lanes of the mask.
+// Returns the smallest value in the lanes that are set in the mask.
 float least_of(varying values, Mask mask) {
     Lanes lanes;
-    // The packet enters a child at the smallest distance at which one of its rays enters.
+    // All other lanes get FAR, the largest float, so that they do not count.
     lanes.all = SELECT(mask, values, (varying)(FAR));
     float least = lanes.each[0];
     for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
@@ -111,13 +112,13 @@ float least_of(varying values, Mask mask) {
 }
 
 // Pushes those children of a node onto the stack whose boxes at least one ray enters at a t less than that ray's
-// `reach`. The nearest child is on top. Returns the new height of the stack.
+// `reach`. The nearest child is on top. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
-        // If one ray hits the box, the whole packet visits the child.
+        // If one ray hits the box, the whole packet visits the child. The packet's entry is that of its first ray.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

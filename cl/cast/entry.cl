@@ -1,6 +1,6 @@
-// The kernels for rays that are cast one by one, or together in the lanes of a vector. They call functions from the
-// files of the strategy's axes (see cast/parts.cl). They also declare the arrays of these files in __local memory,
-// because OpenCL C allows arrays in __local memory only in kernels.
+// The kernels for rays that are cast one by one, or together in the lanes of a vector. These kernels call functions
+// from the files of the strategy's axes (see cast/parts.cl). The kernels also declare the __local arrays that these
+// files need, because OpenCL C allows __local arrays only in kernels.
 
 #ifndef FUSED
 #error "FUSED: 0 or 1: whether one kernel casts a whole frame"
@@ -23,15 +23,15 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image take part up to here, because all work-items must reach the barriers in closest_hit. From
-    // here on, lanes outside the image count as misses.
+    // Lanes outside the image have taken part in closest_hit, because all work-items must reach the barriers in this
+    // function. From now on, lanes outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
 #else
 
-// Stores the nearest triangle of every pixel, or NO_HIT.
+// Stores the number of every pixel's nearest triangle, or NO_HIT.
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
@@ -65,7 +65,7 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     working_set(&working, RAY_ORIGIN, vec3(ray[0].all, ray[1].all, ray[2].all));
     working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
     Nearest nearest;
-    // The mask of wanted lanes is set in all lanes, since every lane has a ray.
+    // The fourth argument, the mask of wanted lanes, is set in all lanes, since every lane has a ray.
     closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
     // The results of lanes that repeat the last ray are not stored.
     triangle.all = nearest.triangle;

@@ -1,10 +1,11 @@
-// Every ray is tested against every triangle; the search for any hit ends once all lanes of a work-item have one. This
-// file is included twice: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
+// Every ray is tested against every triangle. In the search for any hit, a work-item tests no more triangles once all
+// of its lanes have a hit. This file is included twice: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT
+// is 0.
 //
-// All work-items test the same triangle at the same time, so that one load serves all of them. A ray is read from the
-// working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow
-// ray runs from the hit P to the light. With PLANES_OF_ORIGIN, it runs from the light to P, because the planes of the
-// edges were computed for rays that start at the light.
+// The work-items of a warp test the same triangle at the same time, so that one load serves all of them. A ray is read
+// from the working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors.
+// Without PLANES_OF_ORIGIN, a shadow ray runs from the hit P to the light. With PLANES_OF_ORIGIN, a shadow ray runs
+// from the light to P, because the planes of the edges were computed for rays that start at the light.
 //
 // If triangles are streamed through __local memory, the loop over them is unrolled by 8. On a GPU, casting is then 7%
 // faster than if the loop is unrolled by 4, as the GPU's compiler chooses. With PLANES_OF_ORIGIN, the loop is unrolled
@@ -19,8 +20,8 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
 #else
-// Finds the nearest hit at t > t_min for the rays in the working vectors. Lanes that are not `wanted` begin with a
-// nearest hit at t = 0, so that they never accept another hit.
+// For each lane of `wanted`, finds the nearest hit at t > t_min of the ray in the working vectors, and stores it in
+// `nearest`. All other lanes begin with a nearest hit at t = 0, so that they never accept another hit.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
@@ -52,7 +53,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
             // The planes of the triangle's edges were prepared for the reverse ray, which starts at the light. The
-            // planes contain the light, so the test does not use `from`.
+            // planes contain the light, so the test needs no origin: `from` is never used.
             const Vec3 direction = negate(to_light);
             const Vec3 from = direction;
 #else

@@ -1,6 +1,6 @@
-// Loads a different triangle for each lane, one lane after another.
+// Loads the data of each lane's triangle. Lanes may have different triangles, so they are loaded one after the other.
 
-// Returns the surface of each lane's triangle. Lanes without a hit read nothing and contain zeros.
+// Returns the surface of each lane's triangle. Lanes without a hit (NO_HIT) read nothing, and their result is zero.
 Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     Lanes column[FLOATS_OF_SURFACE];
     IntLanes id;
@@ -13,7 +13,8 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
 
 #include "common/intersect_plane.cl"
 
-// Returns the hit (t and the weights) of each lane's ray on that lane's triangle.
+// Returns the hit (t and the weights) of each lane's ray on that lane's triangle. The values of lanes whose triangle is
+// NO_HIT have no meaning.
 Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
     Lanes column[9];
     IntLanes id;

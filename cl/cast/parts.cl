@@ -9,10 +9,10 @@
 #error "TREE: 0 or 1: whether rays walk a tree"
 #endif
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
-#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether the data that a test reads is prepared for each triangle and each origin of rays; whether the data for the eye consists of functions of the pixel"
+#error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light; LINEAR_IN_PIXEL: 0 or 1: whether the rows for the eye consist of functions of the pixel"
 #endif
 #ifndef RECORDS_ONCE
-#error "RECORDS_ONCE: 0 or 1: whether the data that a test reads is prepared for each triangle once per scene"
+#error "RECORDS_ONCE: 0 or 1: whether the data that a test reads of each triangle is prepared once per scene"
 #endif
 #ifndef TRIANGLES
 #error "TRIANGLES: number of triangles if a work-group copies them to __local memory, else 0"
@@ -151,7 +151,6 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;
-    // A pixel with enough samples is treated like a pixel outside the image.
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane] && !is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) inside.each[lane] = 0;
     pixels.inside = inside.all;
@@ -179,8 +178,8 @@ varying begin_rays(Working *working, Ray ray) {
 #include "common/half_light.cl"
 #endif
 
-// Stores one number per pixel for the next pass: the number of its nearest triangle, or NO_HIT. With a tree, too, this
-// is the triangle's number in the mesh, not its index in leaf order.
+// Stores one number per pixel for the next pass: the number of the pixel's nearest triangle, or NO_HIT. Even with a
+// tree, this is the triangle's number in the mesh, not its index in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

@@ -2,8 +2,8 @@
 // corners P and Q of an edge span the plane with the normal (P - Q) x (P + Q) = 2 P x Q. A ray lies inside the edge
 // if the dot product of its direction and that normal is positive. The neighbouring triangle has the same plane with
 // all signs reversed. 1 / t is the dot product of the direction with N / (N . A). N is the triangle's normal
-// (B - A) x (C - A), and A, B and C are its corners relative to the origin. prepare_origins computes one row per
-// triangle and origin, once per frame.
+// (B - A) x (C - A), and A, B and C are its corners relative to the origin. Once per frame, the kernel prepare_origins
+// computes a row for each triangle and each origin: the normals of the three planes, and N / (N . A).
 
 #ifndef LINEAR_IN_PIXEL
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
@@ -21,7 +21,7 @@
 
 typedef struct {
     varying t_min;
-    float overlap; // the first summand of each edge's multiply-adds; see overlap_of
+    float overlap; // exhaustive.cl stores overlap_of(origin) here, since prepare_probe does not know the rays' origin
 } Probe;
 
 Probe prepare_probe(varying t_min, Vec3 direction) {
@@ -31,19 +31,25 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Returns the number with which the multiply-adds of an edge begin. Planes are scaled so that the overlap of
-// neighbouring triangles, which allows for the rounding error of edges, is 1. Adding the overlap costs nothing, since
-// the chain of multiply-adds begins with this number. A ray in pixel coordinates has a z of 1, so its planes contain
-// the overlap in their third component. In this case -0 is added, which changes nothing (-0 + z is z).
+// Returns the number with which the multiply-adds of an edge function begin, for rays from an origin (0 is the eye, i
+// is light i - 1). Usually, this number is the overlap of neighbouring triangles, which allows for the rounding error
+// of edge functions. Planes are scaled so that the overlap is 1. Adding the overlap costs nothing, since a chain of
+// multiply-adds begins with some number anyway.
+//
+// With LINEAR_IN_PIXEL, rays from the eye are in pixel coordinates: the ray through the point (x, y) of the image, in
+// pixels, has the direction (x, y, 1). The ray's dot product with a plane therefore contains the plane's third
+// component as it is. row_along_pixels has already added the overlap to this component. For rays from the eye, the
+// function returns -0, because adding -0 changes nothing.
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
-// Returns a plane's dot product with a direction, plus `begin`. The terms that neighbouring pixels share come first:
-// the term of depth (z), then the term of the row (y).
+// Returns a plane's dot product with a direction, plus `begin`. In pixel coordinates (see overlap_of), all rays share
+// the term with z, and rays through the same row of pixels share the term with y. These terms come first, so that
+// compilers can share them.
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// Returns an edge function, plus the overlap: it is negative if the direction is outside the edge.
+// Returns an edge function, plus the overlap. The sum is negative if the direction is outside the edge.
 varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
@@ -58,7 +64,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying w1 = inside_edge(probe, row.b, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
     const varying w2 = inside_edge(probe, row.c, direction);
-    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
+    // `outside` is negative if any of the three edge functions is negative, since the bitwise or joins their sign bits.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 

@@ -13,7 +13,7 @@ __kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
     const Row row = row_of(corners(&geometry, at));
 #endif
     // The row (the record's data) is stored at the triangle's own index (with a tree, its index in leaf order), so that
-    // a test finds it without looking up another index.
+    // a test finds the record without looking up another index.
     __global ROW_UNIT *record = (__global ROW_UNIT *)records + ROW_UNITS * (size_t)at;
     STORE_ROW(row, record)
 }

@@ -61,7 +61,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
             lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
         // This line is inside the loop, although it always sets the same value. If the line is before the loop, one
-        // compiler moves it behind any_hit's barriers, and reads another work-item's register.
+        // compiler moves it behind the barriers in any_hit, where it reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

@@ -2,8 +2,8 @@
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    // Only the triangle's number was stored. The hit is computed from this number and from the ray, which is computed
-    // again.
+    // Only the triangle's number was stored, so the ray is computed again, and then the hit from the ray and the
+    // triangle.
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     nearest.t = (varying)(FAR);

@@ -1,8 +1,8 @@
 // Shadow rays without a common origin: to points of a light with a radius, and to the sky.
 
 #if PLANES_OF_ORIGIN
-// Returns the lanes whose ray is blocked, like any_hit. Planes that were prepared for one origin cannot be used here,
-// so every ray tests the triangles themselves.
+// Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. These rays have no common origin, so
+// the prepared planes cannot be used. Each ray is tested against the corners of every triangle.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {

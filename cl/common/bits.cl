@@ -6,8 +6,8 @@
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001
 #if REDUCE_BUILTIN && defined(__AVX512DQ__) && defined(__AVX512VL__)
-// Hardware with mask registers converts a mask to bits in one instruction, which the compiler does not choose by
-// itself.
+// AVX-512 converts a mask to bits in one instruction. Compilers do not choose this instruction by themselves, so these
+// macros call its built-in function.
 typedef int Hardware8 __attribute__((__vector_size__(32)));
 typedef int Hardware16 __attribute__((__vector_size__(64)));
 #define LANE_BITS8(mask) ((uint)(uchar)__builtin_ia32_cvtd2mask256(__builtin_astype(mask, Hardware8)))
@@ -23,4 +23,5 @@ typedef int Hardware16 __attribute__((__vector_size__(64)));
     ((uint)ANY((mask) & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)))
 #endif
 
-#define LOWEST_BIT(bits) ((int)popcount(~(bits) & ((bits) - 1))) // compilers recognise a count of trailing zeros
+// Returns the number of the lowest set bit. Compilers turn this expression into a count of trailing zeros.
+#define LOWEST_BIT(bits) ((int)popcount(~(bits) & ((bits) - 1)))

@@ -1,22 +1,25 @@
-// The pixels and rays of a work-item. The ray through pixel coordinates (x, y) starts at eye.xyz in the direction
-// corner + x * step_x + y * step_y. This direction has depth 1 (a component of 1 along the view). Pixel centres lie at
-// half-integers. eye.w is z_near: hits at smaller depths are ignored.
+// The pixels and rays of a work-item. The ray through the point (x, y) of the image, in pixels, starts at eye.xyz in
+// the direction corner + x * step_x + y * step_y. The component of this direction along the view direction, its depth,
+// is 1. Pixel centres lie at half-integers. eye.w is z_near: hits at smaller depths are ignored.
 
 #ifndef CAMERA_PARAMETERS
-#error "CAMERA_PARAMETERS: eye, corner, step_x and step_y, as kernels take them"
+#error "CAMERA_PARAMETERS: the parameters eye, corner, step_x and step_y of kernels, with their types"
 #endif
 
 typedef struct {
     varying_int x, y;
-    Mask inside; // lanes whose pixel is in the image; a block at the right or lower border may extend beyond the image
+    // Set in the lanes whose pixel is in the image and gets a sample. (A work-item's pixels form a block, which may
+    // extend beyond the image's right or lower border.)
+    Mask inside;
 #ifdef SUBPIXELS
-    // The ray's position in the pixel, across and down: 0.5 at the centre. If the pixel filter is wider than a pixel, a
-    // position may lie below 0 or above 1.
+    // The position at which the ray passes through its pixel, across and down: 0.5 at the centre. The pixel filter is
+    // wider than a pixel, so the position may lie below 0 or above 1.
     varying sample_x, sample_y;
 #endif
 } Pixels;
 
-// The coordinates through which rays pass: the centres of pixels, or the positions of samples in the pixels.
+// Return the coordinates, in pixels of the image, of the points through which rays pass: the centres of pixels or, with
+// SUBPIXELS, the positions of samples.
 #ifdef SUBPIXELS
 #define RAY_X(pixels) (TO_FLOAT((pixels).x) + (pixels).sample_x)
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + (pixels).sample_y)
@@ -54,7 +57,7 @@ typedef struct {
 #define TO_INT(a) PASTE(convert_int, WIDTH)(a)
 #endif
 
-// Returns the rays from the eye through these pixels.
+// Returns the ray from the eye through each lane's pixel.
 Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     const varying x = RAY_X(*pixels), y = RAY_Y(*pixels);
     const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,
@@ -64,12 +67,13 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
     ray.direction = scale(d, 1.0f / length);
-    // z_near is a depth, and this ray has a depth of 1 / length per unit of t.
+    // z_near (eye.w) is a depth. Along the ray, the depth grows by 1 / length per unit of t.
     ray.t_min = eye.w * length;
     return ray;
 }
 
-// Returns the same rays as camera_ray, but in pixel coordinates: a direction is (x, y, 1), and t is the depth.
+// Returns the same rays as camera_ray, but in pixel coordinates: the direction of a ray through the point (x, y) of the
+// image is (x, y, 1), and t is the depth.
 Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));

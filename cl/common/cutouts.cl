@@ -5,18 +5,19 @@
 #error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// A mask's least alpha is a threshold: points with less alpha are holes. In the head of the mask's texture, the word
-// with the wrap modes (textures.cl) also holds the least alpha, from bit 16 on:
+// A mask's least alpha is a threshold: points with less alpha are holes. Four words, the head, describe the mask's
+// texture (see textures.cl). The last of them holds the least alpha, from bit 16 on:
 //
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u
 //
 // One step of an 8-bit channel equals LEAST_ALPHA_UNIT units of the least alpha, so that 65535 means an alpha of 1.
 //
-// Masks have no mip levels. In a mip level, a texel's alpha is the mean of many texels. For whole regions, this mean
+// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. For whole regions, this mean
 // would be above (or below) the least alpha, and the foliage of distant plants would grow (or vanish).
 
-// Returns whether the point of a triangle with the weights w1 and w2 is not in a hole.
+// Returns 1 if a point of a triangle is on its surface, and 0 if the point is in a hole. w1 and w2 are the point's
+// barycentric weights of the second and third corner.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const float4 c = row[1];
@@ -26,8 +27,8 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // One unit is subtracted from the least alpha (the threshold below which a point is a hole). Otherwise rounding
-    // could make holes where all four texels have exactly this alpha.
+    // One unit is subtracted from the least alpha. Otherwise, rounding could make a hole where all four texels have
+    // exactly the least alpha.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 
@@ -35,7 +36,8 @@ int has_mask(const Textures *textures, int triangle) {
     return as_int(textures->rows[MAPPED_QUADS * (size_t)triangle + 1].w) != 0;
 }
 
-// Returns the lanes of `hits` in which the point with these weights is on the triangle's surface and not in a hole.
+// Returns the lanes of `hits` in which the point with the weights w1 and w2 is on the triangle's surface, not in a
+// hole.
 Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     IntLanes solid;
@@ -48,8 +50,8 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Returns those lanes of `hits` whose ray meets the triangle's surface and not a hole. The rays start at `from`. The
-// function computes the weights, for callers that do not have them.
+// Returns the lanes of `hits` whose ray meets the triangle's surface, not a hole. The rays start at `from`. The
+// function computes the weights of the hits, for callers that do not have these weights.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 direction, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

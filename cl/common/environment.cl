@@ -1,14 +1,17 @@
-// A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
+// A sky that is an environment map: an equirectangular picture of the light from all directions.
+// src/reference/environment.rs does the same in f64.
 
-// In the array `numbers` (Soft in soft.cl), other skies store the radiance of zenith and horizon first. In place of
-// this radiance, a sky that is a picture stores the index of the picture's first texel, the picture's size, and the
-// direction of its middle. The texels follow the lights' radii:
+// The array `numbers` (a field of Soft, see soft.cl) begins with the sky. Six floats replace the radiance at the zenith
+// and at the horizon, which other skies have: the index of the picture's first texel in `numbers`, the picture's width
+// and height in texels, and the direction in which the middle of the picture is seen. The texels follow the lights'
+// radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
-// Columns are angles around the zenith, from left to right; rows are angles from the zenith, from top to bottom.
+// A texel's column is proportional to the angle around the zenith, and its row to the angle from the zenith. Row 0 is
+// at the zenith.
 
-// Returns the radiance of one texel of the sky's picture for each lane.
+// Returns, for each lane, the radiance of the texel in the lane's column and row of the picture.
 Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];
@@ -28,7 +31,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));
-    // Both angles are computed by atan2, since an arc cosine would lose digits near the zenith.
+    // The angle around the zenith, as a part of a full turn, and the angle from the zenith, as a part of a half turn.
+    // Both are computed by atan2, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(direction, splat(up)));
     // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge
@@ -48,9 +52,10 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// Returns a vector rotated by the shortest rotation that turns the axis (0.36, 0.48, 0.8) to the normal. The third
-// component of `vector` is along this axis. For a normal opposite to the axis, the shortest rotation is undefined. Few
-// surfaces have that normal, because the axis is not parallel to any usual direction.
+// `vector` is given in coordinates whose third axis is the scene's direction (0.36, 0.48, 0.8). Returns `vector` in the
+// scene's coordinates, after the shortest rotation that turns this axis to the normal. If the normal is opposite to the
+// axis, the shortest rotation is undefined. Few surfaces have such a normal, because the axis is parallel to no usual
+// direction.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -60,19 +65,20 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
     return along(along(own, -part, both), 2.0f * vector.z, normal);
 }
 
-// Returns the picture's light that the highlight of a surface reflects to the eye. Surfaces that block this light are
-// ignored. A half vector h is chosen with a probability proportional to (n . h)^s, where n is the normal and s the
-// shininess. Let w_o be the direction to the eye, and w_i this direction mirrored at h. The estimate is the product of
-// k_G (surface->glossy), the radiance from the direction w_i, the cosines w_o . h and w_i . n, and (s + 8) / (s + 1).
+// Returns an estimate of the radiance that a surface's highlight reflects from the picture of the sky to the eye.
+// Surfaces that block the sky are ignored. One half vector h is chosen, with a probability proportional to (n . h)^s,
+// where n is the normal and s the shininess. Let w_o be the direction to the eye, and w_i the direction w_o mirrored at
+// h. The estimate is the product of k_G (surface->glossy), the radiance from the direction w_i, the cosines w_o . h and
+// w_i . n, and (s + 8) / (s + 1).
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
-    // The cosine of the angle between h and n is u.x^(1 / (s + 1)). expm1 computes 1 minus the square of this cosine,
-    // and keeps the digits that a power would lose.
+    // The cosine of the angle between h and n is u.x^(1 / (s + 1)). The squared sine is 1 minus the square of this
+    // cosine; expm1 keeps the digits that the subtraction of a power from 1 would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_vector = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
-    // The light arrives from the mirrored direction: the direction to the eye, mirrored at the half vector.
+    // The light arrives from the direction w_i: the direction to the eye, mirrored at the half vector.
     const varying to_half = dot3(to_eye, half_vector);
     const Vec3 direction = along(negate(to_eye), 2.0f * to_half, half_vector);
     const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(direction, normal), (varying)(0.0f));

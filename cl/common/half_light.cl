@@ -1,8 +1,9 @@
-// Soft light at half resolution. One picture of half the width and height has the light that arrives, with few samples
-// per pixel. A second half picture has the unoccluded light, which would arrive if nothing blocked it. The ratio of the
-// first half picture to the second is filtered. The unoccluded light of the picture of full size, which has no noise,
-// is then multiplied by this ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic
-// Shadows", I3D 2018). src/reference/half_light.rs does the same in f64.
+// Soft light at half resolution. One half picture has the light that arrives, with few samples per pixel and therefore
+// with noise. A second half picture has the unoccluded light, which would arrive if nothing blocked it. The kernel
+// filter_half_light divides the first half picture by the second, and filters the ratio. The kernel apply_half_light
+// then multiplies the unoccluded light of the picture of full size, which has no noise, by the filtered ratio (Heitz,
+// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
+// src/reference/half_light.rs does the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -13,27 +14,29 @@
 #error "HALF_LIGHT_SHARPNESS: how fast the weight of a pixel for another falls as their unoccluded light differs"
 #endif
 
-// In both kernels of this file, filter_half_light and apply_half_light, a work-item processes WIDTH pixels of a row.
+// In both kernels of this file, a work-item processes WIDTH pixels of a row.
 
-// Returns the weight of one pixel for another: largest if the unoccluded light of both is equal, 0 if their unoccluded
-// light differs much. Pixels on different surfaces, or on different sides of an edge, mostly differ.
+// Returns the weight of one pixel for another, from the unoccluded light of the two pixels (a and b). The weight is
+// large if a and b are nearly equal, and 0 if they differ much. Pixels on different surfaces, or on different sides of
+// an edge, mostly differ.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
     return near * near;
 }
 
-// Returns part / whole, or `other` if the whole is 0.
+// Returns part / whole, or `other` where `whole` is 0.
 INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
     return SELECT(whole > 0.0f, part / whole, other);
 }
 
-// Filters the ratio of the two half pictures. `ratios` receives, for each pixel and channel, the part of the unoccluded
-// light that arrives.
+// Filters the ratio of the two half pictures. `ratios` receives, for each pixel of a half picture and each channel, the
+// part of the unoccluded light that arrives.
 //
-// Neighbouring pixels use different points of lights and different directions of the sky, which repeat after 4 pixels
-// (soft.cl). The filter's weights along each axis give each of these samples the same share, so that no noise is left
-// where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
+// Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
+// (soft.cl). Along each axis, the filter covers five pixels with four different samples. Its weights give each sample
+// the same share, so that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling",
+// EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     sample    2   3   0   1   2
@@ -46,32 +49,32 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     Vec3 arrives = vec3(zero, zero, zero), all = vec3(zero, zero, zero);
     for (int down = -2; down <= 2; down++)
         for (int across = -2; across <= 2; across++) {
-            // A neighbour's weight is its share of the samples, times the likeness of its unoccluded light to the
-            // pixel's own.
+            // A neighbour's weight is the filter's weight (`share`) times the likeness of the unoccluded light of the
+            // neighbour and of the pixel itself.
             const PixelRow there = load_pixels(half_unoccluded, half_size, x + across, y + down);
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
-            // The background is no surface, so it has no weight.
+            // The factor `hit` is 0 for the background, which is no surface.
             const varying weight = share * likeness(own.colour, there.colour) * there.hit;
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // If a channel has no unoccluded light, its ratio cannot be computed. It then gets the ratio of the sums over all
-    // three channels. If no channel has unoccluded light, the ratio is 1.
+    // If a channel has no unoccluded light, its ratio cannot be computed. The channel then gets the ratio of the sums
+    // over all three channels. If no channel has unoccluded light, all ratios are 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// Returns, for each of the WIDTH pixels of the whole picture from column x on, one pixel of row y of the half picture:
-// the nearest pixel to the left or, if `to_right` is 1, the nearest pixel to the right. `left` contains the columns of
-// the nearest pixels to the left.
+// The whole picture is the picture of full size; `image` is a half picture. For each of WIDTH pixels of the whole
+// picture, from column x on, the function returns one pixel of row y of `image`: the nearest pixel on the left or, if
+// `to_right` is 1, on the right. `left` contains the columns of the nearest pixels on the left.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
-        // Each pixel of the half picture covers exactly two columns of the whole picture, so a load and a shuffle
-        // replace the gather.
+        // Each pixel of the half picture covers exactly two columns of the whole picture, so neighbouring pixels are
+        // loaded together, and a shuffle distributes them.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;
@@ -85,9 +88,9 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
     return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns);
 }
 
-// Multiplies the picture's unoccluded light by the ratio. The ratio is interpolated between the four nearest pixels of
-// the half picture. Each of the four has a large weight if it is near, and if its unoccluded light is similar to that
-// of the whole picture's pixel.
+// Multiplies the unoccluded light of the whole picture (`image`) by the ratio. The ratio is interpolated between the
+// four nearest pixels of the half picture. A pixel of the half picture has a large weight if it is near, and if its
+// unoccluded light is similar to that of the whole picture's pixel.
 __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= image_size.x || y >= image_size.y) return;
@@ -102,8 +105,8 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;
-    // Sums over the four nearest pixels of the half picture. They form a square: upper left, upper right, lower left,
-    // lower right.
+    // Sums over the four nearest pixels of the half picture, in this order: upper left, upper right, lower left, lower
+    // right.
     for (int corner = 0; corner < 4; corner++) {
         const int to_right = corner & 1, below = corner >> 1, row = (int)top + below;
         const varying part = (to_right ? across - left : 1.0f - (across - left)) * (below ? down - top : 1.0f - (down - top));
@@ -113,7 +116,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
         sum = along(sum, weight, ratio.colour);
         weights += weight;
     }
-    // Only light from surfaces is multiplied. The background's share of a pixel keeps its brightness.
+    // Only light from surfaces is multiplied by the ratio. The background's share of a pixel stays as it is.
     const Vec3 behind = scale(splat(uniform3(background.x, background.y, background.z)), 1.0f - pixels.hit);
     const Vec3 lit = multiply(subtract(own, behind), scale(sum, 1.0f / weights));
     store_pixels(image, image_size, x, y, add(behind, lit), pixels.hit);

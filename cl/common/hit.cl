@@ -5,21 +5,21 @@
 #endif
 #define FAR MAXFLOAT // not infinity, since fast math may assume that no value is infinite
 
-// The error of a few operations in single precision, relative to the largest term.
+// The rounding error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
 // The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of
 // their sizes. There are nine roundings: one for each of the two edges (a subtraction), three for a component of their
-// cross product, three for the dot product, and one for the direction. Each of them adds half a unit in the last place,
-// and the sum is rounded up to five units. A triangle whose determinant is smaller than this error counts as
-// seen edge-on, and is not hit. A larger bound would miss long, thin triangles that are seen at a grazing angle, like a
-// road from a driver's seat.
+// cross product, three for the dot product, and one for the direction. Each rounding adds half a unit in the last place
+// (ROUNDING is one unit), and the sum, 4.5 units, is rounded up to five. A triangle whose determinant is smaller than
+// this error counts as seen edge-on, and is not hit. With a larger bound, rays would miss long, thin triangles that are
+// seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
-// The largest overlap of neighbouring triangles, in tests that use one plane for the edge that two triangles share. The
-// overlap is relative to the product of the triangle's distance from the rays' origin and the size of its edges. Only
-// rays at vertices need this overlap. A larger overlap would darken pixels at an edge that shadow rays graze.
-// Measurements with this overlap: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
-// pixels of a terrain are correct. With half the overlap, up to four of these rays slip through in exhaustive casting.
-// With twice the overlap, at most one of these pixels is wrongly dark.
+// Tests that use one plane for the edge that two triangles share let these triangles overlap a little, so that no ray
+// slips through at a vertex. SHARED_EDGE_SLACK is the largest overlap, relative to the product of a triangle's distance
+// from the rays' origin and the size of its edges. A larger overlap would darken pixels at an edge that shadow rays
+// graze. Measurements with this overlap: none of 60,516 rays aimed at edges and vertices slips through, and all of 16
+// million pixels of a terrain are correct. With half the overlap, up to four of the 60,516 rays slip through in
+// exhaustive casting. With twice the overlap, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 
 typedef struct {

@@ -1,5 +1,5 @@
-// Operations across the 32 lanes (work-items) of a group that shares a tile. All lanes of a group must take the same
-// path through every loop and branch that contains a call of such an operation.
+// Operations across the lanes of a group. A group consists of the 32 work-items (lanes) that share a tile. All lanes of
+// a group must take the same path through every loop and branch that calls one of these operations.
 
 #ifndef GROUP_LANES
 #error "GROUP_LANES: work-items of a group"
@@ -9,14 +9,14 @@
 #define LANES_BY_BARRIERS 0     // __local memory and barriers; one group per work-group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
-#define LANES_BY_PTX 3          // inline PTX: reductions too
+#define LANES_BY_PTX 3          // inline PTX: votes, shuffles and reductions
 #ifndef LANE_OPERATIONS
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// If functions are inlined, their arguments stay in registers, even arguments that are passed by pointer. With
-// LANES_BY_BARRIERS, the compiler decides whether to inline. The simulator Oclgrind uses LANES_BY_BARRIERS, and its
-// compiler cannot inline these functions.
+// Functions marked with INLINED are always inlined, so that their arguments stay in registers, even arguments that are
+// passed by pointer. With LANES_BY_BARRIERS, the compiler decides whether to inline, because the simulator Oclgrind
+// uses LANES_BY_BARRIERS, and its compiler cannot inline these functions.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else
@@ -25,17 +25,17 @@
 
 typedef struct {
     int lane;   // 0 to 31
-    int number; // of the group within its work-group
+    int number; // the group's number within its work-group
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
     __local uint *board; // two words per lane, used in turn: see write_board
     int turn;            // which of the two words the next operation uses: 0 or 1
 #endif
 #if SAMPLED
-    const __global uint *wanted;     // samples that each pixel of a block gets, block by block
-    uint earlier;                    // samples of each pixel that are already in the image
+    const __global uint *wanted;     // for each block of pixels: the number of samples that each of its pixels gets
+    uint earlier;                    // number of samples of each pixel that are already in the image
     int bits;                        // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
     int samples;                     // rays that the frame casts for each pixel; the other sub-pixels stay empty
-    const __global float *positions; // x and y of each of these rays in its pixel
+    const __global float *positions; // the position (x, y) of each of a pixel's rays in the pixel
     uint tile;                       // where the group's tile begins in the grid of rays: see packed_tile
 #endif
 } Group;
@@ -62,12 +62,13 @@ typedef struct {
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
 
-// Shows a lane's value to the other lanes, and returns the row with the values of all lanes. Two rows are used in turn:
+// Writes a lane's value to a row of the board, and returns the row, which then contains the values of all lanes. The
+// board has two rows, which are used in turn:
 //
 //     lane 0    writes row 0 | barrier | reads row 0, writes row 1 | barrier | reads row 1, writes row 0 | ...
 //     lane 31   writes row 0 | barrier |   reads row 0, writes row 1 | barrier |   reads row 1, ...
 //
-// A lane writes row 0 again only after the second barrier, when all lanes have read it. One barrier per operation is
+// A lane writes row 0 again only after the second barrier, when all lanes have read row 0. One barrier per operation is
 // therefore enough.
 INLINED const __local uint *write_board(Group *group, uint value) {
     __local uint *row = group->board + GROUP_LANES * group->turn;
@@ -77,7 +78,7 @@ INLINED const __local uint *write_board(Group *group, uint value) {
     return row;
 }
 
-// Returns the value of the lane `from`.
+// Returns the `value` that the lane `from` has.
 INLINED uint lane_get(Group *group, uint value, int from) { return write_board(group, value)[from]; }
 
 // Returns a word in which bit i is set if `yes` is not 0 in lane i.
@@ -190,8 +191,9 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns its argument, but hides its value from the compiler. Values that depend on the result are then computed again
-// where they are needed, and do not occupy registers in between.
+// Returns its argument. With inline PTX, the compiler does not know that the result equals the argument. The compiler
+// then computes values that depend on the result again where they are needed, so that they occupy no registers in
+// between.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -199,8 +201,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// Returns 1 / a. In inline PTX, the result has an error of about one bit, which is enough for all uses in the kernels.
-// An exact division would take five instructions with some compilers.
+// Returns 1 / a. With inline PTX, the result has an error of about one bit, which is small enough for all uses in the
+// kernels. An exact division would take five instructions with some compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;

@@ -1,10 +1,10 @@
 // Marks the blocks of pixels that get more samples. In such a block, neighbouring pixels differ visibly after the first
 // samples: at an edge, at the border of a shadow, or because few samples leave grain. If the background is transparent,
-// pixels also differ in alpha; only alpha shows the edge of a dark surface. src/reference/rough.rs does the same in
-// f64.
+// the pixels' alpha is compared too, since the edge of a dark surface is visible only in alpha. src/reference/rough.rs
+// does the same in f64.
 
 #ifndef ROUGH_STEPS
-#error "ROUGH_STEPS: a block is rough if after one sample, neighbouring pixels differ by more than this (of 255)"
+#error "ROUGH_STEPS: a block is rough if, after one sample, neighbouring pixels differ by more steps (of 255) than this"
 #endif
 
 // Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. The last channel is
@@ -16,8 +16,8 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
 }
 
 // Sets a block's number of samples to `most` if the block is rough, otherwise to `first`. Also adds a rough block to
-// the list of rough blocks. The pixels directly around the block are compared too, since the filter of a pixel's
-// samples extends to them.
+// the list of rough blocks. The pixels directly around the block are compared too, since the samples of the block's
+// pixels may lie in them: the pixel filter is wider than a pixel.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
@@ -34,9 +34,9 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
             above[column] = before = own;
         }
     }
-    // A block is rough even if only one channel differs visibly. The grain of the first samples becomes finer with the
-    // square root of their number, so the difference that makes a block rough becomes smaller too: ROUGH_STEPS /
-    // sqrt(first). This line compares squares instead, so that no root is rounded.
+    // A block is rough even if only one channel differs visibly. With `first` samples per pixel, the grain is finer by
+    // the factor sqrt(first) than with one sample. The difference that makes a block rough is therefore smaller, too:
+    // ROUGH_STEPS / sqrt(first). Squares are compared instead, so that no root is rounded.
     const float steps = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w));
     const int is_rough = first * steps * steps > ROUGH_STEPS * ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;

@@ -29,7 +29,8 @@ INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x
     const __global float4 *row = image + (size_t)clamp(y, 0, size.y - 1) * size.x;
 #if WIDTH == 16
     if (x >= 0 && x + WIDTH <= size.x) {
-        // Each register holds four pixels. Separating even and odd lanes twice turns the 16 pixels into 4 channels.
+        // Each of the vectors a, b, c and d holds four pixels of four channels. Separating even and odd lanes twice
+        // gives one vector for each channel, with 16 pixels.
         const __global float *from = (const __global float *)(row + x);
         const float16 a = vload16(0, from), b = vload16(1, from), c = vload16(2, from), d = vload16(3, from);
         const float16 rb = (float16)(a.even, b.even), rb2 = (float16)(c.even, d.even);
@@ -49,7 +50,7 @@ INLINED_ROWS void store_pixels(__global float4 *image, int2 size, int x, int y, 
     __global float4 *row = image + (size_t)y * size.x;
 #if WIDTH == 16
     if (x + WIDTH <= size.x) {
-        // If all 16 pixels are inside the image, four stores of four pixels each store them.
+        // All 16 pixels are inside the image, so four stores of four pixels each are enough.
         __global float *to = (__global float *)(row + x);
         vstore16(interleave(colour.x.s0123, colour.y.s0123, colour.z.s0123, hit.s0123), 0, to);
         vstore16(interleave(colour.x.s4567, colour.y.s4567, colour.z.s4567, hit.s4567), 1, to);

@@ -1,13 +1,13 @@
 // Edge planes of triangles for rays from one origin.
 
-// Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
-// origin. Swapping p and q changes the signs of all components, and nothing else.
+// Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
+// `edge` is p - q. Swapping p and q changes the signs of all components, and nothing else.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
 // Returns the largest power of two that is not greater than the argument. Scaling by a power of two does not round, so
-// that neighbouring triangles keep equal planes for the edge that they share.
+// the planes of two triangles for their shared edge still differ only in their signs and by a power of two.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
 // Returns the row (the planes) of a triangle that no ray hits. A ray is outside one of the first two edges, unless the
@@ -35,8 +35,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // `height` is six times the volume of the tetrahedron that the origin and the triangle form. If this volume is near
-    // zero, the origin lies in the triangle's plane.
+    // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If this volume
+    // is near zero, the triangle is seen edge-on: the origin lies nearly in its plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;

@@ -1,12 +1,13 @@
-// The data of a triangle, in the form that every layout returns.
+// The types of a triangle's data: its corners, the row that a ray-triangle test reads, and the surface that shading
+// reads. Every layout returns the data in these types.
 
 typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
 // A row consists of the floats that a ray-triangle test reads of one triangle. These floats are computed from the
-// triangle's corners, or are planes prepared for a common origin. The test's file defines the number of floats; in
-// memory, a row consists of ROW_UNITS values of type ROW_UNIT.
+// triangle's corners, or are planes prepared for a common origin. The header of the test's file states the number of
+// floats (RECORD_FLOATS). In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif
@@ -45,7 +46,7 @@ typedef struct {
     for (int i = 0; i < RECORD_FLOATS; i++) (numbers)[i] = (row).number[i];
 #endif
 
-// The data that shading reads, for the triangle of each lane.
+// The data that shading reads of each lane's triangle.
 typedef struct {
     Vec3 n0, n1, n2;         // the normals at the triangle's corners
     Vec3 lambertian, glossy; // the material's reflectances: k_L (diffuse) and k_G (of its highlight)

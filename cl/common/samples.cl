@@ -19,10 +19,11 @@
 // Returns how many blocks cover a row or a column of pixels.
 int sampled_blocks(int pixels) { return (pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK; }
 
-// Returns whether a pixel of the image gets another sample after `earlier` ones.
+// Returns 1 if a pixel of the image gets more than `earlier` samples, else 0.
 int is_wanted(const __global uint *wanted, uint earlier, int2 image_size, int x, int y) {
     return wanted[y / SAMPLED_BLOCK * sampled_blocks(image_size.x) + x / SAMPLED_BLOCK] > earlier;
 }
 
-// Returns the mean of a pixel's samples after another sample. `mean` is the mean of the `earlier` samples.
+// Returns the mean of a pixel's samples, including the new one, `sample`. `mean` is the mean of the `earlier` samples
+// before it.
 #define MEAN_OF(mean, sample, earlier) ((earlier) ? (mean) + ((sample) - (mean)) / (float)((earlier) + 1) : (sample))

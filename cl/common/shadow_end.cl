@@ -4,15 +4,15 @@
 // like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
 // The largest 1 / cosine that gap_before_hit uses. At cosines below 1/50, a surface receives so little light that it
-// does not matter if rounding shadows a pixel by mistake. The limit keeps the gap (between the shadow ray's end and the
-// hit) below 2.5e-5 of the light's distance.
+// does not matter if rounding shadows a pixel by mistake. With this limit, gap_before_hit allows for a rounding error
+// of at most 2.5e-5 of the light's distance.
 #define MOST_PER_COSINE 50.0f
 
 // Returns the gap between the end of a shadow ray from a light and the hit, relative to the light's distance. Usually,
-// the gap is the bias, so that the hit's own triangle does not shadow the hit. If the light is distant, rounding moves
-// this triangle by more than the bias; the gap is then the rounding error. `per_cosine` is 1 / cosine of the angle
-// between the ray and the normal. The larger `per_cosine` is, the further rounding moves the point at which the ray
-// meets the triangle.
+// the gap is the bias (`bias_per_distance` is the bias relative to the light's distance), so that the hit's own
+// triangle does not shadow the hit. If the light is distant, rounding moves this triangle by more than the bias; the
+// gap is then the rounding error. `per_cosine` is 1 / cosine of the angle between the ray and the normal. The larger
+// `per_cosine` is, the further rounding moves the point at which the ray meets the triangle.
 varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
     return max(bias_per_distance, ROUNDING_AT_DISTANCE * min(per_cosine, (varying)(MOST_PER_COSINE)));
 }

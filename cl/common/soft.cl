@@ -3,10 +3,10 @@
 // the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
 // Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
 // makes the sequences of different lights independent. src/reference/soft.rs computes the same numbers (numbers_of) bit
-// for bit. From these numbers, it computes the rays in f64.
+// for bit, and then the rays from these numbers in f64.
 
 #ifndef SOFT_HEAD_FLOATS
-#error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
+#error "SOFT_HEAD_FLOATS: number of floats that describe the sky, before the lights' radii"
 #endif
 
 #if WIDTH == 1
@@ -19,11 +19,11 @@ typedef PASTE(uint, WIDTH) varying_uint;
 
 typedef struct {
     // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
-    // reach. Then follows one radius per light.
+    // reach. (environment.cl shows the floats of a sky that is a picture.) Then follows one radius per light.
     const __global float *numbers;
-    // The number of the first sample that this frame casts for each pixel, and the number of samples per pixel in this
-    // sample's round: a pixel's samples are cast in up to two rounds (src/scene/samples.rs). If the number of samples
-    // is 0, the picture is unoccluded: see IS_UNOCCLUDED.
+    // A pixel's samples are cast in up to two rounds (src/scene/samples.rs). sample.x is the number, in its round, of
+    // the first sample that this frame casts for each pixel. sample.y is the number of samples per pixel in this round.
+    // If sample.y is 0, the picture is unoccluded: see IS_UNOCCLUDED.
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -36,7 +36,7 @@ typedef struct {
 #endif
 
 // If soft light is cast at half resolution (half_light.cl), some pictures contain the unoccluded light. For these
-// pictures, the number of samples (sample.y) is set to 0. Lights are then points, and the sky has its mean radiance.
+// pictures, the host sets sample.y to 0. Lights are then points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -93,13 +93,13 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 // Returns the seed of a hash. Each source (a light or the sky) uses several hashes; `which` is the number of the hash.
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; indices greater than
-// that of the last light belong to the sky. The first two numbers are the coordinates of a point. The points of a
-// pixel's samples are evenly distributed over the unit square.
+// Returns three numbers between 0 and 1 for the current sample of the pixel (x, y). `source` is the index of a light;
+// larger indices than that of the last light belong to the sky. The first two numbers are the coordinates of a point.
+// The points of a pixel's samples are evenly distributed over the unit square.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT // only half pictures use these numbers; other frames of such a program are unoccluded
+#if HALF_LIGHT // in such a program, only half pictures use these numbers, since all other frames are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
@@ -112,8 +112,8 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 }
 
 // Returns the radius of a light, or 0 if the light is treated as a point: in pictures with a single sample per pixel,
-// and in unoccluded pictures. The define SAMPLED is tested, and not the number of samples of a round: with adaptive
-// sampling, a round of a picture with several samples may have 1 sample too.
+// and in unoccluded pictures. The define SAMPLED is tested, not the number of samples of a round, since a round may
+// have a single sample even if the picture has several samples per pixel.
 float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
@@ -133,8 +133,8 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 #if SKY
 // Returns a random unit vector on the normal's side of a surface. The vector's probability density is proportional to
 // the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
-// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. No choice of such axes
-// changes continuously with the normal everywhere.
+// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. (Such axes cannot be
+// chosen so that they change continuously with the normal everywhere.)
 Vec3 direction_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -173,8 +173,9 @@ Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #endif
 
 // Returns the lanes in which a triangle stops a ray before t_max. The test is Moeller and Trumbore's, for rays with any
-// origins and with unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test
-// allows for the rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
+// origins and with unit directions. The triangle is given by a corner, the edges e1 and e2 from this corner, and the
+// edges' 1-norms (size1, size2). The test allows for the rounding error of the weights, as in
+// cast/intersect/moller_trumbore.cl.
 Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
            const Vec3 *direction, varying t_max) {
     const Vec3 q = cross3(*direction, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);

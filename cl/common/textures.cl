@@ -1,5 +1,5 @@
-// Textures. All of a scene's textures are in one buffer and not in OpenCL images, so that one source runs on every
-// device and computes the same bits. src/reference/texture.rs does the same in f64.
+// Textures. All textures of a scene are in one buffer, not in OpenCL images, because images are filtered differently on
+// different devices. src/reference/texture.rs samples the same textures in double precision.
 
 #ifndef TEXTURE_HEAD_WORDS
 #error "TEXTURE_HEAD_WORDS: words that describe a texture before its texels"
@@ -15,7 +15,7 @@
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
-// The floats are the linear light of each 8-bit value (sRGB). A head describes a texture in four words:
+// The 256 floats map each 8-bit value (sRGB) to linear light. A head describes a texture in four words:
 //
 //     | first texel | width | height | several numbers |
 //
@@ -28,7 +28,7 @@
 // least alpha. Mip levels follow the texels of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
-// The number of float4 in a triangle's row (the data of its textures). Without mip levels, a row has two:
+// The number of float4 in a triangle's row, the data of the triangle's textures. Without mip levels, a row has two:
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
@@ -39,7 +39,7 @@
 typedef struct {
     const __global float4 *rows;
     const __global uint *words;
-    float4 cone; // its dot product with the vector from the eye to a point is the width of a pixel's cone there
+    float4 cone; // its dot product with the vector from the eye to a point is the width of a pixel's cone at the point
 } Textures;
 
 // Returns a texture coordinate after wrapping it to the range from 0 to 1.
@@ -53,14 +53,15 @@ float coordinate_in_texture(float coordinate, uint wrap) {
     return coordinate - floor(coordinate);
 }
 
-// Returns the index of a texel along an axis; an index beyond the edge is wrapped.
+// Returns the index of a texel along an axis. With WRAP_REPEAT, an index beyond an edge continues at the opposite edge;
+// with other wrap modes, it becomes the index of the last texel before the edge.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
     // Whatever the coordinates are, no texel outside the texture may be read.
     return clamp(texel, 0, size - 1);
 }
 
-// Returns the colour of a texel in linear light.
+// Returns the colour, in linear light, of the texel in the word `at`.
 Uniform3 texel_colour(const __global uint *words, uint at) {
     const uint texel = words[at];
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
@@ -71,7 +72,7 @@ const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }
 
-// A mip level of a texture: its first texel, and its size.
+// A mip level of a texture: the index of the word with its first texel, and its size in texels.
 typedef struct {
     uint first;
     int width, height;
@@ -104,7 +105,7 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
     const uint row0 = level.first + (uint)(texel_in_texture((int)top, height, down) * width);
     const uint row1 = level.first + (uint)(texel_in_texture((int)top + 1, height, down) * width);
     const float to_right = x - left, to_bottom = y - top;
-    // Each texel's share is the area of the rectangle opposite to it.
+    // Each texel's share is the area of the rectangle between the point and the opposite texel.
     Texels texels;
     texels.a = row0 + x0, texels.b = row0 + x1, texels.d = row1 + x0, texels.e = row1 + x1;
     texels.ka = (1.0f - to_right) * (1.0f - to_bottom), texels.kb = to_right * (1.0f - to_bottom);
@@ -122,7 +123,8 @@ Uniform3 mixed_colour(const __global uint *words, Texels at) {
 }
 
 #if MIPS
-// Returns the next mip level: it is half as large, rounded down, and its texels follow those of `level`.
+// Returns the next mip level: it is half as wide and half as high (rounded down, at least 1), and its texels follow
+// those of `level`.
 Level next_level(Level level) {
     level.first += (uint)(level.width * level.height);
     level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
@@ -147,7 +149,7 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 directio
     const float4 cone = textures->cone;
     const varying width = t * (direction.x * cone.x + direction.y * cone.y + direction.z * cone.z);
     // On a surface that is seen at an angle, the cone covers an ellipse. The ellipse's length is its width divided by
-    // the cosine of the angle between the ray and the normal.
+    // the cosine of the angle between the ray and the normal. `across` is this cosine times the side of a texel.
     const varying across = fabs(dot3(vec3(x.all, y.all, z.all), direction));
     return log2(width / across);
 }
@@ -174,7 +176,7 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
     for (int i = 0; i < finer; i++) level = next_level(level);
     const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
     const float part = between - (float)finer, rest = 1.0f - part;
-    // Most pixels that show near surfaces only need level 0.
+    // A single level is enough for most pixels that show near surfaces: level 0.
     if (finer == last || !(part > 0.0f)) return colour;
     const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);
@@ -183,8 +185,9 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 #endif
 }
 
-// Returns a surface whose colour is multiplied by the texture of each lane's triangle, which a ray from the eye meets
-// at distance t. Lanes whose triangle is NO_HIT keep their colour.
+// Returns `surface`, with its k_L multiplied by the colour of the texture of each lane's triangle. The ray from the eye
+// meets the triangle at distance t, at the point with the weights w1 and w2. Lanes whose triangle is NO_HIT keep their
+// k_L.
 Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 direction, varying t) {
     IntLanes id;
     Lanes second, third, level, red, green, blue;

@@ -1,4 +1,5 @@
-// Code for all tiles of rays: those of one work-item, and those that a group shares.
+// Code for both kinds of tiles: those that one work-item casts (tile_cpu/), and those that a group of work-items shares
+// (tile_gpu/).
 
 #if !defined(TILE_X) || !defined(TILE_Y)
 #error "TILE_X, TILE_Y: pixels of a tile across and down"
@@ -13,7 +14,7 @@
 #error "NORMAL_FLOATS: floats of a triangle's three normals, which are 9"
 #endif
 #ifndef WATERTIGHT
-#error "WATERTIGHT: 0 or 1: whether intersector = watertight"
+#error "WATERTIGHT: 0 or 1: whether the ray-triangle test needs exact signs, like intersector = watertight"
 #endif
 #include "common/scene_defines.cl"
 

@@ -64,6 +64,7 @@ Corners leaf_corners(const Tree *tree, int index) {
 int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
 
 #if PLANES_OF_ORIGIN
-// Returns the three rows of planes that were prepared for an origin: the eye is origin 0, the first light origin 1.
+// Returns the first of the three rows of planes that were prepared for an origin: the eye is origin 0, the first light
+// origin 1.
 const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

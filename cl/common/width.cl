@@ -1,6 +1,6 @@
-// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. One source serves GPUs, where each ray
-// has registers of its own, and CPUs, where the rays are the lanes of vector registers. A Mask is 0 or 1 for a scalar,
-// and 0 or -1 per lane for a vector: combine masks with & and |, negate them with !.
+// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. The same code thus serves GPUs, where a
+// work-item may cast a single ray, and CPUs, where the rays are the lanes of vector registers. With WIDTH 1, a Mask is
+// 0 or 1; otherwise it is 0 or -1 in each lane. Combine masks with & and |, and negate them with !.
 
 #ifndef WIDTH
 #error "WIDTH: rays that a work-item casts side by side: 1, 2, 4, 8 or 16"

@@ -52,7 +52,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }
-    // Memory is written in units of four bytes, so four bytes are stored at a time.
+    // Memory is written in units of four bytes, so each store writes four bytes.
     if (begin < count) {
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }

@@ -64,7 +64,7 @@ typedef struct {
     int2 low, high;     // pixels to test: low <= pixel < high
 } Coverage;
 
-// Returns whether a triangle covers the point (x, y) of the image.
+// Returns 1 if a triangle covers the point (x, y) of the image, else 0.
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
     // The corners' positions relative to the pixel, multiplied by the corners' depths. No position is divided by a
@@ -81,7 +81,7 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds of the pixels to test, so that they include a point beyond the near plane.
+// Extends the bounds of the pixels to test, so that these bounds include a point on or beyond the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
@@ -145,7 +145,8 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     return coverage;
 }
 
-// Returns the bits of the triangle's depth at a pixel, or NO_HIT if it does not cover the pixel beyond the near plane.
+// Returns the bits of the triangle's depth at a pixel, or NO_HIT if the triangle does not cover the pixel beyond the
+// near plane.
 int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const float px = x + 0.5f, py = y + 0.5f;
     if (!covers(coverage, px, py)) return NO_HIT;
@@ -154,7 +155,8 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
 }
 
-// Work-groups have a fixed size, so the last group may have more work-items than there are triangles left.
+// The first lines of both kernels: compute the coverage of the work-item's triangle. Work-groups have a fixed size, so
+// the last group may have more work-items than there are triangles left.
 #define COVERAGE_OF_TRIANGLE                 \
     const int triangle = get_global_id(0);   \
     if (triangle >= triangle_count) return;  \

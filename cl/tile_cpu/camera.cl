@@ -3,9 +3,10 @@
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
-// Returns the index of each lane's sample among the samples that the frame casts for the lane's pixel.
+// Returns the index of each lane's sample among the samples that the frame casts for the lane's pixel. A pixel has
+// 2^bits sub-pixels across and down.
 varying_int sample_of_lane(int bits) {
-    // The lowest bits of a lane's column and row in the vector are its column and row in the pixel.
+    // The lowest `bits` bits of a lane's column and row in its vector are the sub-pixel's column and row in the pixel.
     const int last = (1 << bits) - 1;
     // The index is computed as a sum of products, since one GPU's compiler computes the same expression with `|` and
     // `<<` wrongly (docs/log.md, 2026-11-27).
@@ -13,8 +14,8 @@ varying_int sample_of_lane(int bits) {
 }
 #endif
 
-// Returns the pixel of each lane of a vector. The 16 pixels form a block of 4 x 4. If the frame casts several rays per
-// pixel, several lanes have the same pixel: the vector then covers 2 x 2 pixels or one pixel.
+// Returns the pixel of each lane of a vector. The vector's 16 rays form a block of 4 x 4. If the frame casts several
+// rays per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     // A pixel's position is the ray's position in the grid of all rays, divided by the number of sub-pixels across or
@@ -29,9 +30,9 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions of the rays of a block (one vector's pixels). `x` and `y` are the coordinates of the first column and
-// row of rays, relative to the block's first pixel. `across` and `down` are the distances from the first to the last
-// column and row.
+// The positions, in pixels, of the rays of a block (the rays of one vector). `x` and `y` are the coordinates of the
+// first column and row of rays, relative to the block's first pixel. `across` and `down` are the distances from the
+// first to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -54,7 +55,7 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
 // interval is extended by the rounding error. The arguments `x` and `y` are the coordinates of each vector's first ray.
 void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
-    // A direction is linear in x and y, so its smallest and largest values lie at corners of the block.
+    // The component is linear in x and y, so its smallest and largest values lie at corners of the block.
     const float16 from_x = x * step_x, from_y = y * step_y;
     const float across = rays->across * step_x, down = rays->down * step_y;
     const float16 base = corner + from_x + from_y;
@@ -66,7 +67,8 @@ void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays,
     *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
 }
 
-// Computes the intervals of the tile's directions without computing any ray. Returns the directions' largest component.
+// Computes the intervals of the tile's directions without computing any ray. Returns the largest absolute value of the
+// directions' components.
 float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     const BlockRays rays = block_rays(CAST_ARGUMENTS SUBPIXEL_BITS);
     float16 longest = (float16)(0.0f);

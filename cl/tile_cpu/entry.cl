@@ -1,5 +1,5 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. A work-item owns the tile,
-// as VECTORS vectors of WIDTH rays in private memory. A mask such as `live` has one bit for each vector.
+// as VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each vector of the tile.
 //
 // All children of a node are tested together against the interval of the tile's directions. Each child that this
 // interval meets is then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes
@@ -37,8 +37,8 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// A float16 has 16 lanes. Each lane holds one ray of a vector, or a value of one vector of the tile. PARTS is the
-// number of float16 that hold one value for each vector of the tile.
+// A float16 has 16 lanes. In some variables, each lane belongs to one ray of a vector; in others, such as the fields of
+// Slices, to one vector of the tile. PARTS is the number of float16 that hold one value for each vector of the tile.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 
@@ -51,8 +51,8 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// The shears that the watertight test uses. For each vector, they are the shears of its rays along their common axis k.
-// d is a ray's direction.
+// The shears for the watertight test (tile_cpu/intersect/watertight.cl). The rays of a vector are sheared along their
+// common axis k. d is a ray's direction.
 typedef struct {
     // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
@@ -65,11 +65,11 @@ typedef struct {
 typedef struct {
     Uniform3 origin;
     float too_near; // 1 / t of the nearest distance at which hits count; hits with a larger 1 / t are ignored
-    float longest;  // the largest component of all directions
+    float longest;  // an upper bound of the absolute values of the directions' components
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
-    uint scattered;             // vectors of shadow rays whose directions differ much, one bit each
+    uint scattered;             // vectors of shadow rays whose hits lie far apart (scattered.cl), one bit each
     varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors
 #if WATERTIGHT
     Shears shears;

@@ -1,7 +1,7 @@
 // The kernels of a frame that is cast in tiles: one for the whole frame, or one for nearest hits and one for shading.
 
 // Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle (the
-// tile's rays). Returns 1, or 0 if no ray of the tile can hit the scene; in this case, the function computes no ray.
+// tile's rays). Returns 1. If no ray of the tile can hit the scene, the function computes no ray and returns 0.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
     // First, only intervals of directions are tested, which costs far less than testing all rays of the tile.

@@ -3,10 +3,10 @@
 // INLINED functions take or return columns of values. Inlining keeps these columns in registers.
 #define INLINED static __attribute__((always_inline))
 
-// A row has three parts: a triangle's three corners, or their normals. A part begins `step` floats after the part
-// before it. Its first three floats are a vector; the fourth float belongs to the corner (see LEAF_ROW), or is the
-// first one of the next normal. (The host allocates a row after the last one, so that the last normal has a fourth
-// float, too.)
+// A row has three parts: a triangle's three corners, or their normals. Each part begins `step` floats after the
+// previous part. The first three floats of a part are a corner or a normal. The fourth float is a word that is stored
+// beside the corner (see LEAF_ROW), or the first float of the next normal. (The host allocates a row after the last
+// one, so that the last normal has a fourth float, too.)
 //
 //     leaves, step 4:    v0.x v0.y v0.z number v1.x v1.y v1.z material v2.x v2.y v2.z 0
 //     surfaces, step 3:  n0.x n0.y n0.z n1.x n1.y n1.z n2.x n2.y n2.z
@@ -20,7 +20,7 @@ INLINED void spread_row(const __global float *row, int step, varying *column) {
     }
 }
 
-// Loads four floats for each of four lanes. `at` has the lanes' offsets in floats.
+// Loads four floats for each of four lanes, from the lane number `lane` on. `at` has the lanes' offsets in floats.
 #define FOUR_QUADS(from, at, lane)                                                                             \
     (float16)(vload4(0, from + at[lane]), vload4(0, from + at[lane + 1]), vload4(0, from + at[lane + 2]),       \
               vload4(0, from + at[lane + 3]))
@@ -38,8 +38,8 @@ INLINED void transpose_quads(float16 a, float16 b, float16 c, float16 d, varying
     column[3] = (float16)(yw.odd, yw2.odd);
 }
 
-// Loads a row (three corners or normals) for each lane, and returns its parts as 12 columns (vectors) with one value
-// per lane. Each lane loads the four floats of a part (a quad) in one piece; the quads are transposed in registers.
+// Loads a row (three corners or normals) for each lane, and returns the rows' floats as 12 columns (vectors) with one
+// value per lane. Each lane loads the four floats of a part (a quad) at once; the quads are transposed in registers.
 void gather_rows(const __global float *rows, int step, varying_int indices, varying *column) {
     IntLanes at;
     at.all = indices * (3 * step);

@@ -5,7 +5,7 @@
 // from the eye.
 #define SCATTERED 8.0f
 
-// Returns the width of a pixel at a depth of 1.
+// Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
 float pixel_side(float4 step_x, float4 step_y) {
     const float4 longer = max(fabs(step_x), fabs(step_y));
     return max(max(longer.x, longer.y), longer.z);
@@ -18,7 +18,7 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        // `distance_squared` is a lower bound of the squared distance from the eye.
+        // `distance_squared` is a lower bound of the squared distance of a vector's hits from the eye.
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f);
         for (int axis = 0; axis < 3; axis++) {
             // A shadow ray's direction is the vector from the light to the hit, so the interval of directions is the
@@ -28,19 +28,21 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
             apart = max(apart, high - low);
             distance_squared += away * away;
         }
-        // Squares are compared, to avoid a square root: apart > 8 * (width of the block at the hits' distance).
+        // Squares are compared, to avoid a square root. The condition is: apart > SCATTERED * (width of the block at
+        // the distance of the hits).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }
     return scattered;
 }
 
-// Returns the reciprocal of a component. Replaces a component that is nearly zero by a small number.
+// Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by NO_DIRECTION, so
+// that its reciprocal is finite.
 varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores which vectors are scattered (hits far apart), and the reciprocals of their directions for rays_enter.
+// Stores which vectors are scattered, and the reciprocals of the components of their directions, for rays_enter.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -51,8 +53,8 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns the vectors with an unfinished ray that enters a child's box before t = 1, the hit. All `vectors` must be
-// scattered.
+// Returns those of `vectors` that have an unfinished ray which enters a child's box before t = 1 (the hit). All
+// `vectors` must be scattered.
 uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

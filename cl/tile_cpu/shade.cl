@@ -44,7 +44,7 @@ Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     return surface;
 }
 
-// The hits of a vector's rays, and the surface there.
+// The hits of a vector's rays, and the surface at each hit.
 typedef struct {
     Vec3 point, normal, to_eye;
     Surface surface;
@@ -86,7 +86,8 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
     const __global float *corners = tree->tree.leaves;
     varying corner[12], normal[12];
     if (!ANY(safe != first)) {
-        // All lanes have the same triangle. It is loaded once, and is in registers while the hits are computed.
+        // All lanes have the same triangle. The triangle is loaded once, and is in registers while the hits are
+        // computed.
         spread_row(corners + ROW_FLOATS * (size_t)first, ROW_FLOATS / 3, corner);
         spread_normals(&tree->normals, first, as_int(corners[ROW_FLOATS * (size_t)first + 3]), normal);
         compute_surface_points(lighting, origin, direction, corner, normal, hits, shaded);
@@ -188,7 +189,7 @@ float sum_of_lanes(float16 v) {
     return c.x + c.y;
 }
 
-// Returns the sums over 2 x 2 neighbouring lanes, which are the sub-pixels of one pixel.
+// Returns four sums, each over the 2 x 2 neighbouring lanes that are the sub-pixels of one pixel.
 float4 sums_of_squares(float16 v) {
     // Adds neighbours across, then down:
     //
@@ -235,8 +236,8 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
 }
 #endif
 
-// Stores the radiance of a vector of a tile, like store_radiance. If all pixels are inside and rows are aligned, stores
-// a row of four pixels at a time.
+// Stores the radiance of a vector of a tile, like store_radiance. If the block lies inside the image, and the image's
+// width is a multiple of four pixels, stores four pixels of a row at a time.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED
@@ -247,7 +248,7 @@ void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_siz
     const uint earlier = samples->earlier;
 #endif
     const int x = pixels->x.s0, y = pixels->y.s0;
-    // At the border of the image, or if rows are not aligned, pixels are stored one by one.
+    // At the border of the image, or if rows do not begin at multiples of four pixels, pixels are stored one by one.
     if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
         store_radiance(EARLIER_ARGUMENT image, image_size, background, *sum, *pixels, hits);
         return;

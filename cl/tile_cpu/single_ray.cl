@@ -74,18 +74,18 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 #define SOLID_OF_LEAF(ray, tree, first, hits) hits
 #endif
 
-// Returns whether any triangle of a leaf stops the ray.
+// Returns 1 if any triangle of a leaf stops the ray, else 0.
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // Lanes after the leaf's last triangle hold triangles of other leaves, or padding.
+        // Bits after the leaf's last triangle belong to triangles of other leaves, or to padding.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }
     return 0;
 }
 
-// Returns whether any triangle stops the ray.
+// Returns 1 if any triangle of the tree stops the ray, else 0.
 int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     uint stack[STACK_SIZE];
     int waiting = 1;

@@ -16,8 +16,8 @@ typedef struct {
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } TileInterval;
 
-// Intervals as in a TileInterval, but for each vector of rays, with one lane per vector. Lanes without rays have the
-// interval from FAR to -FAR.
+// An interval for each vector of rays, with one lane per vector: intervals of directions until finish_slices converts
+// them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the interval from FAR to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
     float16 reach[PARTS]; // the largest t at which something can be hit
@@ -54,7 +54,7 @@ typedef struct {
 
 // Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
-// half-lines. An end at zero becomes infinity, represented by FAR.
+// half-lines. An end at zero becomes infinity, represented by FAR. Empty intervals (low > high) stay empty.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
     // The reciprocals of an interval that contains zero (`mixed`) lie below 1 / least or above 1 / most.
@@ -101,8 +101,8 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays towards smaller x reach the box's high side first. The sign of the interval's directions decides for the
-        // whole tile which side is the near one.
+        // Rays towards smaller coordinates reach the box's high side first. All rays of the tile have the same near
+        // side, unless the axis is mixed.
         const int negative = interval->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
@@ -142,7 +142,7 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A vector is also excluded if all its rays have already hit something nearer than the box.
+        // A vector is also excluded if all its rays have already hit something that is nearer than the box.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;

@@ -1,5 +1,5 @@
-// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. The 16 rays of a vector
-// to a light traverse the tree together, like a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
+// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. A vector's 16 rays to a
+// light traverse the tree together, as a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 
@@ -62,8 +62,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
             const varying own_reach = SELECT(open, t_max, (varying)(-1.0f));
-            // First, the whole packet is tested against all children together; then its rays, child by child. Any hit
-            // is enough, so children are not sorted.
+            // First, the whole packet is tested against all children together. Then, the packet's rays are tested child
+            // by child. Any hit is enough, so children are not sorted.
             for (uint met = packet_enters(&bounds, node, reach); met; met &= met - 1) {
                 const int child = LOWEST_BIT(met);
                 varying entry;

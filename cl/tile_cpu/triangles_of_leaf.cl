@@ -2,7 +2,7 @@
 
 #define TOGETHER 8
 #if !defined(PADDING_ROWS) || PADDING_ROWS < TOGETHER
-#error "PADDING_ROWS: rows after a tree's last triangle, as many as are loaded at once"
+#error "PADDING_ROWS: rows after a tree's last triangle, at least as many as are loaded at once"
 #endif
 
 // Eight vectors x, y, z, one for each of eight triangles.

@@ -1,25 +1,26 @@
 // The traversal of the tree by a tile.
 
-// An entry of the stack: a node or a leaf, the t at which the tile enters it, and the vectors that visit it.
+// An entry of the stack: a node or a leaf, the smallest t at which the tile enters its box, and the vectors that visit
+// the node or leaf.
 typedef struct {
     uint word;
     float entry;
     uint live;
 } WaitingTile;
 
-// Prefetches the first four cache lines of a child. They hold a whole node of eight children, the first rows of a node
-// of 16 children, or the first triangles of a leaf. The child will be visited soon, and the lines are loaded while
-// other children are tested.
+// Prefetches the first four cache lines of a child. These lines hold a whole node of eight children, the first rows of
+// a node of 16 children, or the first triangles of a leaf. The child will be visited soon, and the lines are loaded
+// while other children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes those children of a node that a vector of `live` meets onto the stack, the nearest child last. With `any`, the
-// order does not matter. Returns the new height of the stack. A child's position among the pushed children is the
-// number of pushed children that the tile enters later than this child, and that lie below it on the stack. An example
-// with three children, entered at t = 5, 2 and 9:
+// Pushes the children of a node that a vector of `live` meets onto the stack, so that the nearest child is on top. With
+// `any`, the order does not matter. Returns the new number of the stack's entries. The number of pushed children below
+// a child on the stack is the number of pushed children that the tile enters later than this child. An example with
+// three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
@@ -28,7 +29,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     Boxes boxes;
     uint vectors[NODE_WIDTH], pushed = 0;
     const float reach = any ? 1.0f : furthest(slices);
-    // First, the whole tile is tested against all children together; then the vectors, child by child.
+    // First, the whole tile is tested against all children together. Then, the vectors are tested child by child.
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
@@ -54,7 +55,8 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     return waiting + popcount(pushed);
 }
 
-// Traverses the tree with a tile's rays (the bundle). With `any`, the traversal ends as soon as every ray has a hit.
+// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each vector with a ray. With `any`, the
+// traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
           const int any) {
 #if CUTOUTS

@@ -32,7 +32,7 @@
 #error "a group walks a tree of 32 children per node"
 #endif
 #ifndef LEFTOVER_KERNEL
-#error "LEFTOVER_KERNEL: 0 or 1: whether a kernel of its own casts the leftover shadow rays"
+#error "LEFTOVER_KERNEL: 0 or 1: whether a separate kernel casts the leftover shadow rays"
 #endif
 #ifndef PLANES_OF_ORIGIN
 #error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light"
@@ -58,7 +58,7 @@
 // leader, as a multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because
 // rays to one surface are not farther apart than this width.
 #define NEIGHBOURS ((float)TILE_X)
-// The lane in the middle of the lanes' 8 x 4 pixels. It provides the leader (see ALONG_AXIS) if it still has a ray to
+// The lane in the middle of the 8 x 4 lanes. This lane provides the leader (see ALONG_AXIS) if it still has a ray to
 // cast.
 #define MIDDLE_LANE 20
 
@@ -89,12 +89,13 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes (x and y per unit of z), between the leader (the ray that determines a pass's axis)
-// and the rays of neighbouring pixels. The result is the larger of two distances: to the nearer neighbour in the
-// leader's row, and to the nearer neighbour in the leader's column. If only one of these neighbours exists, the result
-// is the distance to it; if none exists, the result is FAR. `distance` is this lane's distance from the leader's ray.
-// In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index
-// wraps around to a more distant ray.
+// Returns the distance, in slopes (x and y per unit of z), between the leader's ray and the rays of neighbouring lanes.
+// `leader` is the lane whose ray determines the pass's axis. The result is the larger of two distances: to the nearer
+// neighbour in the leader's row, and to the nearer neighbour in the leader's column. If only one of these neighbours
+// has a ray, the result is the distance to this ray; if neither has a ray, the result is FAR. `distance` is the
+// distance of this lane's ray from the leader's ray (FAR without a ray). In a block of 8 x 4 lanes, the index of a
+// neighbour differs by 1 in a row, and by 8 in a column. At an edge of the block, the index wraps around to a more
+// distant lane.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -110,12 +111,12 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // rays in the pass, one bit each. The leader's ray always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. If the lane in the middle of
-    // the tile still has a ray, it is the leader, because its rays are closest to the other rays. Otherwise, the leader
-    // is the first lane that has a ray.
+    // All lanes choose the same lane, `leader`, whose first remaining ray leads the pass. The lane in the middle of the
+    // tile is chosen if it still has a ray, because its rays are closest to the other rays. Otherwise, the first lane
+    // that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // `first` is the bit of the leading ray, which is the first remaining ray of the lane `leader`. In every lane,
+    // `first` has the bit of the leading ray, which is the first remaining ray of the lane `leader`. In every lane,
     // `own` is the direction of the lane's own ray with this bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 direction = uniform3(0.0f, 0.0f, 0.0f);

@@ -32,8 +32,8 @@
 #endif
 #define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
 
-// Returns the first column and row of a group's tile in the grid of rays, if tiles cover the whole grid. `row` is the
-// row of work-groups that contains the tile.
+// Returns the first column and row of a group's tile in the grid of rays, for frames whose tiles cover the whole grid.
+// `row` is the row of work-groups that contains the tile.
 INLINED int2 tile_in_row(Group *group, int row) {
     // Adds the position of the group's tile within the work-group to the position of the work-group's first tile.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
@@ -51,10 +51,9 @@ INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x 
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
 #define TILE_OUTSIDE 0xffffffffu // beyond every grid
 
-// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only the rough blocks of
-// pixels, of which there are `rough_count`, and no tile is larger than a block. The number of work-groups is then only
-// as large as these blocks need, and tiles are numbered block by block. For example, a block of 16 x 16 rays has four
-// tiles of 8 x 8:
+// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only the `rough_count`
+// rough blocks of pixels, and no tile is larger than a block. The host then starts only as many work-groups as these
+// blocks need, and tiles are numbered block by block. For example, a block of 16 x 16 rays has four tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -145,8 +144,8 @@ INLINED int2 position_in_tile(Group *group, int ray) {
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns the position of a lane's ray in the grid of rays, if tiles cover the whole grid. `row` is the tile's row of
-// work-groups.
+// Returns the position of a lane's ray in the grid of rays, for frames whose tiles cover the whole grid. `row` is the
+// row of work-groups that contains the tile.
 INLINED int2 position_in_row(Group *group, int row, int ray) {
     return tile_in_row(group, row) + position_in_tile(group, ray);
 }
@@ -161,10 +160,11 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
     return ray_at(group, tile + position_in_tile(group, ray), grid);
 }
 
-// Returns the index of a ray from the eye in buffers with one element per ray.
+// Returns the index of a ray from the eye in buffers with one element for each ray of the grid.
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
-// Returns a ray's direction, which has depth 1 along the view, as in camera_ray.
+// Returns a ray's direction. Its component along the view direction is 1, as in camera_ray before the direction is
+// scaled.
 INLINED Vec3 direction_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
     const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
@@ -190,8 +190,8 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
 // component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. For the pass's leader (the ray that
-// determines the axis), this component is at least a third of the 1-norm, so none of the remaining rays can lead
-// another pass in the same direction. Rays whose direction is not a number (NaN) are in no pass.
+// determines the axis), this component is at least a third of the 1-norm. Rays that remain after a pass can therefore
+// lead no other pass in the same direction. Rays whose direction is not a number (NaN) are in no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or

@@ -1,8 +1,8 @@
 // The end of a round of lights (see shadow.cl). After tiles have cast their shadow rays, the kernels in this file cast
-// the leftover shadow rays, and shade.
+// the leftover shadow rays, and shade the hits.
 
-// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns which of these rays' lights
-// reach the pixel, as bits of the pixel's word (see shadow.cl).
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. `leftover` is the pixel's word (see
+// shadow.cl), with a bit for each leftover shadow ray. Returns the bits of the rays whose lights reach the pixel.
 INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float *surfaces,
                            CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index, const __global float *lights,
                            uint leftover, float bias, __local uint2 *stack) {
@@ -44,7 +44,7 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
 // `i` cannot overflow.
 #define FOR_QUEUED(i, first, groups, count) for (uint i = first; i < count; i += min(groups, count - i))
 
-// Returns the ray from the eye with an index (see index_of).
+// Returns the ray from the eye that has the index `index` (see index_of).
 INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
@@ -69,8 +69,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 }
 #endif
 
-// HAS_LIGHT is true if a pixel receives light in a round (a batch of lights): from lights that reach the pixel, or from
-// the picture of the sky. Shiny surfaces mirror this picture in the round that includes the sky.
+// HAS_LIGHT is not 0 if a pixel may receive light in a round: from lights that reach the pixel, or from the picture of
+// the sky. Shiny surfaces mirror this picture in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, leaf_index) ((reached) || ((leaf_index) != NO_HIT && SHOWS_SKY(sources)))
@@ -155,9 +155,9 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// The value of a pixel after a round (a batch of lights), computed from the round's sum over the samples of a frame.
-// With several samples per pixel, the image contains their mean. A later round of the frame adds its lights' part to
-// the same samples.
+// AFTER_ROUND returns a pixel's value after a round of lights. `mean` is the value before the round, and `sum` the
+// round's sum over the samples of a frame. With several samples per pixel, the image contains the samples' mean. A
+// later round of the frame adds the part of its lights to the same samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -168,8 +168,8 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) : (sum))
 #endif
 
-// Returns the ray from the eye through one sample of a lane's pixel. `row` is the row of work-groups that contains the
-// tile.
+// Returns the ray from the eye through one sample of a lane's pixel (the pixel number `ray`). `row` is the row of
+// work-groups that contains the tile.
 INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;
@@ -180,10 +180,10 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades nearest hits by the lights of a round (a batch of lights) that reach them; AFTER_ROUND combines the result
-// with the image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast
-// these rays and shade their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, the other
-// work-groups shade all pixels whose lights are known.
+// Shades the nearest hits by the lights of a round that reach them; AFTER_ROUND combines the result with the image. If
+// no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and
+// shade their pixels. The leftover shadow rays are few, but each takes long. Meanwhile, all other work-groups shade the
+// pixels without leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES

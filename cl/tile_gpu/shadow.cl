@@ -2,14 +2,15 @@
 // casts. The rays run from each light to the hits that face it.
 
 // These two numbers limit the work for one tile and one light: the number of passes, and the number of nodes and leaves
-// taken from the stack. A pass casts rays that are close to each other. At silhouettes, these limits are too small for
-// some rays. The rays that remain are leftover shadow rays, which are later cast one at a time, each by a whole group.
+// that the passes together take from the stack. A pass casts rays that are close to each other. At silhouettes, some
+// rays remain when a limit is reached. The remaining rays are leftover shadow rays, which are later cast one at a time,
+// each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word (the results of its shadow rays) has one bit for each pair of a light of the round and a ray of the
-// lane, ordered by light. The size of the word limits the number of lights per round. Every RAYS-th bit of the word
-// belongs to the same pixel. A pixel's own word has a bit for each light; its bit 31 is set if some of the pixel's
-// shadow rays are leftover.
+// lane, ordered by light. The size of the word limits the number of lights per round. A pixel's word consists of every
+// RAYS-th bit of a lane's word, one for each light. Bit 31 of a pixel's word is set if some of the pixel's shadow rays
+// are leftover shadow rays.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -20,8 +21,8 @@
 //     light      2  2  1  1  0  0
 //     ray        1  0  1  0  1  0
 //
-// BITS_OF_PIXEL(word, 1) shifts the bits of ray 1 to bits 0, 2, 4, ... and clears all others, which gives a pixel's
-// word.
+// BITS_OF_PIXEL(word, 1) returns the pixel's word of ray 1: it shifts the bits of ray 1 to bits 0, 2, 4, ... and clears
+// all other bits.
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -38,7 +39,7 @@ typedef struct {
     float t;
 #endif
 #if SOFT
-    EyeRay pixel; // soft light casts one sample of each pixel, so the grid is the image
+    EyeRay pixel; // with soft light, a frame casts one sample of each pixel, so the grid's rays are the image's pixels
 #endif
 } SurfacePoint;
 
@@ -103,7 +104,8 @@ INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global f
 #endif
 }
 
-// Returns whether a surface faces a light and is not too close to it, so that a shadow ray is needed.
+// Returns 1 if a surface faces a light and is farther from the light than the bias, so that a shadow ray is needed, and
+// 0 otherwise. `offset` points from the hit to the light.
 INLINED int faces(SurfacePoint surface_point, Vec3 offset, float bias) {
     return (dot3(offset, surface_point.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
@@ -121,8 +123,8 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #if SOFT
 #include "tile_gpu/soft.cl"
 #endif
-// The additional parameters of functions for lights with a radius or a sky, including the comma after them.
-#if SOFT // frames with soft light cast one sample per pixel
+// The additional parameter of functions in programs with soft light, including the comma after the parameter.
+#if SOFT // a frame then casts one sample of each pixel
 #if SAMPLED
 #define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
 #else
@@ -145,7 +147,7 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// Computes the rays from a light to the tile's hits, for the hits in `wanted`. Returns the hits whose ray must be cast.
+// Computes the rays from a light to the tile's hits. Returns the hits of `wanted` whose ray must be cast, one bit each.
 INLINED uint light_directions(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                               int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted,
                               Directions *directions) {
@@ -166,9 +168,10 @@ INLINED uint light_directions(Group *group, const Tree *tree, const __global flo
     return cast;
 }
 
-// Casts a tile's shadow rays from a light to its hits. Returns the rays that nothing blocks. `*left` receives the rays
-// that were not decided. For each pass, the rays are computed again, and the indices of hits are read again. Storing
-// them would take registers during the traversal, and a second pass is rare.
+// Casts the shadow rays from a light to a tile's hits. Returns the rays that nothing blocks, one bit each. `*left`
+// receives the undecided rays, for which the tile did not find out whether something blocks them. For each pass, the
+// rays are computed again, and the indices of the hit triangles are read again. Storing them would take registers
+// during the traversal, and a second pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -202,8 +205,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float *sur
 }
 
 #if SOFT
-// Returns the hits that face a source (a light or the sky). Unoccluded light reaches all these hits, since nothing
-// blocks it.
+// Returns the hits that face a source (a light or the sky), one bit each. Unoccluded light reaches all hits that face
+// its source.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
@@ -215,8 +218,8 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 }
 #endif
 
-// Adds this lane's pixel to the queue of leftover shadow rays if some of its shadow rays are leftover. One lane
-// reserves entries of the queue for all lanes of the group.
+// Adds this lane's pixel to the queue of leftover shadow rays if some shadow rays of the pixel are leftover. `lights`
+// has the bits of their lights. One lane reserves entries of the queue for all lanes of the group.
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
@@ -232,8 +235,8 @@ INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __glo
 
 // The buffers for the results of shadow rays.
 typedef struct {
-    __global uint *lit;    // one word of lights per ray from the eye that hits something
-    __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of the shadow rays
+    __global uint *lit;    // the pixel's word of each ray from the eye that hits something
+    __global uint2 *queue; // the index of a ray from the eye with leftover shadow rays, and the bits of their lights
     __global uint *queued; // number of entries in the queue
 } ShadowResults;
 
@@ -260,8 +263,8 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float *surf
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // Lights are processed one after the other. The results of a light are shifted to its bits in both words
-        // (reached, leftover).
+        // Lights are processed one after the other. The results for a light are shifted to the light's bits in
+        // `reached` and `leftover`.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);

@@ -7,8 +7,8 @@
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// An interval of slopes is extended by this number, which is several times the rounding error of the numbers that are
-// compared with the interval.
+// An interval of slopes is extended by this number times the largest component of the directions (see `widen`). The
+// extension is several times the rounding error of the numbers that are compared with the interval.
 #define SLOPE_ROUNDING 1e-6f
 
 // The origin of the rays of a pass.
@@ -27,10 +27,10 @@ INLINED Origin origin_at(Uniform3 at, int number) {
 // The axes of a pass, and the box in (x, y) around the slopes of its rays.
 typedef struct {
     int across, down, along; // the axes of the scene (0 to 2) that are the pass's x, y and z
-    float sign;              // -1 if rays run towards smaller z
-    uint x_rows, y_rows;     // offsets in a node of the x and y of this lane's child
-    uint near_row, far_row;  // offsets in a node of the z at which rays enter and leave that child
-    float x, y, z;           // the rays' origin along these axes
+    float sign;              // 1, or -1 if rays run towards smaller coordinates of the axis `along`
+    uint x_rows, y_rows;     // offsets in a node of the low x and the low y of this lane's child
+    uint near_row, far_row;  // offsets in a node of the z at which rays enter and leave this lane's child
+    float x, y, z;           // the rays' origin along these axes; z is multiplied by `sign`
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
@@ -82,15 +82,15 @@ INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float h
     shaft->high_y = high_y + more;
 }
 
-// Returns a point's coordinates along a pass's axes, relative to the scene's origin.
+// Returns a point's coordinates along a pass's axes; z is multiplied by the pass's sign.
 INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
     return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
 // Loads the corners of the triangle at an index in leaf order, and returns 1. If the fourth component of a `float4` is
-// unused, some compilers load the other three in two pieces, which takes twice as long. The return value therefore
-// depends on the fourth components of all three corners.
+// unused, some compilers load the other three components in two pieces, which takes twice as long. The return value
+// therefore depends on the fourth components of all three corners, although it is always 1.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     const float4 first = row[0], second = row[1], third = row[2];
@@ -102,7 +102,8 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Unifor
 
 // Returns the largest value of v . (x, y, 1) over the slopes (x, y) of all rays of a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
-    // A linear function is largest at a corner of the box, so for each axis the larger of two ends is taken.
+    // A linear function is largest at a corner of the box. For each axis, the larger of the values at both ends of the
+    // interval is taken.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }

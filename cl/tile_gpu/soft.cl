@@ -10,13 +10,13 @@ typedef struct {
 } Sources;
 #define SOURCE_COUNT(light_count) ((light_count) + SKY)
 
-// Returns whether the rays of a source (a light or the sky) have no common origin.
+// Returns 1 if the rays of a source (a light or the sky) have no common origin, else 0.
 INLINED int lacks_common_origin(const Sources *sources, int light) {
     const int source = sources->first_light + light;
     return source >= sources->light_count || radius_of(&sources->soft, source) > 0.0f;
 }
 
-// Returns whether something stops a ray before t_max.
+// Returns 1 if something stops a ray before t_max, else 0.
 INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction, float t_max, __local uint2 *stack) {
     // This ray is the only one in its shaft, so the box around the slopes of the shaft's rays is a point.
     Shaft shaft;
@@ -84,7 +84,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     return sight;
 }
 
-// Returns whether a source (a light or the sky) is visible from a pixel's hit.
+// Returns 1 if a source (a light or the sky) is visible from a pixel's hit, else 0.
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const SurfacePoint *surface_point, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, surface_point);

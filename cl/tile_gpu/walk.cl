@@ -2,9 +2,9 @@
 
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
-    int met;
-    float entry; // the z at which the shaft enters it
-    uint word;   // its word in the node: see common/tree.cl
+    int met;     // 1 if the shaft meets the child's box, else 0
+    float entry; // the z at which the shaft enters the box
+    uint word;   // the child's word in the node: see common/tree.cl
 } Child;
 
 // Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
@@ -34,8 +34,8 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     return result;
 }
 
-// Returns the word of the child to visit next, and pushes the other children that were met onto the stack, the nearest
-// last if they are sorted.
+// Returns the word of the child to visit next. Pushes all other children that the shaft meets onto the stack. If
+// `sorted`, the nearest child is visited next, and the nearest of the pushed children is on top of the stack.
 //
 // An example of a node, with seven lanes instead of 32:
 //
@@ -48,8 +48,8 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
 //
 // If only one child was met, it is visited next, and the stack is unchanged.
 //
-// If children are not sorted (because any hit is enough), the rank is the number of set bits below the lane's own: lane
-// 1 has rank 0, lane 4 has 1, lane 5 has 2.
+// If children are not sorted (because any hit is enough), a lane's rank is the number of set bits below the lane's own
+// bit: in the example, lane 1 has rank 0, lane 4 has rank 1, and lane 5 has rank 2.
 INLINED uint push(Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // Entries are not negative, so their bits, read as integers, have the same order as their values. The last five
@@ -69,8 +69,8 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 }
 
 #if CUTOUTS
-// For a ray that hits the triangle at an index in leaf order, returns whether the ray hits the triangle's surface and
-// not a hole. The ray has the slopes x and y.
+// Returns 1 if a ray hits the surface of a triangle, and 0 if the ray hits a hole. The ray has the slopes x and y, and
+// meets the triangle, whose index in leaf order is `index`.
 INLINED int solid_in_packet(const Tree *tree, const Shaft *shaft, int index, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, index, &corners.a, &corners.b, &corners.c);
@@ -90,7 +90,7 @@ typedef struct {
 } Candidates;
 
 // Tests the packet against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
-// triangle is finished; otherwise its nearest hit is stored. Returns whether any triangle was tested.
+// triangle is finished; otherwise the ray's nearest hit is stored. Returns 1 if any triangle was tested, else 0.
 INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
@@ -112,8 +112,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPa
     EACH_RAY(ray) hit_candidate[ray] = -1;
 #pragma unroll 4
     for (int k = 0; k < count; k++) {
-        // Here each lane works on its own rays, and tests them against every stored triangle. All lanes read the same
-        // triangle at the same time, so __local memory broadcasts it.
+        // Each lane tests its own rays against every stored triangle. All lanes read the same triangle at the same
+        // time, so one read of __local memory serves all lanes.
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
@@ -140,7 +140,7 @@ INLINED float worst_of(Group *group, const RayPacket *packet) {
     return lane_least_positive(group, worst);
 }
 
-// Returns whether any of this lane's rays still needs a hit.
+// Returns 1 if any of this lane's rays still needs a hit, else 0.
 INLINED int is_looking(const RayPacket *packet) {
     int looking = 0;
     EACH_RAY(ray) looking |= packet->nearest[ray] < FAR;
@@ -151,7 +151,7 @@ INLINED int is_looking(const RayPacket *packet) {
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
 // Walks the tree with a pass's packet, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
-// entry taken from the stack uses up one unit of `budget`. Returns whether the budget was enough.
+// entry taken from the stack uses up one unit of `budget`. Returns 1 if the budget was enough, else 0.
 INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, packet), reach = reach_of(worst);
@@ -178,16 +178,16 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // A few rays of a tile take long. These rays are faster if a whole group casts each of them, so they become
-        // leftover shadow rays.
+        // A few rays of a tile take long. If the budget is used up, these rays become leftover shadow rays, since it is
+        // faster if a whole group casts each of them.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read
     return enough;
 }
 
-// Returns whether anything blocks a single ray. All lanes work on this ray: each tests it against its own child or
-// triangle.
+// Returns 1 if anything blocks a single ray, else 0. All lanes work on this ray: each lane tests the ray against its
+// own child or triangle.
 INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);

@@ -25,7 +25,7 @@ impl<const N: usize> Slicer<N> {
     /// slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
-        // An axis has only one slice if the region's extent along it is zero or overflows.
+        // An axis has only one slice if the region's extent along this axis is zero or overflows.
         let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
@@ -38,7 +38,8 @@ impl<const N: usize> Slicer<N> {
         [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
     }
 
-    /// Returns the slice along one axis. The operations are those of `slices`, so both functions return the same slice.
+    /// Returns the number of a primitive's slice along one axis. The arithmetic is the same as in `slices`,
+    /// so both functions return the same slice.
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
@@ -49,8 +50,8 @@ impl<const N: usize> Slicer<N> {
         (position + ROUND).to_bits() as usize & (N - 1)
     }
 
-    /// Returns the position of the plane at the lower end of a slice, in doubled coordinates like those of
-    /// `Primitive::centre`.
+    /// Returns the position of the plane at the lower end of a slice, in doubled coordinates, as
+    /// `Primitive::centre` returns them.
     fn plane(&self, axis: usize, slice: usize) -> f32 {
         self.low[axis] + slice as f32 / self.scale[axis]
     }
@@ -66,8 +67,9 @@ pub(super) struct Cut {
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
-    /// For each child, a box that contains the doubled centres of the child's primitives, up to rounding. A
-    /// doubled centre is the sum of the two corners of a triangle's box.
+    /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled centre is the
+    /// sum of the lowest and the highest corner of its box. Because of rounding, a doubled centre may lie slightly
+    /// outside.
     pub regions: [Bounds; 2],
 }
 
@@ -79,7 +81,7 @@ pub(super) struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Counts the primitives of each slice, and computes the box around them.
+    /// Counts the primitives of each slice, and computes the box around the primitives of each slice.
     pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {

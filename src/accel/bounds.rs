@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 
 /// An axis-aligned box. The vector of a corner has four lanes, so that it fills one register. A box uses only three of
-/// them; in a [`Primitive`], the fourth lane of `low` holds the triangle's number.
+/// the lanes. In a [`Primitive`], the fourth lane of `low` holds the triangle's number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// Smallest corner.
@@ -13,7 +13,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The empty box: its union with a box is that box.
+    /// The empty box: its union with another box is the other box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
     /// Returns the smallest box around both boxes.
@@ -35,16 +35,16 @@ impl Bounds {
     }
 }
 
-/// A triangle's box and number. The number lies in `low.w` as the bits of a normal float, so that arithmetic on
-/// whole registers meets no denormals.
+/// A triangle's box and number. The number lies in `low.w` as the bits of a normal float: arithmetic on whole
+/// registers includes this lane, and would be slow with denormal floats.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive(pub Bounds);
 
-/// The bits of 1.0; added to a triangle's number, they make it a normal float.
+/// The bits of 1.0. The sum of these bits and a triangle's number is a normal float.
 const NUMBER_BASE: u32 = 0x3f80_0000;
 
 impl Primitive {
-    /// Makes the box of a triangle's three corners.
+    /// Makes the primitive of the triangle with these corners and with the number `triangle`.
     #[inline(always)]
     pub fn new(corners: [Vec3; 3], triangle: u32) -> Self {
         let [a, b, c] = corners;

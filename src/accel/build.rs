@@ -1,9 +1,9 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
-//! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a buffer,
-//! and a cut moves them within this part of the buffer. In large nodes, all cores count the primitives of
-//! each slice and move the primitives, chunk by chunk. The two halves of a cut are independent tasks, except
-//! in small subtrees.
+//! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in a
+//! buffer, and a cut moves them within this part of the buffer. To find a cut, a node is divided into slices
+//! along each axis, and the primitives of each slice are counted. In large nodes, all cores count and move
+//! the primitives, chunk by chunk. The two sides of a cut are independent tasks, except in small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -15,21 +15,23 @@ use rayon::prelude::*;
 /// In nodes with more triangles than this, all cores count the triangles of each slice and move them to the sides of a
 /// cut.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Number of triangles that a task counts or moves at a time, in a node with more than `PARALLEL_NODE` triangles.
+/// Number of triangles in a chunk. All cores compute the root's box chunk by chunk. In a node with more than
+/// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
 const CHUNK: usize = 1 << 14;
 /// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
-/// The nodes of a subtree with at most this many triangles are joined into one piece as soon as the subtree is
-/// finished. A piece of this size has memory of its own, which the system gets back when the piece is freed. The memory
-/// of many small pieces would stay with the allocator, and large meshes would need a tenth more memory until the end.
+/// If a subtree has at most this many triangles, and its parent has more, the subtree's nodes are joined into one
+/// piece as soon as the subtree is finished. Most of these pieces are large, and the allocator returns the memory of
+/// a large piece to the system when the piece is freed. The allocator would keep the memory of many small pieces, so
+/// large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
-/// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis, other nodes into
-/// `COARSE` slices.
+/// To find a cut, nodes with more triangles than this are divided into `FINE` slices along each axis. All other
+/// nodes are divided into `COARSE` slices.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
-/// From this depth on, nodes are divided into two halves with equal numbers of triangles, which limits the tree's depth
-/// for any mesh.
+/// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one. The halving
+/// limits the depth of every mesh's tree.
 const HALVING_DEPTH: u32 = 64;
 
 /// A subtree to be built.
@@ -116,9 +118,9 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // If two triangles of a leaf lie in the same place, rays then hit the one that comes first in the
-        // mesh, since tests keep the first of two hits at the same distance. Such triangles have equal
-        // centres, so only `halve` can put them into different leaves.
+        // Tests keep the first of two hits at the same distance. If two triangles of a leaf lie in the same
+        // place, rays therefore hit the triangle that comes first in the mesh. Triangles in the same place
+        // have equal centres, so only `halve` can put them into different leaves.
         work.order.sort_unstable();
         return depth;
     }
@@ -146,9 +148,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut, moves the primitives to its two sides, and returns it; `None` if there is no cut.
+/// Finds the best cut, moves the primitives to its two sides, and returns the cut; `None` if there is no cut.
 /// `region` comes from cutting the parent's region, so it may be larger than the bounds of the primitives'
-/// doubled centres. If no cut is found in `region`, the search is repeated with these exact bounds.
+/// doubled centres. If no cut is found in `region`, the search is repeated with the exact bounds.
 fn cut<const N: usize>(primitives: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);
@@ -188,8 +190,8 @@ impl<'a> Work<'a> {
         [side(left, order_left, 0), side(right, order_right, 1)]
     }
 
-    /// Returns two halves whose numbers of triangles differ by at most one. [`divide`] uses them if no cut is found,
-    /// and for all nodes from [`HALVING_DEPTH`] on.
+    /// Returns two halves whose numbers of triangles differ by at most one. [`divide`] uses these halves if
+    /// no cut is found, and for all nodes from [`HALVING_DEPTH`] on.
     fn halve(self) -> [Self; 2] {
         let middle = self.primitives.len() / 2;
         let (left, right) = self.primitives.split_at(middle);

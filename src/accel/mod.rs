@@ -1,8 +1,8 @@
 //! Bounding volume hierarchies over a mesh's triangles, so that a ray need not be tested against all of them.
 //!
-//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree collapsed
-//! to 2 to 32 children per node, as rows of floats. [`validate`](Bvh::validate) checks a tree of either form, and
-//! [`WideBvh::closest_hit`] traverses a tree on the host.
+//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree
+//! collapsed to 2 to 32 children per node, as rows of 32-bit words. [`validate`](Bvh::validate) checks a tree
+//! of either form, and [`WideBvh::closest_hit`] traverses a tree on the host.
 
 mod bins;
 mod bounds;
@@ -21,10 +21,11 @@ use bounds::Bounds;
 pub use triangles::{NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, write_normal_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
-/// A hash of the trees over a few fixed meshes. Each measured point (a strategy with a local size, an image size, a
-/// scene and a device) is stored under a key. If the point uses a tree, its key contains this hash. A change to the
-/// code that builds trees, or to their layout, changes these trees; a test then fails until the hash is updated. With a
-/// new hash, points that use a tree are measured again.
+/// A hash of the trees over a few fixed meshes. Each measured point (a strategy with a local size, an image
+/// size, a scene and a device) is stored under a key. If the point uses a tree, its key contains this hash.
+/// If the trees over the fixed meshes change, because the code that builds trees or the trees' layout has
+/// changed, a test fails until the hash is updated. With a new hash, points that use a tree are measured
+/// again.
 pub const FINGERPRINT: &str = "9bed1dff56cfc58f";
 
 /// A node of a [`Bvh`]: 32 bytes.
@@ -50,7 +51,7 @@ impl Node {
         Self::inner(bounds, 0, count)
     }
 
-    /// Returns whether the node is a leaf.
+    /// Returns true if the node is a leaf.
     pub fn is_leaf(&self) -> bool {
         self.right == 0
     }
@@ -84,9 +85,9 @@ impl Bvh {
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
-    /// `leaf_size` is the largest number of triangles in a leaf. Degenerate and coincident triangles need no
-    /// special case: triangles that no plane separates are divided into two halves with equal numbers of triangles. All
-    /// nodes from depth 64 on are divided in this way too, so the depth is at most 64 plus the binary logarithm of the
+    /// `leaf_size` is the largest number of triangles in a leaf. Triangles that no plane separates, such as
+    /// coincident ones, are divided into two halves with equal numbers of triangles. All nodes from depth 64
+    /// on are divided in this way too. The depth is therefore at most 64 plus the binary logarithm of the
     /// number of triangles, rounded up. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size)

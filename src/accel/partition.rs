@@ -15,9 +15,9 @@ pub(super) fn partition<const N: usize>(primitives: &mut [Primitive], slicer: &S
     }
 }
 
-/// Moves the primitives of the left side to the front: exchanges each primitive with the first one of the right side.
-/// If the primitive belongs to the right side itself, the exchange has no effect on the sides. It is done nevertheless,
-/// because a branch would often be mispredicted.
+/// Moves the primitives of the left side to the front. To this end, each primitive in turn is exchanged with
+/// the first primitive of the right side. If the primitive belongs to the right side itself, the exchange has
+/// no effect on the sides. The exchange is done nevertheless, because a branch would often be mispredicted.
 ///
 /// ```text
 ///   0         left        at            the end
@@ -36,9 +36,10 @@ fn partition_on<const N: usize, const AXIS: usize>(
     }
 }
 
-/// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned alone;
-/// `bins` are the chunks' bins, which tell how many primitives of a chunk belong to the left side. Then, the primitives
-/// that still lie on the wrong side of the whole node exchange their positions.
+/// Does the same as [`partition`], but on all cores. First, each chunk of `chunk` primitives is partitioned
+/// alone. `bins` has an element for each chunk, from which the number of the chunk's primitives on the left
+/// side follows. Then, the primitives that still lie on the wrong side of the whole node exchange their
+/// positions.
 ///
 /// ```text
 ///   chunk 0    chunk 1     chunk 2
@@ -66,8 +67,8 @@ pub(super) fn partition_chunks<const N: usize>(
     pairs(rights, lefts).into_par_iter().for_each(|[right, left]| right.swap_with_slice(left));
 }
 
-/// Returns the parts of `primitives` in the given ranges of indices, which ascend; `first` is the index of the first
-/// primitive.
+/// Returns the parts of `primitives` that lie in `ranges`. The ranges consist of indices in the whole node,
+/// and are in ascending order. `first` is the index of the first element of `primitives` in the whole node.
 fn pieces<'a>(
     mut primitives: &'a mut [Primitive],
     first: usize,
@@ -83,7 +84,7 @@ fn pieces<'a>(
     pieces
 }
 
-/// Cuts two lists of pieces, with equally many primitives in all, into pairs of pieces of equal lengths.
+/// Cuts two lists of pieces, whose total lengths are equal, into pairs of pieces of equal lengths.
 fn pairs<'a>(
     one: Vec<&'a mut [Primitive]>,
     other: Vec<&'a mut [Primitive]>,

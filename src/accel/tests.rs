@@ -36,8 +36,8 @@ fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     }))
 }
 
-/// Returns the distance along a ray at which it hits a triangle: Moeller and Trumbore, "Fast, minimum
-/// storage ray/triangle intersection", 1997, in f64.
+/// Returns the distance at which a ray hits a triangle, by the test of Moeller and Trumbore ("Fast, minimum
+/// storage ray/triangle intersection", 1997) in f64; `None` for a miss.
 fn hit_distance(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f64> {
     let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
     let (e1, e2, p) = (b - a, c - a, direction.cross(c - a));
@@ -134,9 +134,9 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
 }
 
-/// The triangles are far apart along each axis in turn. Each split by cost separates few triangles from the rest. With
-/// such splits alone, the tree would be far deeper than with halves of equal numbers of triangles, into which the
-/// builder splits nodes from a depth of 64 on.
+/// The triangles are far apart along each axis in turn, so each split by cost separates only few triangles
+/// from the rest. With splits by cost alone, the tree would be far deeper. From a depth of 64 on, the builder
+/// therefore splits nodes into halves with equal numbers of triangles.
 #[test]
 fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {

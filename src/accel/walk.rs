@@ -8,7 +8,7 @@ use glam::DVec3;
 pub struct Hit {
     /// The triangle's number in the mesh.
     pub triangle: u32,
-    /// Distance along the ray, in units of its direction's length.
+    /// Distance along the ray, in units of the length of the ray's direction.
     pub distance: f64,
 }
 
@@ -64,8 +64,8 @@ impl WideBvh {
     }
 }
 
-/// Returns the distance along a ray at which it enters a box, or 0 if it begins in the box. Returns `None`
-/// for a miss. A miss by no more than a few rounding errors of f64 counts as a hit.
+/// Returns the distance at which a ray enters a box, or 0 if the ray begins in the box. Returns `None` if the
+/// ray misses the box. A miss by no more than a few rounding errors of f64 counts as a hit.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

@@ -1,4 +1,5 @@
-//! Trees in the form that devices read: up to 32 children per node, bounds as rows of floats.
+//! Trees in the form that devices read: each node has up to 32 children, whose boxes are stored as rows of
+//! floats.
 
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
@@ -38,9 +39,9 @@ use rayon::prelude::*;
 ///
 /// # Order
 ///
-/// The inner children of a node are contiguous. They are followed by all nodes below the first of them, then by all
-/// nodes below the second, and so on. A node's triangles are contiguous in leaf order; `order` maps an index in leaf
-/// order to the triangle's number in the mesh.
+/// The inner children of a node are contiguous. After these children come all nodes below the first child,
+/// then all nodes below the second child, and so on. A node's triangles are contiguous in leaf order; `order`
+/// maps an index in leaf order to the triangle's number in the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
     /// Children per node: 2, 4, 8, 16 or 32.
@@ -73,7 +74,7 @@ impl Subtree {
         Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Returns whether the subtree becomes an inner node. A subtree becomes a leaf if a leaf can hold all its
+    /// Returns true if the subtree becomes an inner node. A subtree becomes a leaf if a leaf can hold all its
     /// triangles.
     fn is_inner(&self, leaf_size: usize) -> bool {
         self.count as usize > leaf_size && !self.is_leaf
@@ -119,19 +120,20 @@ impl WideBvh {
         Self::new(Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's children, the
-    /// function starts with the node's binary subtree as the only child. The function then repeatedly replaces a child
-    /// by the two children of this child in the binary tree, until all slots are used or only leaves of the binary tree
-    /// are left. First, only children with more than `leaf_size` triangles are replaced, the one of largest surface
-    /// area first. If slots are still unused, smaller children are replaced in the same order, since testing an unused
-    /// slot costs as much as testing a used one. Leaves therefore become as small as the slots allow, but never smaller
-    /// than the leaves of the binary tree. The binary tree should therefore be built with the leaf size that is
-    /// fastest.
+    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find a node's
+    /// children, the function starts with the node's binary subtree as the only child. It then repeatedly
+    /// replaces a child by the two children of this child in the binary tree, until all slots are used or
+    /// only leaves of the binary tree are left. First, only children with more than `leaf_size` triangles are
+    /// replaced, the one of largest surface area first. If slots are still unused, smaller children are
+    /// replaced in the same order, since testing an unused slot costs as much as testing a used one. Leaves
+    /// therefore become as small as the slots allow, but never smaller than the leaves of the binary tree.
+    /// Build the binary tree with the leaf size that is fastest.
     ///
     /// # Errors
     ///
-    /// Fails if the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or is
-    /// below that of the binary tree, or if there are more than 33,554,432 triangles or nodes.
+    /// Fails if the width is not one of [`Self::WIDTHS`], if the leaf size is not in `1..=63`, if a leaf of
+    /// the binary tree has more triangles than the leaf size, or if there are more than 33,554,432 triangles
+    /// or nodes.
     pub fn new(bvh: Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(&bvh, width, leaf_size)?;
         let mut wide = Self::unused(width);
@@ -211,8 +213,8 @@ impl WideBvh {
         self.nodes.len() / self.stride
     }
 
-    /// Returns the largest number of stack entries that a traversal needs. The stack holds all children that are not
-    /// yet visited, including those of the current node.
+    /// Returns the largest number of stack entries that a traversal needs. The stack holds all children that
+    /// are not yet visited, including the current node's children.
     pub fn stack_size(&self) -> usize {
         self.depth as usize * (self.width - 1) + 1
     }
@@ -270,8 +272,9 @@ impl WideBvh {
     }
 }
 
-/// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the largest
-/// surface first. Stops when there are `width` subtrees, or when none of them has more than `least` triangles.
+/// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the
+/// largest surface first. Stops when there are `width` subtrees, or when only leaves of the binary tree and
+/// subtrees with at most `least` triangles are left.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));

@@ -7,7 +7,7 @@ use crate::error::{Error, Result, meant};
 use crate::scene;
 use crate::settings;
 use crate::sources::Sources;
-use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, fastest, preset};
+use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, fastest, preset, preset_names};
 use crate::words::quote;
 use clap::CommandFactory as _;
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
@@ -110,7 +110,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 /// `=`. `named` is the preset at the beginning of the text, if there is one, and `axes` are all parts of the
 /// text except this preset. The advice depends on `part`. If `part` is a second preset, the advice says that
 /// a strategy has only one. If `part` is a preset but the text begins with none, the advice is to write
-/// `part` at the beginning. If `part` is not a preset, the advice shows the form of a strategy.
+/// `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
+/// Otherwise, the advice shows the form of a strategy.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
     let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
@@ -123,7 +124,15 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: --strategy {part},{}", others.join(","))
         }
-        (Err(_), _) => "name a preset first, then axes with their values: --strategy deferred,width=4".to_owned(),
+        (Err(_), _) => match AXES.iter().find(|axis| axis.name == part) {
+            Some(axis) => {
+                let values: Vec<_> = axis.values().into_iter().map(|(value, _)| value).collect();
+                format!("give the axis a value: {part} = {}", values.join(" or "))
+            }
+            None => {
+                "name at most one preset, then axes with their values: --strategy deferred,width=4".to_owned()
+            }
+        },
     })
 }
 
@@ -178,8 +187,7 @@ fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let allows = |name: &&str| {
         requested_strategy(Some(*name), set, *chosen).is_ok_and(|strategy| strategy.check().is_ok())
     };
-    let presets = PRESETS.iter().map(|preset| preset.name);
-    match ["deferred"].into_iter().chain(presets).find(allows) {
+    match ["deferred"].into_iter().chain(preset_names()).find(allows) {
         Some(other) => format!(
             "raycl chose {name} for this device; name another strategy with --strategy, such as `--strategy {other}`"
         ),
@@ -372,7 +380,10 @@ mod tests {
         assert_eq!(parse_strategy("deferred,width=4")?, wide);
         assert_eq!(parse_strategy("width=4")?, wide);
         for (text, help) in [
-            ("deferred,4", "name a preset first"),
+            ("deferred,4", "name at most one preset, then axes with their values"),
+            ("width=4,4", "name at most one preset, then axes with their values"),
+            ("wide,width", "give the axis a value: width = 1 or 2 or 4"),
+            ("width=4,culling", "give the axis a value: culling = none or back"),
             ("naive,local-vectors", "a strategy has one preset, and 'local-vectors' is another one"),
             ("width=4,naive", "name the preset first: --strategy naive,width=4"),
             ("width=4,naive,culling=none", "name the preset first: --strategy naive,width=4,culling=none"),

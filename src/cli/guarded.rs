@@ -10,12 +10,13 @@ use crate::device::drivers::{Driver, crash_advice, installed, only};
 use crate::device::full_disk_advice;
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result, limit_advice};
-use crate::experiment::lists_devices;
+use crate::experiment::why_devices_are_not_listed;
 use crate::memory::{address_space_limit, readable};
 use crate::own_program::own_program;
 use crate::printer;
 use crate::program::AFRESH;
 use crate::sources::{Sources, some_of};
+use crate::threads::cores;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
@@ -48,38 +49,59 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process. If the child's exit code is 0, returns; otherwise,
-/// ends this process with this exit code. If a driver ends the child process, raycl runs the command line
-/// again without the drivers that fail. A command that reads standard input cannot run again, since its input
-/// can be read only once. If `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of
-/// the child process uses huge pages, unless the user has set `GLIBC_TUNABLES`. Commands that only measure
-/// run without huge pages, as the worker processes of `raycl run` do. If `uses_terminal` is true (for `raycl
-/// view --terminal`), the terminal is restored after the child process has ended in any way. The terminal is
-/// restored only on Unix, and only if standard input and standard output are a terminal. `opens_window` is
-/// true for `raycl view` without `--terminal`. `cl_dir` is the folder of the user's kernel files, if the
-/// command uses one: if the child process crashes, a mistake in these files is a more likely cause than a
-/// mistake in a driver.
+/// The properties of a command that decide how it runs in a child process, and what may have crashed it.
+pub struct Guarded<'a> {
+    /// True if the command reads standard input. It then cannot run again, since its input can be read only once.
+    pub reads_standard_input: bool,
+    /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
+    /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
+    /// run` do.
+    pub shows_pictures: bool,
+    /// Where the command shows pictures while it runs.
+    pub screen: Screen,
+    /// The folder of the user's kernel files, if the command uses one. If the child process crashes, a mistake in these
+    /// files is a more likely cause than a mistake in a driver.
+    pub cl_dir: Option<&'a Path>,
+}
+
+/// Where a command shows pictures while it runs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Screen {
+    /// Nowhere, for all commands except `raycl view`.
+    None,
+    /// In the terminal, for `raycl view --terminal`. The terminal is restored after the child process has ended in any
+    /// way. It is restored only on Unix, and only if standard input and standard output are a terminal.
+    Terminal,
+    /// In a window, for `raycl view` without `--terminal`.
+    Window,
+}
+
+impl Guarded<'_> {
+    fn opens_window(&self) -> bool {
+        self.screen == Screen::Window
+    }
+}
+
+/// Runs this process's command line, that of `command`, in a child process. If the child's exit code is 0, returns;
+/// otherwise, ends this process with this exit code. If a driver ends the child process, raycl runs the command line
+/// again without the drivers that fail.
 ///
 /// # Errors
 ///
 /// Fails if a driver ended the child process, and the command cannot run again without the failing drivers, for example
 /// because every driver fails. Also fails if a driver ends the second child process.
-pub fn run(
-    reads_standard_input: bool,
-    shows_pictures: bool,
-    uses_terminal: bool,
-    opens_window: bool,
-    cl_dir: Option<&Path>,
-) -> Result<()> {
-    let sets_allocator = shows_pictures && std::env::var_os(ALLOCATOR).is_none();
-    let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(processors).into()));
-    let terminal = if uses_terminal { LentTerminal::new().map_err(not_lent)? } else { None };
+pub fn run(command: &Guarded<'_>) -> Result<()> {
+    let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
+    let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
+    let terminal = match command.screen {
+        Screen::Terminal => LentTerminal::new().map_err(not_lent)?,
+        Screen::None | Screen::Window => None,
+    };
     let status = attempt(allocator.as_slice(), terminal.as_ref())?;
     if drivers_doing(status).is_none() {
         return end_as(status);
     }
-    end_as(without_broken(status, cl_dir, reads_standard_input, opens_window, terminal.as_ref())?)
+    end_as(without_broken(status, command, terminal.as_ref())?)
 }
 
 /// Tries the drivers one by one. If some of them fail, runs the command again without them. If none fails,
@@ -87,11 +109,10 @@ pub fn run(
 /// exit status of the second attempt. `status` is the exit status of the first attempt.
 fn without_broken(
     status: ExitStatus,
-    cl_dir: Option<&Path>,
-    reads_standard_input: bool,
-    opens_window: bool,
+    command: &Guarded<'_>,
     terminal: Option<&LentTerminal>,
 ) -> Result<ExitStatus> {
+    let opens_window = command.opens_window();
     let mut good = Vec::new();
     let mut broken = Vec::new();
     for driver in installed() {
@@ -102,13 +123,13 @@ fn without_broken(
     }
     let cause = drivers_doing(status).unwrap_or_default();
     if broken.is_empty() {
-        if good.len() > 1 && lists_devices(&[])?.is_some() {
+        if good.len() > 1 && why_devices_are_not_listed(&[])?.is_some() {
             return Err(not_together(&cause, &good));
         }
-        if let Some(error) = kernels_doing(status, cl_dir, opens_window) {
+        if let Some(error) = kernels_doing(status, command.cl_dir, opens_window) {
             return Err(error);
         }
-        let may_run_again = !reads_standard_input && !opens_window && terminal.is_none();
+        let may_run_again = !command.reads_standard_input && !opens_window && terminal.is_none();
         if may_run_again
             && crash(status).is_some()
             && let Some(status) = ended_afresh(&cause)?
@@ -125,7 +146,7 @@ fn without_broken(
     if good.is_empty() {
         return Err(Error::run(format!("{cause}, and no other driver is left")).with_help(crash_advice(0)));
     }
-    if reads_standard_input {
+    if command.reads_standard_input {
         return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
             .with_help("name a file instead of `-`: raycl then runs again without the drivers that fail"));
     }
@@ -133,7 +154,7 @@ fn without_broken(
     let status = attempt(&only(&good, folder.path()).map_err(no_list)?, terminal)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(kernels_doing(status, cl_dir, opens_window)
+        Some(cause) => Err(kernels_doing(status, command.cl_dir, opens_window)
             .unwrap_or_else(|| still_failing(status, &cause, opens_window, &good))),
     }
 }
@@ -271,7 +292,7 @@ fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> R
 fn why_broken(driver: &Driver) -> Result<Option<String>> {
     let folder = tempfile::tempdir().map_err(no_list)?;
     let alone = only(std::slice::from_ref(driver), folder.path()).map_err(no_list)?;
-    lists_devices(&alone)
+    why_devices_are_not_listed(&alone)
 }
 
 /// Returns a text that says how a process ended, if a driver may have ended it; otherwise `None`.

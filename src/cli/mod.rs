@@ -49,6 +49,7 @@ use crate::sources::Sources;
 use crate::threads::start_pool;
 use crate::{printer, settings};
 use colour::Colour;
+use guarded::{Guarded, Screen};
 
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 #[derive(Debug, Parser)]
@@ -175,11 +176,26 @@ impl Command {
         }
     }
 
+    /// Returns what raycl must know of the command to run it in a child process.
+    fn guarded(&self) -> Guarded<'_> {
+        Guarded {
+            reads_standard_input: self.reads_standard_input(),
+            shows_pictures: matches!(self, Self::Render(_) | Self::View(_)),
+            screen: match self {
+                Self::View(args) if args.uses_terminal() => Screen::Terminal,
+                Self::View(_) => Screen::Window,
+                _ => Screen::None,
+            },
+            cl_dir: self.cl_dir(),
+        }
+    }
+
     /// Returns true if the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         match self {
-            Self::Render(args) => args.reads_standard_input(),
-            Self::View(args) => args.reads_standard_input(),
+            Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
+                subject.reads_standard_input()
+            }
             _ => false,
         }
     }
@@ -262,11 +278,7 @@ impl Cli {
         prepare_for_drivers(self.command.measures());
         if self.command.starts_drivers() {
             if !guarded::is_inside() {
-                let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
-                let uses_terminal = matches!(&self.command, Command::View(args) if args.uses_terminal());
-                let opens_window = matches!(&self.command, Command::View(args) if !args.uses_terminal());
-                let (reads_input, cl_dir) = (self.command.reads_standard_input(), self.command.cl_dir());
-                return guarded::run(reads_input, shows_pictures, uses_terminal, opens_window, cl_dir);
+                return guarded::run(&self.command.guarded());
             }
             guarded::ends_with_its_parent();
         }

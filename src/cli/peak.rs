@@ -4,6 +4,7 @@ use super::choice::one_device;
 use super::measured::{store, until_error};
 use super::turn::hold;
 use crate::child::output_unless;
+use crate::clock::LOOK_UP;
 use crate::device::{Device, DeviceInfo, common_names, discover, matching_indices, select};
 use crate::error::{Error, Result};
 use crate::experiment::Observer;
@@ -18,11 +19,6 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-
-/// While `raycl run --peak` waits for a child process, it checks at this interval whether the user has
-/// interrupted it.
-const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// Arguments of `raycl peak`.
 #[derive(Debug, clap::Args)]

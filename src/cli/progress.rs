@@ -87,6 +87,8 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
+    /// Number of points that earlier sessions have finished, as far as this is known.
+    earlier: usize,
     /// Number of steps of all points; a step is one point in one launch (worker process). `taken` is the number of
     /// finished steps.
     steps: usize,
@@ -118,6 +120,13 @@ impl Lines {
         format!(", about {:#} left", HumanDuration(left))
     }
 
+    /// Returns a line about the points that earlier sessions have finished; `None` if there are none. `done` is the
+    /// number of all finished points: with several runs (stages), some of them were finished just now.
+    fn earlier_line(&mut self, done: usize) -> Option<String> {
+        self.earlier += done.saturating_sub(self.done);
+        (self.earlier > 0).then(|| format!("{} of {} points are done already", self.earlier, self.points))
+    }
+
     /// Returns a line with the progress followed by `text`, and remembers that a line was printed.
     fn line(&mut self, text: &str) -> String {
         self.printed_at = Some(Instant::now());
@@ -141,11 +150,9 @@ impl Observer for Lines {
     }
 
     fn resumes(&mut self, done: usize, steps: usize) {
+        self.earlier_line(done).into_iter().for_each(tell);
         (self.done, self.taken) = (done, steps);
         (self.since, self.untimed) = (None, 0);
-        if done > 0 {
-            tell(format!("{done} of {} points are done already", self.points));
-        }
     }
 
     fn advances(&mut self, steps: usize) {
@@ -434,6 +441,18 @@ mod tests {
         assert_eq!((lines.taken, lines.line("a")), (12, "[4/10] a".to_owned()));
         lines.finished(&Record::default());
         assert_eq!(lines.line("b"), "[5/10] b");
+    }
+
+    #[test]
+    fn points_that_were_finished_just_now_are_not_counted_as_done_already() {
+        let mut lines = Lines::default();
+        lines.begins(10, 30);
+        assert_eq!(lines.earlier_line(0), None);
+        assert_eq!(lines.earlier_line(2).as_deref(), Some("2 of 10 points are done already"));
+        lines.done = 2;
+        // This session finishes three points. Then the next run begins, of which four points are finished.
+        (0..3).for_each(|_| lines.finished(&Record::default()));
+        assert_eq!(lines.earlier_line(9).as_deref(), Some("6 of 10 points are done already"));
     }
 
     #[test]

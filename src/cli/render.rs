@@ -15,6 +15,7 @@ mod timeline;
 use super::choice::whole;
 use super::subject::Subject;
 use super::watch::{Watched, folders, watch};
+use crate::clock::ms_since;
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
@@ -333,7 +334,7 @@ fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
 
 /// Returns an error if `target`, a file that the command writes, is a file of the scene that [`load`] has
 /// loaded.
-fn spare_scene(target: &Target) -> Result<()> {
+fn refuse_scene_file(target: &Target) -> Result<()> {
     target.check_unread("a file of the scene", |path| INPUTS.contains(path))
 }
 
@@ -356,7 +357,7 @@ fn load(args: &Args) -> Result<Loaded> {
         animation.find_files();
     }
     if !args.motion.moves() {
-        targets(args).iter().try_for_each(spare_scene)?;
+        targets(args).iter().try_for_each(refuse_scene_file)?;
     }
     if !args.motion.animates()
         && let Some(animation) = loaded.animation.take().filter(|animation| animation.frames > 1)
@@ -389,10 +390,6 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
 const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;
-
-fn ms_since(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
-}
 
 #[cfg(test)]
 mod tests {

@@ -70,23 +70,34 @@ impl Subject {
     /// bare mesh without a camera, if the scene is a bare mesh and `up` is set, and if an azimuth or an elevation is
     /// set. If `turns` is true, such a camera is so far away that the whole scene is visible at every angle of a
     /// turntable. If `dressed` is true, a bare mesh without lights gets a ground, soft light and a sky.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the requested strategy has a mistake, before the scene is read: reading a large mesh takes seconds.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
+        let needs_tree = self.requested()?.needs_tree();
         let aspect = f64::from(self.width) / f64::from(self.height);
-        let most_triangles = self.needs_tree().then_some(WideBvh::MAX_INDEX as u64);
+        let most_triangles = needs_tree.then_some(WideBvh::MAX_INDEX as u64);
         let shot = Shot { aspect, turns, dressed, most_triangles };
         let mut loaded = load_scene_for(&self.scene, &self.overrides()?, shot)?;
         loaded.notes.extend((self.look.plain && !loaded.is_bare).then(|| PLAIN_SCENE.to_owned()));
         Ok(loaded)
     }
 
-    /// Returns true if the requested strategy needs a tree. Also returns true if neither a strategy nor an
-    /// axis is requested: to cast a scene with many triangles, raycl then chooses a strategy that needs a
-    /// tree, such as `tile`. Returns false if the request contains a mistake, which is reported later, when
-    /// the strategy is chosen.
-    fn needs_tree(&self) -> bool {
-        let strategy = preset("tile")
-            .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));
-        strategy.is_ok_and(|strategy| strategy.needs_tree())
+    /// Returns the requested strategy. Without `--strategy`, this is `tile` with the requested values of axes: to cast
+    /// a scene with many triangles, raycl then chooses a strategy that needs a tree, as `tile` does.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `--strategy` or `--set` has an unknown preset, axis or value, or if values of `--strategy` contradict
+    /// each other. Without `--strategy`, contradictions are found later, when raycl has chosen the strategy.
+    fn requested(&self) -> Result<Strategy> {
+        let text = self.strategy.as_deref();
+        let strategy = requested_strategy(text, &self.set, preset("tile")?.strategy)?;
+        if text.is_some() {
+            strategy.check()?;
+        }
+        Ok(strategy)
     }
 
     /// Returns true if raycl chooses the strategy, its axes and the local size.
@@ -169,14 +180,31 @@ mod tests {
         let needs_tree = |strategy: Option<&str>, set: &[(&str, &str)]| {
             let set = set.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
             let strategy = strategy.map(str::to_owned);
-            Subject { strategy, set, ..subject(PathBuf::new(), [1, 1]) }.needs_tree()
+            let subject = Subject { strategy, set, ..subject(PathBuf::new(), [1, 1]) };
+            subject.requested().unwrap().needs_tree()
         };
         assert!(needs_tree(None, &[]) && needs_tree(Some("bvh"), &[("object.0.triangles", "7")]));
         assert!(!needs_tree(Some("raster"), &[]) && !needs_tree(Some("naive"), &[]));
         assert!(!needs_tree(None, &[("traversal", "exhaustive")]));
         assert!(needs_tree(Some("deferred,traversal=bvh"), &[]));
-        // Both requests contain a mistake, which is reported later, when the strategy is chosen.
-        assert!(!needs_tree(Some("nothing"), &[]) && !needs_tree(None, &[("width", "7")]));
+    }
+
+    #[test]
+    fn a_mistake_in_the_strategy_is_reported_before_the_scene_is_read() {
+        let error = |strategy: Option<&str>, set: &[(&str, &str)]| {
+            let set = set.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+            let strategy = strategy.map(str::to_owned);
+            let subject = Subject { strategy, set, ..subject("missing.obj".into(), [1, 1]) };
+            subject.load(false, false).map(|_| ()).unwrap_err().to_string()
+        };
+        assert!(error(Some("nothing"), &[]).contains("'nothing'"), "{}", error(Some("nothing"), &[]));
+        assert!(error(None, &[("width", "7")]).contains("width"), "{}", error(None, &[("width", "7")]));
+        let contradiction = error(Some("tile,intersector=moller-trumbore"), &[]);
+        assert!(contradiction.contains("not allowed"), "{contradiction}");
+        assert!(error(Some("tile"), &[]).contains("missing.obj"), "{}", error(Some("tile"), &[]));
+        // raycl may choose a strategy that allows this value.
+        let chosen_later = error(None, &[("intersector", "moller-trumbore")]);
+        assert!(chosen_later.contains("missing.obj"), "{chosen_later}");
     }
 
     #[test]

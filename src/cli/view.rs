@@ -45,11 +45,6 @@ pub struct Args {
 }
 
 impl Args {
-    /// Returns true if the scene comes from standard input.
-    pub(super) fn reads_standard_input(&self) -> bool {
-        self.subject.reads_standard_input()
-    }
-
     /// Returns true if the pictures are shown in the terminal.
     pub(super) fn uses_terminal(&self) -> bool {
         self.terminal.is_some()

@@ -11,7 +11,7 @@ use super::sizes::{IMAGE_SIDE, LOCAL_SIDE};
 use super::types::Baseline;
 use super::wire::StrategyEntry;
 use crate::schema::{names, schema_by_hand};
-use crate::strategy::{AXES, AxisInfo, PRESETS};
+use crate::strategy::{AXES, AxisInfo, preset_names};
 
 /// The name of a preset.
 pub struct PresetName;
@@ -25,7 +25,7 @@ pub struct LocalSize;
 pub struct Anything;
 
 schema_by_hand! {
-    PresetName => names(PRESETS.iter().map(|preset| preset.name));
+    PresetName => names(preset_names().into_iter());
     BaselineName => names(Baseline::ALL.iter().map(|baseline| baseline.name()));
     Anything => json_schema!({});
     ImageSize => size(&IMAGE_SIDE);

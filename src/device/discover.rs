@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 use ocl::core::DeviceInfo as Query;
 
@@ -17,6 +17,7 @@ use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations, is_pocl};
 use crate::error::{Error, Result};
 use crate::memory::{address_space_limit, readable};
 use crate::sources::Sources;
+use crate::threads::{cores, locked};
 
 /// All devices, and the platforms that list none.
 #[derive(Clone, Debug, Default)]
@@ -132,7 +133,7 @@ fn survey_untested() -> Result<Survey> {
 /// While PoCL 3.1 starts, a second thread gets no device from PoCL.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-    ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+    locked(&ONE_AT_A_TIME)
 }
 
 fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
@@ -286,11 +287,6 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     }
     let lanes_are_tested = info.limits.lane_operations == LaneOperations::Barriers; // barriers work everywhere
     Device { info, platform, device, lanes_are_tested }
-}
-
-/// Returns the number of cores that this process may use, according to its affinity and control groups.
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::cache::Cache;
 use crate::error::Result;
 use crate::reader::may_write;
 use crate::sources::Sources;
+use crate::threads::cores;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -157,12 +158,11 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
 /// identifier of the system's latest start, since a driver that fails may list its devices after the next
 /// start. For example, NVIDIA's driver fails after an update, until the system is started again.
 fn key(sources: &Sources) -> Result<String> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));
     // Systems other than Linux do not have this file, so their lists stay valid after the next start of the system.
     let boot = std::fs::read_to_string(BOOT).unwrap_or_default();
     let (probe, _) = probe(sources)?;
-    Ok(key_of(&probe, (cores, boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
+    Ok(key_of(&probe, (cores(), boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
 }
 
 fn key_of(

@@ -262,7 +262,7 @@ impl DeviceInfo {
     /// Returns true if the device's compiler has an option to print registers and spills. A compiler with
     /// this option produces PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
-        self.has_extension("cl_nv_compiler_options")
+        self.extensions.iter().any(|extension| extension == "cl_nv_compiler_options")
     }
 
     /// Returns true if the device's driver can return a compiled program's binary without further work. PoCL
@@ -270,11 +270,6 @@ impl DeviceInfo {
     /// only known when a kernel starts.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
-    }
-
-    /// Returns true if the device's extensions include `name`.
-    pub fn has_extension(&self, name: &str) -> bool {
-        self.extensions.iter().any(|extension| extension == name)
     }
 }
 

@@ -5,6 +5,10 @@ mod table;
 
 pub use table::{Multiprocessor, capabilities, multiprocessor};
 
+/// The number of registers per thread in the paper.
+pub const PAPER_REGISTERS: u32 = 63;
+/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
+pub const PAPER_CAPABILITY: &str = "2.0";
 /// Threads per warp.
 const WARP: u64 = 32;
 /// Largest number of threads in a work-group, on every compute capability in `table.rs`.

@@ -7,9 +7,10 @@ use super::DeviceInfo;
 use super::errors::{EXECUTING, without_frame};
 use crate::error::Error;
 use crate::printer;
+use crate::threads::locked;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock};
 
 /// The remedy if a driver breaks down.
 const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists other devices, and --device chooses one";
@@ -79,7 +80,7 @@ pub(crate) fn forget_failures() {
 }
 
 fn known() -> MutexGuard<'static, Known> {
-    KNOWN.lock().unwrap_or_else(PoisonError::into_inner)
+    locked(&KNOWN)
 }
 
 /// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] was

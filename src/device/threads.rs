@@ -3,6 +3,7 @@
 //! put two threads on the same processor for seconds while another processor is idle.
 
 use super::{DeviceKind, is_pocl};
+use crate::threads::cores;
 
 /// PoCL's environment variables for the number of its threads: the variable of version 5 and later, and the older
 /// variable, which all versions read.
@@ -28,7 +29,7 @@ pub fn is_set_by_raycl(name: &str) -> bool {
 /// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of the
 /// variables in `COUNTS`, or `OF_ALL_DRIVERS`.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
-    variables(|name| std::env::var_os(name).is_some(), allowed())
+    variables(|name| std::env::var_os(name).is_some(), cores())
 }
 
 /// PoCL's environment variable for pinning each of its threads to the processor of the same number.
@@ -40,7 +41,7 @@ const PINNED: &str = "POCL_AFFINITY";
 /// processors of the machine, or if the process may use them only for part of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     let value_of = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
-    pinning(value_of, &processors(), allowed())
+    pinning(value_of, &processors(), cores())
 }
 
 fn pinning(
@@ -78,11 +79,6 @@ fn processors() -> Vec<usize> {
     Vec::new()
 }
 
-/// Returns the number of threads that the process may run at the same time.
-fn allowed() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
 fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str, String)> {
     if COUNTS.into_iter().chain([OF_ALL_DRIVERS]).any(is_set) {
         return Vec::new();
@@ -107,7 +103,7 @@ mod tests {
         for set in ["POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS"] {
             assert!(variables(|name| name == set, 3).is_empty(), "{set}");
         }
-        assert!(allowed() >= 1);
+        assert!(cores() >= 1);
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Keeps a list of the locks that threads of this process hold or wait for. The list is needed because a
 //! locked file does not show who holds the lock: another process, or another thread of this process.
 
+use crate::threads::locked;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 /// The files of the locks that threads of this process hold or wait for.
 static CLAIMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -25,5 +26,5 @@ impl Drop for Claim {
 }
 
 fn claimed() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    CLAIMED.lock().unwrap_or_else(PoisonError::into_inner)
+    locked(&CLAIMED)
 }

@@ -10,6 +10,7 @@ mod name;
 pub use folder::check as check_folder;
 pub use name::LockName;
 
+use crate::clock::LOOK_UP;
 use crate::error::{Error, Result};
 use claim::Claim;
 use folder::Folder;
@@ -18,11 +19,6 @@ use std::fs::{File, TryLockError};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-
-/// The interval at which a waiting process checks whether the device is free or the user has interrupted the
-/// process.
-const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// The locks of the devices, and whether to wait for a lock that another process holds.
 #[derive(Clone, Debug)]

@@ -44,7 +44,7 @@ impl Documents {
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Returns the positions at which the text of a document differs from the records.
+    /// Returns the differences between the text of a document and the records, and the text's mistakes.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()

@@ -62,7 +62,7 @@ const NUMBERS: [(&str, Form, Number); 19] = [
         let items = across * down;
         Some(f64::from(items) / f64::from(items.next_multiple_of(32)))
     }),
-    ("pixels", Form::Count, |record| Some(record.image_size.iter().map(|side| f64::from(*side)).product())),
+    ("pixels", Form::Count, |record| Some(record.pixels())),
 ];
 
 type Text = fn(&Record) -> Option<String>;
@@ -76,8 +76,8 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Returns whether a word names a figure. The name of a PTX instruction, such as `ld.global`, also names a figure: the
-/// number of such instructions in the kernel.
+/// Returns true if a word names a figure. The name of a PTX instruction, such as `ld.global`, also names a
+/// figure: the number of such instructions in the main kernel.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction
@@ -85,7 +85,8 @@ pub fn is_figure(word: &str) -> bool {
         || TEXTS.iter().any(|(name, _)| *name == word)
 }
 
-/// Returns the figure with this name from a record.
+/// Returns the figure with this name from a record, or [`Figure::Nothing`] if the record does not contain the
+/// figure.
 pub fn figure(record: &Record, name: &str) -> Figure {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
         return text(record).map_or_else(|| nothing(record), Figure::Words);
@@ -97,7 +98,8 @@ pub fn figure(record: &Record, name: &str) -> Figure {
     number.map_or_else(|| nothing(record), |(value, form)| Figure::Number(value, form))
 }
 
-/// Returns how many instructions of a kind the record's main kernel has.
+/// Returns how many instructions with this name the record's main kernel has; `None` if they were not
+/// counted.
 fn instructions(record: &Record, name: &str) -> Option<u32> {
     let counts = record.main_kernel()?.instruction_counts.as_ref()?;
     Some(counts.instructions.get(name).copied().unwrap_or(0))

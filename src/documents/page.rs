@@ -6,9 +6,9 @@ use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
 
-/// Text at the beginning of a block, before its name.
+/// The line before a block begins with this text. The block's name follows.
 const BEGIN: &str = "<!-- figures: ";
-/// Text at the end of a block.
+/// The line after a block.
 const END: &str = "<!-- end of figures -->";
 
 /// A difference between a document and the records.
@@ -113,8 +113,9 @@ impl Page {
         self.push(&made);
     }
 
-    /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number before
-    /// the comment.
+    /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number
+    /// before the comment, and reports the reason in `wrong`. If the answer differs from `stands`, reports
+    /// this in `stale`.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let answer = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();

@@ -1,8 +1,9 @@
-//! Reads and answers queries. A query names a record and one of its figures (numbers and texts). It can state how the
-//! figure is rounded.
+//! Reads and answers queries. A query selects a record and one of the record's figures (numbers and texts),
+//! and may say how the figure is rounded.
 //!
-//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life
-//! / local-vectors 8x8 still-life, 2 digits`. CONTRIBUTING.md documents this syntax.
+//! A query has the form `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`. For example, `h200/figure-8:
+//! naive 8x8 still-life / local-vectors 8x8 still-life, 2 digits` asks for a ratio of two times.
+//! CONTRIBUTING.md documents this syntax.
 
 use super::occupancy::threads;
 use super::of_record::{Figure, Form, MEDIAN, figure, is_figure};
@@ -33,7 +34,7 @@ pub struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// Reads a query.
+    /// Reads a query. The error names the mistake.
     pub fn parse(text: &'a str) -> Result<Self, String> {
         let mut parts = text.split(", ");
         let mut operands: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -72,8 +73,8 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if there is no figure. `Err`
-    /// describes a mistake in the query, or says why a source cannot be read.
+    /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if there is no
+    /// figure. The error names a mistake in the query, or says why a source cannot be read.
     pub fn answer(&self, sources: &Sources) -> Result<Figure, String> {
         let answered = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
@@ -109,14 +110,15 @@ struct Side {
 }
 
 impl Side {
-    /// If the record has a median but no 95% interval, returns in brackets why it has none, such as " (n = 3)".
-    /// Otherwise, returns an empty text.
+    /// Returns the reason why the median has no 95% interval, such as " (n = 3)". Returns an empty text if
+    /// the median has an interval, or if the value is not a median.
     fn few(&self) -> String {
         let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
         few.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
     }
 
-    /// Returns why the value is not known well enough for a ratio.
+    /// Returns the reason why the value cannot be used in a ratio: there is no value, or too few samples.
+    /// Otherwise, returns `None`.
     fn obstacle(&self) -> Option<String> {
         match &self.value {
             Figure::Nothing(why) => Some(why.clone()),
@@ -137,8 +139,9 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all reports:
-/// from pairs of samples that were measured close in time.
+/// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all
+/// reports, from pairs of samples that were measured close in time. Returns [`Figure::Nothing`] with the
+/// reason if there is no quotient.
 fn quotient(one: &Side, other: &Side) -> Figure {
     let both = one.median_of.as_ref().zip(other.median_of.as_ref());
     let quotient = match (both, &one.value, &other.value) {
@@ -155,7 +158,8 @@ fn quotient(one: &Side, other: &Side) -> Figure {
     }
 }
 
-/// Returns the value at a JSON pointer (RFC 6901).
+/// Returns the value at a JSON pointer (RFC 6901), which `words` contains. Returns an error if there is no
+/// value.
 fn at(value: &Value, words: &[&str]) -> Result<Figure, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -216,9 +220,9 @@ fn grown(records: &[&Record], across: &str) -> Figure {
     })
 }
 
-/// Returns whether a word names a value of a record: its name, its scene, a baseline's strategy, its local size
-/// ("8x8"), its image size ("@800x500"), its number of triangles ("triangles=1026"), or a value of an axis
-/// ("width=8").
+/// Returns true if a word names a value of the record: the name, the scene, a baseline's strategy, the local
+/// size ("8x8"), the image size ("@800x500"), the number of triangles ("triangles=1026"), or a value of an
+/// axis ("width=8").
 fn is(record: &Record, word: &str) -> bool {
     let size = |[across, down]: [u32; 2]| format!("{across}x{down}");
     let axis = || match word.split_once('=') {

@@ -39,8 +39,8 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Returns the number of claims for each verdict, then a table with one row per claim: its sentence, its place in the
-/// paper and, for each device, the verdict with one comparison that decided it.
+/// Returns the number of claims for each verdict, then a table with one row per claim. A row has the claim's
+/// sentence, the place in the paper and, for each device, the verdict with one comparison that decided it.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let reproductions: Vec<Value> =
         devices.iter().map(|device| reproduction(sources, device)).collect::<Result<_, _>>()?;
@@ -68,8 +68,9 @@ fn counted(head: &str, claims: &[Value]) -> String {
     format!("- {head}, {} claims: {}.", claims.len(), counts.join(", "))
 }
 
-/// Returns a claim's verdict, and the first comparison with that verdict. A claim is also unclear if some of its
-/// comparisons hold and the others cannot be made; then the first comparison that cannot be made is returned.
+/// Returns a claim's verdict, and the first comparison with that verdict. If some comparisons hold and all
+/// others cannot be made, the claim is unclear although no comparison is unclear. In this case, returns the
+/// first comparison that cannot be made.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);

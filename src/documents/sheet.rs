@@ -81,8 +81,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers that define the digits or the unit of the row's numbers. In a query, they follow the
-    /// column's modifiers.
+    /// Returns the modifiers for the digits or the unit of the row's numbers, or an empty text. In a query,
+    /// the row's modifiers follow the column's modifiers.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),
@@ -121,7 +121,7 @@ pub struct Sheet {
     made: RefCell<HashMap<String, Lines>>,
 }
 
-/// The lines of a block, or the reason why it has none.
+/// The lines of a block, or the reason why they cannot be computed.
 type Lines = std::result::Result<Vec<String>, String>;
 
 impl Sheet {
@@ -201,7 +201,7 @@ impl Sheet {
     }
 }
 
-/// Formats a row of Markdown.
+/// Formats a row of a Markdown table.
 pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
 }

@@ -25,8 +25,8 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Makes the sources of a repository. `folders` states which folder the first part of a source's name
-    /// represents.
+    /// Makes the sources of the repository at `root`. `folders` maps the first part of a source's name to a
+    /// folder.
     pub fn new(root: &Path, folders: BTreeMap<String, String>) -> Self {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }
@@ -42,7 +42,8 @@ impl Sources {
         Ok(source)
     }
 
-    /// Returns a folder of results.
+    /// Returns the folder of results with this name. Returns an error if the source is a JSON file or cannot
+    /// be read.
     pub fn folder(&self, name: &str) -> Result<Folder, String> {
         match &*self.get(name)? {
             Source::Folder(folder) => Ok(folder.clone()),

@@ -52,7 +52,8 @@ fn has_digit(word: &str) -> bool {
     word.contains(|c: char| c.is_ascii_digit())
 }
 
-/// Returns whether a word is a name, such as H200, f32 or AVX-512: a name begins with a letter and contains no `=`.
+/// Returns true if a word is a name, such as H200, f32 or AVX-512: a name begins with a letter and contains
+/// no `=`.
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
@@ -97,7 +98,7 @@ fn without(text: &str, phrase: &str) -> String {
     result + rest
 }
 
-/// Returns whether the phrase continues the last word of the text before it.
+/// Returns true if the phrase continues the last word or number of the text before the phrase.
 fn number_begins(phrase: &str, before: &str) -> bool {
     let first_is_number = phrase.starts_with(|c: char| c.is_alphanumeric());
     let part = before.ends_with(|c: char| c.is_alphanumeric() || c == '-' || c == '±');
@@ -106,7 +107,7 @@ fn number_begins(phrase: &str, before: &str) -> bool {
     first_is_number && (part || decimal)
 }
 
-/// Returns whether the text after a phrase continues the phrase's last word.
+/// Returns true if the text after a phrase continues the phrase's last word or number.
 fn number_goes_on(after: &str) -> bool {
     let mut next = after.chars();
     match next.next() {

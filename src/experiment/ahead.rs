@@ -12,18 +12,18 @@ pub(super) use room::Room;
 
 use super::protocol::Built;
 use crate::accel::FINGERPRINT;
+use crate::clock::{LOOK_UP, ms_since};
 use crate::device_lock::LockName;
 use crate::error::{Error, Result};
 use crate::program::ProgramCache;
+use crate::threads::locked;
 use crate::words::counted;
 use builder::{Patience, Pool};
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The interval at which a waiting thread checks whether the user has interrupted the run.
-const LOOK_UP: Duration = Duration::from_millis(100);
 /// If the scene is small, idle builders (builders without a program to build) keep their processes, since new
 /// processes would have to start their drivers again. A scene is small if the memory for builders could hold
 /// the scene this many times for each builder. The memory that programs and drivers need is not counted,
@@ -134,7 +134,7 @@ struct Closing<'a>(&'a Ahead);
 
 impl Drop for Closing<'_> {
     fn drop(&mut self) {
-        let mut state = self.0.locked();
+        let mut state = locked(&self.0.state);
         state.closed = true;
         state.waiting.clear();
         self.0.changed.notify_all();
@@ -175,25 +175,25 @@ impl Ahead {
 
     /// Returns the counts of the programs built so far.
     pub fn tally(&self) -> Tally {
-        *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
+        *locked(&self.tally)
     }
 
     /// Lets builders begin to build programs for the devices with these locks. The caller knows that no other
     /// process measures on these devices.
     pub fn go_on(&self, devices: &[LockName]) {
-        self.locked().free.extend(devices.iter().cloned());
+        locked(&self.state).free.extend(devices.iter().cloned());
         self.changed.notify_all();
     }
 
     /// Lets builders begin no more programs for the devices with these locks, on which another process
     /// measures. Builders still complete programs that they have begun.
     pub fn pause(&self, devices: &[LockName]) {
-        self.locked().free.retain(|device| !devices.contains(device));
+        locked(&self.state).free.retain(|device| !devices.contains(device));
     }
 
     /// Requests the programs of points, in the order of the points.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
-        let mut state = self.locked();
+        let mut state = locked(&self.state);
         for order in points.into_iter().filter_map(N::order) {
             if !state.ordered.insert(order.program.clone()) {
                 continue;
@@ -215,7 +215,7 @@ impl Ahead {
         let start = Instant::now();
         self.order([&*point]);
         let Some(Order { program, .. }) = point.order() else { return Ok(()) };
-        let mut state = self.locked();
+        let mut state = locked(&self.state);
         while !state.done.contains_key(&program) {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the run was ended"));
@@ -225,7 +225,7 @@ impl Ahead {
         }
         point.hears(state.done.get_mut(&program).and_then(Option::take));
         drop(state);
-        self.counted(|tally| tally.waited_ms += start.elapsed().as_secs_f64() * 1e3);
+        self.counted(|tally| tally.waited_ms += ms_since(start));
         Ok(())
     }
 
@@ -260,7 +260,7 @@ impl Ahead {
     /// Waits until there is a program that the builder `number` (counted from 0) may begin to build, and
     /// returns true. Returns false if the run has ended.
     fn has_next(&self, number: usize) -> bool {
-        let mut state = self.locked();
+        let mut state = locked(&self.state);
         while !state.closed && self.index_of_next(&state, number).is_none() {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -270,7 +270,7 @@ impl Ahead {
     /// Takes the next program that the builder `number` may begin to build. Returns `None` if there is no
     /// such program now.
     fn next(&self, number: usize) -> Option<Order> {
-        let mut state = self.locked();
+        let mut state = locked(&self.state);
         let index = self.index_of_next(&state, number)?;
         state.waiting.remove(index)
     }
@@ -298,20 +298,20 @@ impl Ahead {
                 programs.name(&program.name(), key);
             }
         }
-        self.locked().done.insert(program, built);
+        locked(&self.state).done.insert(program, built);
         self.changed.notify_all();
     }
 
     /// Returns the number of programs that were requested.
     #[cfg(test)]
     pub(super) fn ordered(&self) -> usize {
-        self.locked().ordered.len()
+        locked(&self.state).ordered.len()
     }
 
     /// Returns true if builders may begin programs on a job's device.
     #[cfg(test)]
     pub(super) fn may_build_on(&self, job: usize) -> bool {
-        self.is_free(&self.locked(), job)
+        self.is_free(&locked(&self.state), job)
     }
 
     fn is_stored(&self, program: &Program) -> bool {
@@ -319,10 +319,6 @@ impl Ahead {
     }
 
     fn counted(&self, count: impl FnOnce(&mut Tally)) {
-        count(&mut self.tally.lock().unwrap_or_else(PoisonError::into_inner));
-    }
-
-    fn locked(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        count(&mut locked(&self.tally));
     }
 }

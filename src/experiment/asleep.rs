@@ -2,7 +2,7 @@
 //! With these workers, tests on one machine can imitate many machines and killed processes. The workers open
 //! no device and take no device lock.
 
-use super::draft::{Drafter, Hashed};
+use super::draft::{Drafter, HeldScene};
 use super::protocol::{Reply, Request};
 use super::request_handler::no_such_point;
 use super::{Plan, Point};
@@ -67,14 +67,14 @@ pub struct Asleep<'a> {
     plan: Plan,
     frame: Duration,
     device: DeviceInfo,
-    scene: Option<(usize, Hashed)>,
+    scene: HeldScene,
 }
 
 impl<'a> Asleep<'a> {
     /// Makes a value that answers requests about the points of a plan. Each frame takes `frame_ms` milliseconds.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
-        Self { drafter, plan, frame, device: device(frame_ms), scene: None }
+        Self { drafter, plan, frame, device: device(frame_ms), scene: HeldScene::default() }
     }
 
     /// Answers a request: a check passes without casting anything, and a cast only waits for the time of a frame.
@@ -94,15 +94,7 @@ impl<'a> Asleep<'a> {
 
     fn check(&mut self, number: usize) -> Result<Reply> {
         let point: Point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        let is_loaded = self
-            .scene
-            .as_ref()
-            .is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size));
-        if !is_loaded {
-            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
-            self.scene = Some((point.scene, Hashed::load(choice, point.image_size)?));
-        }
-        let (_, at) = self.scene.as_ref().ok_or_else(no_such_point)?;
+        let at = self.scene.of(self.drafter.experiment, &point)?;
         let mut record = self.drafter.draft(&point, point.device.map(|_| &self.device), at)?;
         (record.outcome, record.image_hash) = (Outcome::Measured, Some(String::new()));
         Ok(Reply::Checked { record: Box::new(record), ready: true })

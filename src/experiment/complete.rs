@@ -134,7 +134,7 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 /// no separate pass for primary rays, the rates of primary rays and of tests are computed from the time of the whole
 /// frame.
 fn rates(record: &mut Record) {
-    let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
+    let pixels = record.pixels();
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };
     record.rays_per_s = Some(pixels / primary_ms * 1e3);
     if record.tests_every_triangle() {

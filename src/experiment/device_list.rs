@@ -41,7 +41,7 @@ fn failed(why: impl std::fmt::Display) -> Error {
 /// # Errors
 ///
 /// Fails if the child process cannot be started.
-pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
+pub fn why_devices_are_not_listed(variables: &[(&str, OsString)]) -> Result<Option<String>> {
     let answer = ask_with(None, variables)?;
     Ok(answer.err())
 }

@@ -45,8 +45,42 @@ impl Hashed {
     }
 
     /// Returns true if the scene's camera suits images of this size.
-    pub fn suits(&self, image_size: [u32; 2]) -> bool {
+    fn suits(&self, image_size: [u32; 2]) -> bool {
         self.framed_for.is_none_or(|size| have_one_shape(size, image_size))
+    }
+}
+
+/// The scene that a process holds while it handles one point after another.
+#[derive(Default)]
+pub struct HeldScene {
+    /// The scene, and its number in the experiment; `None` before the first scene is loaded.
+    held: Option<(usize, Hashed)>,
+}
+
+impl HeldScene {
+    /// Returns true if the held scene is the scene of this point, with the camera for the point's images.
+    pub fn is_of(&self, point: &Point) -> bool {
+        self.held.as_ref().is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size))
+    }
+
+    /// Returns the scene of a point of the experiment, with the camera for the point's images. Loads this scene unless
+    /// it is already held. The old scene is dropped first, since two large scenes may not fit into memory together.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the scene cannot be loaded. In this case, no scene is held any more.
+    pub fn of(&mut self, experiment: &Experiment, point: &Point) -> Result<&Hashed> {
+        if !self.is_of(point) {
+            self.held = None;
+        }
+        let (_, at) = match &mut self.held {
+            Some(held) => held,
+            empty => {
+                let at = Hashed::load(&experiment.scenes[point.scene], point.image_size)?;
+                empty.insert((point.scene, at))
+            }
+        };
+        Ok(at)
     }
 }
 
@@ -236,6 +270,26 @@ mod tests {
         let point = Plan::new(&experiment, 1).points[0];
         let record = drafter.draft(&point, Some(&asleep::device(1.0)), &at).unwrap();
         assert_eq!((record.triangles, record.lights), (Some(1), Some(3)));
+    }
+
+    #[test]
+    fn a_held_scene_is_loaded_once_and_dropped_before_another_one_is_loaded() {
+        let mut experiment = super::super::fixtures::experiment("local_sizes = [4, 8]");
+        experiment.scenes.push(SceneChoice::file("no/such/scene.toml"));
+        let points = Plan::new(&experiment, 1).points;
+        let (first, second) = (points[0], points[1]);
+        assert_eq!([first.scene, second.scene], [0; 2]);
+        let mut held = HeldScene::default();
+        assert!(!held.is_of(&first));
+        let scene = Arc::clone(&held.of(&experiment, &first).unwrap().scene);
+        assert!(Arc::ptr_eq(&scene, &held.of(&experiment, &second).unwrap().scene) && held.is_of(&second));
+        let dropped = Arc::downgrade(&scene);
+        drop(scene);
+        assert!(dropped.upgrade().is_some(), "the scene is still held");
+        // The other scene cannot be loaded. The first one was dropped nevertheless, since it was dropped before.
+        let missing = Point { scene: 1, ..first };
+        assert!(held.of(&experiment, &missing).is_err());
+        assert!(dropped.upgrade().is_none() && !held.is_of(&first));
     }
 
     #[test]

@@ -1,11 +1,10 @@
 //! Predicts what a run would do, without compiling anything.
 
-use super::pending::{Kernels, of_point};
-use super::{Past, Point, Run, Work};
+use super::pending::PendingPoint;
+use super::{Past, Plan, Run, Work};
 use crate::error::Result;
 use crate::memory::Available;
-use crate::record::HOST;
-use crate::strategy::{Afterwards, HostNeeds, Requirements, Workload};
+use crate::strategy::{Afterwards, HostNeeds, Requirements};
 use serde::Serialize;
 
 /// A point of a plan, with its predicted memory needs.
@@ -31,60 +30,54 @@ pub struct Forecast {
 /// forecast for each folder. `past` contains the run's results so far.
 pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     let available = Available::read();
-    let afterwards = Afterwards { verified: true, layers: false };
-    let scenes = run.load_scenes()?;
-    let forecast = |point: &Point, kernels: &Kernels<'_>| {
-        let label = kernels.named(point, run.experiment);
-        let scene_notes = scenes[point.scene].notes.clone();
-        let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
-            let device = HOST.to_owned();
-            let (needs, refused, not_for) = (None, None, None);
-            return Forecast { label, device, needs, refused, not_for, scene_notes, done: false };
-        };
-        let info = run.devices[device];
-        let strategy = &run.experiment.strategies[strategy].strategy;
-        let workload = Workload::of(&scenes[point.scene].scene, point.image_size, local_size);
-        let limits = run.experiment.emulate.apply(info.limits);
-        let host_needs = || HostNeeds::of(strategy, &workload, limits.is_cpu, afterwards);
-        let on_host = || host_needs().check(&available, 0).err();
-        let refused = Requirements::check(strategy, &workload, &limits).err().or_else(on_host);
+    let (plan, kernels) = (run.plan(), run.kernels()?);
+    let points = run.pending_points(&plan, &plan.whole())?;
+    let done = run.done(points.iter().flatten(), past);
+    let forecast = |pending: PendingPoint| {
+        let kernels = run.kernels_of(&pending, &kernels);
+        let (needs, refused) = kernels.during(|| needs_of(&pending, run, &plan, &available)).unzip();
         Forecast {
-            label,
-            device: info.label.clone(),
-            needs: Some(Requirements::of(strategy, &workload, limits.lane_operations)),
-            refused: refused.map(|infeasible| infeasible.reason),
-            not_for: run.not_for(point, Some(info)),
-            scene_notes,
-            done: false,
+            done: done.contains(&pending.record.key),
+            label: pending.label,
+            device: pending.record.device,
+            needs,
+            refused: refused.flatten(),
+            not_for: pending.not_for,
+            scene_notes: pending.record.scene_notes,
         }
     };
-    let kernels = run.kernels()?;
-    let plan = run.plan();
-    let mut forecasts = Vec::new();
-    for point in &plan.points {
-        let of_folder = |one: &Kernels<'_>| one.during(|| forecast(point, one));
-        forecasts.extend(of_point(&kernels, point).iter().map(of_folder));
-    }
-    if !past.records.is_empty() {
-        // The list `forecasts` has the same points as `pending`, in the same order, which is the order of the plan.
-        let pending = run.pending_points(&plan, &plan.whole())?;
-        let done = run.done(pending.iter().flatten(), past);
-        for (forecast, pending) in forecasts.iter_mut().zip(pending.iter().flatten()) {
-            forecast.done = done.contains(&pending.record.key);
-        }
-    }
-    Ok(forecasts)
+    Ok(points.into_iter().flatten().map(forecast).collect())
+}
+
+/// Returns the bytes that a point needs, and why the point does not fit, if it does not. Returns `None` for a caster on
+/// the host.
+fn needs_of(
+    pending: &PendingPoint,
+    run: &Run<'_>,
+    plan: &Plan,
+    available: &Available,
+) -> Option<(Requirements, Option<String>)> {
+    let point = &plan.points[pending.point];
+    let Work::Kernel { strategy, .. } = point.work else { return None };
+    let strategy = &run.experiment.strategies[strategy].strategy;
+    let workload = pending.workload.as_ref()?;
+    let limits = run.experiment.emulate.apply(run.devices[point.device?].limits);
+    let afterwards = Afterwards { verified: true, layers: false };
+    let host_needs = || HostNeeds::of(strategy, workload, limits.is_cpu, afterwards);
+    let on_host = || host_needs().check(available, 0).err();
+    let refused = Requirements::check(strategy, workload, &limits).err().or_else(on_host);
+    let needs = Requirements::of(strategy, workload, limits.lane_operations);
+    Some((needs, refused.map(|infeasible| infeasible.reason)))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
-    use super::super::pending::PendingPoint;
     use super::super::{asleep, fixtures};
     use super::*;
     use crate::device::{DeviceInfo, DeviceLimits};
     use crate::program::Sources;
-    use crate::record::{Outcome, Record};
+    use crate::record::{HOST, Outcome, Record};
 
     /// The device in this test is a GPU. The preset `wide` is meant for CPUs, so its points are not measured.
     #[test]

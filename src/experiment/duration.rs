@@ -32,9 +32,10 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// The longest time by which the run may exceed `time`. The run exceeds `time` if the host moves this
-    /// virtual machine's processors to other cores. Launches then wait, take more rounds, or are replaced by
-    /// additional launches.
+    /// The longest additional time that the run may need because the host moves this virtual machine's
+    /// processors to other cores. Launches then wait during their rounds, take more rounds, or are replaced by
+    /// additional launches. Waits before the first round of a launch (at most one second each) and all other
+    /// delays, such as crashes of workers, are not included.
     pub additional: Duration,
     /// Number of records of points that are not in the plan, for example because the config has changed.
     pub others: usize,
@@ -59,7 +60,7 @@ impl Run<'_> {
     /// same scene, device and strategy, scaled by the number of pixels. `past` contains the run's results so far: its
     /// finished points and its complete launches are not measured again.
     pub fn expected(&self, earlier: &[Record], past: &Past) -> Result<Expected> {
-        let launches = self.experiment.timing.launches as usize;
+        let launches = self.launches();
         let earlier = ByName::of(earlier);
         let mut expected = Expected {
             launches,
@@ -112,7 +113,7 @@ impl Run<'_> {
             let known = self.known_before(pending, &earlier);
             let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
             let known = known.unwrap_or_else(|| guessed(&pending.record));
-            let ms = self.group_ms(&[known], self.experiment.timing.launches as usize);
+            let ms = self.group_ms(&[known], self.launches());
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
             Cost {
                 point: pending.point,
@@ -124,25 +125,28 @@ impl Run<'_> {
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 
-    /// Returns a point's times in an earlier record; `None` if there is no such record. Also returns `None`
-    /// if the record says that the point did not fit on its device, but the point fits in this session.
+    /// Returns a point's times by an earlier record of the same point or, if there is none, of the same scene,
+    /// device and strategy. Returns `None` if there is no such record, or if the record has no time. Also
+    /// returns `None` if the record says that the point did not fit on its device, but the point fits in this
+    /// session.
     fn known_before(&self, pending: &PendingPoint, earlier: &ByName<'_>) -> Option<Known> {
         let before = earlier.of_same(&pending.record).filter(|before| !pending.fits_meanwhile(before));
         self.known(&pending.record, before?)
     }
 
+    /// Returns a point's times by the record `earlier`; `None` if this record has no time. `draft` is the
+    /// point's record before the point is tried.
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
         // A point that does not fit on its device takes no time. If too little memory was free during the
         // earlier run, the record is not final: the point may fit now, and then takes time.
         if earlier.outcome == Outcome::Infeasible && earlier.is_final() && point(earlier) == point(draft) {
             return Some(Known::default());
         }
-        let pixels = |record: &Record| record.image_size.iter().map(|side| f64::from(*side)).product::<f64>();
-        let larger = pixels(draft) / pixels(earlier);
+        let larger = draft.pixels() / earlier.pixels();
         let sample_ms = larger * earlier.host_median_ms? * f64::from(earlier.batch.unwrap_or(1));
         let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
         let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
-        let launches = self.experiment.timing.launches as usize;
+        let launches = self.launches();
         let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.moved_samples.unwrap_or(0);
         let samples = earlier.samples_ms.len() + left_out as usize;
         let rounds = (earlier.key == draft.key).then_some(samples / launches);
@@ -158,7 +162,7 @@ impl Run<'_> {
             points.map(|record| (record.key.as_str(), samples(&record.key))).collect();
         let end_of = |launch: u32| past.ends.get(&launch).cloned();
         let complete = complete_launches(&points, end_of, &self.stopping_rule()).len();
-        (self.experiment.timing.launches as usize).saturating_sub(complete).max(1)
+        self.launches().saturating_sub(complete).max(1)
     }
 
     /// Returns the time for this many launches of a group, in milliseconds. In the first launch, pictures are
@@ -173,7 +177,7 @@ impl Run<'_> {
     /// waits during its rounds. (Each launch may also wait for one second before its first round. This second
     /// is not included.)
     fn most_additional_ms(&self, points: &[Known], launches: usize) -> f64 {
-        let replaced = most_additional(self.experiment.timing.launches as usize);
+        let replaced = most_additional(self.launches());
         let most_rounds = f64::from(MOST_ROUNDS);
         let continued_ms = (most_rounds - 1.0 + WAITS * most_rounds) * self.rounds_ms(points);
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
@@ -279,8 +283,7 @@ impl<'a> ByName<'a> {
 /// these tests per millisecond, and the host a tenth of that number.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
-    let rays = draft.image_size.iter().map(|side| f64::from(*side)).product::<f64>()
-        * (1.0 + draft.lights.unwrap_or(1) as f64);
+    let rays = draft.pixels() * (1.0 + draft.lights.unwrap_or(1) as f64);
     let triangles = draft.triangles.unwrap_or(1) as f64;
     let tests = if draft.walks_tree() { 30.0 * (triangles + 1.0).log2() } else { triangles };
     let sample_ms = rays * tests / if draft.is_baseline() { 0.1 * TESTS_PER_MS } else { TESTS_PER_MS };

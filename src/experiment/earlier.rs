@@ -43,22 +43,22 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
     let done: HashSet<&str> = finished.map(|record| record.key.as_str()).collect();
     let mut next = 0;
     for folder in folders {
-        let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
+        let rounds = lines::<RoundLoad>(folder, ROUNDS)?;
         let mut latencies_ns: Vec<f64> = rounds.iter().filter_map(|line| line.core_to_core_ns).collect();
         latencies_ns.sort_unstable_by(f64::total_cmp);
         let near_ns = if keeps_moved_samples { f64::INFINITY } else { near_ns(&latencies_ns) };
-        let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
+        let mut samples = lines::<Sample>(folder, SAMPLES)?;
         // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's
         // folder contains them too.
         samples.retain(|sample| sample.origin.is_none());
         // Only the latencies that this attempt measured decide which of its samples count.
         let counts = |sample: &Sample| is_near(sample.core_to_core_ns, near_ns);
-        let mut ends = lines::<LaunchEnd>(&folder.join(LAUNCHES))?;
+        let mut ends = lines::<LaunchEnd>(folder, LAUNCHES)?;
         count_again(&mut ends, &samples, counts);
         samples.retain(counts);
         // If a block measures a control point only for comparison with other blocks, the record is in a separate
         // journal.
-        let controls = lines::<Record>(&folder.join(CONTROLS))?;
+        let controls = lines::<Record>(folder, CONTROLS)?;
         let is_of_control = |sample: &Sample| {
             let has_it = |record: &Record| record.sample_launches.contains(&sample.launch);
             controls.iter().any(|record| record.key == sample.key && has_it(record))
@@ -75,7 +75,7 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
             &mut sample.launch
         }));
         before.ends.extend(renumbered(ends, &numbers, |end| &mut end.launch));
-        let anchors = lines::<AnchorSample>(&folder.join(ANCHORS))?;
+        let anchors = lines::<AnchorSample>(folder, ANCHORS)?;
         before.anchors.extend(renumbered(anchors, &numbers, |line| &mut line.launch));
         before.rounds.extend(renumbered(rounds, &numbers, |line: &mut RoundLoad| {
             line.core_to_core_ns = None;
@@ -92,7 +92,7 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     let mut records: Vec<Record> = Vec::new();
     let mut indices: HashMap<String, usize> = HashMap::new();
     for folder in folders {
-        for record in latest(lines(&folder.join(RECORDS))?, |record| record.key.clone()) {
+        for record in latest(lines(folder, RECORDS)?, |record| record.key.clone()) {
             let index = *indices.entry(record.key.clone()).or_insert(records.len());
             match records.get_mut(index) {
                 Some(held) if record.rank() < held.rank() => *held = record,
@@ -153,10 +153,11 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns no
-/// lines if the file is missing, as in the folder of an attempt that was killed early.
-fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    Ok(intact_lines(read_lines_if_any(path)?, path.display()))
+/// Reads the journal `name` of a folder, which is a file with one JSON object per line, and reports damaged lines.
+/// Returns no lines if the file is missing, as in the folder of an attempt that was killed early.
+pub(super) fn lines<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
+    let path = folder.join(name);
+    Ok(intact_lines(read_lines_if_any(&path)?, path.display()))
 }
 
 /// Reports the damaged lines of a journal, and returns its other lines.

@@ -64,7 +64,7 @@ impl Run<'_> {
         let count = own().map(|pending| &pending.record.key).collect::<HashSet<_>>().len();
         let mut missing = Missing { taken: self.done(own(), results.past()) };
         let done = missing.taken.len();
-        let launches = self.experiment.timing.launches as usize;
+        let launches = self.launches();
         let controls = groups.iter().flatten().filter(|pending| pending.record.is_control).count();
         observer.begins(count, (count + controls) * launches);
         observer.resumes(done, done * launches);

@@ -14,6 +14,7 @@ use super::result_sink::ResultSink;
 use super::results::MeasuredOn;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
+use crate::clock::ms_since;
 use crate::config::SceneChoice;
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::{Held, LockName, Waiting};
@@ -103,7 +104,7 @@ impl OpenGroup {
 
     /// Returns true if the group needs no further launch.
     fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
-        are_enough(&self.whole, run.experiment.timing.launches as usize, self.near_ns(run, sink))
+        are_enough(&self.whole, run.launches(), self.near_ns(run, sink))
     }
 
     /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual distance). A
@@ -120,7 +121,7 @@ impl OpenGroup {
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
-        let launches = run.experiment.timing.launches as usize;
+        let launches = run.launches();
         if self.visits == 0 {
             self.adopt(run, sink);
         }
@@ -186,7 +187,7 @@ impl OpenGroup {
             let adopted = |sample: &Taken| self.whole.iter().any(|launch| launch.number == sample.launch);
             pending.taken.extend(taken.into_iter().filter(adopted));
         }
-        let counted = self.whole.len().min(run.experiment.timing.launches as usize);
+        let counted = self.whole.len().min(run.launches());
         sink.advances(counted * self.points.len());
     }
 
@@ -198,7 +199,7 @@ impl OpenGroup {
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
-        let left = (run.experiment.timing.launches as usize).saturating_sub(self.whole.len());
+        let left = run.launches().saturating_sub(self.whole.len());
         let devices = lock_names(run, &self.points);
         // Drivers start and programs are built only when the devices are free. This work would disturb
         // another process's measurement, and so would checks.
@@ -227,7 +228,7 @@ impl OpenGroup {
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
-                        pending.record.check_ms = Some(start.elapsed().as_secs_f64() * 1e3);
+                        pending.record.check_ms = Some(ms_since(start));
                         if let Some(built) = &pending.built {
                             pending.record.build_ms = Some(built.build_ms);
                             pending.record.build_from_cache = Some(built.from_cache);
@@ -280,7 +281,7 @@ impl OpenGroup {
         let end = measure(points.len(), &run.stopping_rule(), launch, timing.seed, &mut timed)?;
         let Timed { taken, failed, .. } = timed;
         let is_whole = matches!(end, End::Enough(_));
-        let left = (timing.launches as usize).saturating_sub(self.whole.len());
+        let left = run.launches().saturating_sub(self.whole.len());
         sink.advances(left * failed.len());
         let points = std::mem::take(&mut self.points).into_iter().zip(taken).enumerate();
         for (_, (mut pending, taken)) in points.filter(|(index, _)| !failed.contains(index)) {

@@ -1,6 +1,7 @@
 //! Baselines: the serial and the parallel caster on the host, timed by the host's clock. Also the properties of the
 //! host that affect the times of baselines.
 
+use crate::clock::ms_since;
 use crate::config::Baseline;
 use crate::image::Radiance;
 use crate::launch::FrameTimes;
@@ -46,6 +47,6 @@ pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, Fra
     };
     let start = Instant::now();
     let image = caster(scene, size);
-    let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+    let frame_ms = ms_since(start);
     (image, FrameTimes::whole(frame_ms, frame_ms))
 }

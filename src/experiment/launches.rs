@@ -8,7 +8,8 @@ use super::result_sink::ResultSink;
 use super::supervisor::Supervisor;
 use crate::error::Result;
 use crate::measure::round_order;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use crate::threads::locked;
+use std::sync::Mutex;
 
 /// Groups that still have to be visited; a visit measures one launch of a group.
 pub struct Waiting {
@@ -23,15 +24,11 @@ impl Waiting {
         Self { groups: Mutex::new(groups), seed }
     }
 
-    fn locked(&self) -> MutexGuard<'_, Vec<OpenGroup>> {
-        self.groups.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Takes the next group for a device, or for any device if `device` is `None`. Chooses at random among
     /// the groups that were visited least often; first visits follow the plan's order. Returns `None` if no
     /// group that may be measured on the device is waiting.
     fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
-        let mut groups = self.locked();
+        let mut groups = locked(&self.groups);
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
         let visits = groups.iter().filter(|group| may(group)).map(OpenGroup::visits).min()?;
         let next: Vec<usize> = (0..groups.len())
@@ -45,7 +42,7 @@ impl Waiting {
 
     fn put_back(&self, group: OpenGroup) {
         if !group.is_finished() {
-            self.locked().push(group);
+            locked(&self.groups).push(group);
         }
     }
 }
@@ -62,7 +59,7 @@ pub fn serve(
 ) -> Result<()> {
     while let Some(mut group) = waiting.take(device) {
         device.into_iter().for_each(|device| group.settle(device));
-        group.visit(run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
+        group.visit(run, supervisor, sink).inspect_err(|_| locked(&waiting.groups).clear())?;
         waiting.put_back(group);
     }
     Ok(())
@@ -112,7 +109,7 @@ mod tests {
             let taken = |device| waiting.take(Some(device)).map(|group| group.points()[0].point);
             let mut of_first: Vec<usize> = std::iter::from_fn(|| taken(0)).collect();
             of_first.sort_unstable();
-            assert_eq!((of_first, waiting.locked().len()), (vec![1, 3], 2), "seed {seed}");
+            assert_eq!((of_first, locked(&waiting.groups).len()), (vec![1, 3], 2), "seed {seed}");
         }
     }
 }

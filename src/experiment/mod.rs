@@ -49,7 +49,7 @@ mod worker;
 pub use ahead::{Ahead, Builder, Tally};
 pub use block::{Block, Cost, cut};
 pub use complete::Taken;
-pub use device_list::{find_devices, list_devices, lists_devices};
+pub use device_list::{find_devices, list_devices, why_devices_are_not_listed};
 pub use dry_run::{Forecast, dry_run};
 pub use duration::Expected;
 pub use fault::{Fault, Step};

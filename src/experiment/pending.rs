@@ -3,7 +3,7 @@
 use super::ahead::{Needs, Order, Program, Room};
 use super::check::SMALLEST;
 use super::complete::Taken;
-use super::draft::{Drafter, Hashed};
+use super::draft::{Drafter, HeldScene};
 use super::piece::Piece;
 use super::supervisor::Task;
 use super::{Built, Plan, Point, Run, Work};
@@ -29,6 +29,8 @@ pub struct PendingPoint {
     pub label: String,
     /// The point's record so far.
     pub record: Record,
+    /// The sizes and features on which the point's needs depend; `None` for a caster on the host.
+    pub workload: Option<Workload>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
     /// True if the point fits on the device, as far as that is known before a tree is built. If the point
@@ -55,6 +57,7 @@ impl PendingPoint {
             scene,
             label,
             record,
+            workload: None,
             not_for: None,
             fits: true,
             room: Room::UNLIMITED,
@@ -130,11 +133,11 @@ impl Run<'_> {
 
     /// Returns true if a point fits on a device, as far as that is known before a tree is built. A point
     /// without a device (on the host) always fits.
-    fn fits(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene) -> bool {
-        let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else { return true };
-        let workload = Workload::of(scene, point.image_size, local_size);
+    fn fits(&self, point: &Point, device: Option<&DeviceInfo>, workload: Option<&Workload>) -> bool {
+        let Work::Kernel { strategy, .. } = point.work else { return true };
+        let Some((device, workload)) = device.zip(workload) else { return true };
         let limits = self.experiment.emulate.apply(device.limits);
-        Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
+        Requirements::check(&self.experiment.strategies[strategy].strategy, workload, &limits).is_ok()
     }
 
     /// Returns how many builders (processes that hold the point's scene while they compile programs) fit into
@@ -166,19 +169,18 @@ impl Run<'_> {
         let kernels = self.kernels()?;
         let available_bytes = self.ahead.map(|_| Available::read().bytes);
         let mut groups = Vec::new();
-        let mut held: Option<(usize, Hashed)> = None;
+        let mut held = HeldScene::default();
         for piece in pieces {
             let mut points = Vec::new();
             for number in piece.point_indices() {
                 let point = &plan.points[number];
-                let at = match held.take() {
-                    Some((scene, at)) if scene == point.scene && at.suits(point.image_size) => at,
-                    _ => Hashed::load(&self.experiment.scenes[point.scene], point.image_size)?,
-                };
+                let at = held.of(self.experiment, point)?;
                 let device = point.device.map(|device| self.devices[device]);
+                let workload = workload_of(point, &at.scene);
                 for (folder_index, kernels) in of_point(&kernels, point).iter().enumerate() {
                     let drafter = &kernels.drafter;
-                    let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
+                    let draft =
+                        || (drafter.draft(point, device, at), self.fits(point, device, workload.as_ref()));
                     let (record, fits) = kernels.during(draft);
                     let room_of = |bytes| self.room(point, device, &at.scene, bytes);
                     let room = kernels.during(|| available_bytes.map_or(Room::UNLIMITED, room_of));
@@ -193,10 +195,9 @@ impl Run<'_> {
                     let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
-                    (drafted.fits, drafted.room) = (fits, room);
+                    (drafted.workload, drafted.fits, drafted.room) = (workload, fits, room);
                     points.push(drafted);
                 }
-                held = Some((point.scene, at));
             }
             if piece.control.is_some() {
                 let key = points.first().map(|pending| pending.record.key.clone());
@@ -205,6 +206,14 @@ impl Run<'_> {
             groups.push(points);
         }
         Ok(groups)
+    }
+}
+
+/// Returns the sizes and features on which a point's needs depend; `None` for a caster on the host.
+fn workload_of(point: &Point, scene: &Scene) -> Option<Workload> {
+    match point.work {
+        Work::Kernel { local_size, .. } => Some(Workload::of(scene, point.image_size, local_size)),
+        Work::Host(_) => None,
     }
 }
 
@@ -228,11 +237,20 @@ impl Run<'_> {
             .map(|(one, label)| Ok(Kernels { drafter: of(one), compared: Some((label, one.values()?)) }))
             .collect()
     }
+
+    /// Returns the folder of kernels with which `pending` is measured. `kernels` are all folders of the run.
+    pub(super) fn kernels_of<'k, 'a>(
+        &self,
+        pending: &PendingPoint,
+        kernels: &'k [Kernels<'a>],
+    ) -> &'k Kernels<'a> {
+        &kernels[pending.job / self.devices.len().max(1)]
+    }
 }
 
 /// Returns the folders of kernels with which a point is measured. A caster on the host uses no kernels, so
 /// only one folder is returned, and the caster is measured once.
-pub(super) fn of_point<'k, 'a>(kernels: &'k [Kernels<'a>], point: &Point) -> &'k [Kernels<'a>] {
+fn of_point<'k, 'a>(kernels: &'k [Kernels<'a>], point: &Point) -> &'k [Kernels<'a>] {
     let count = if point.device.is_some() { 2 } else { 1 };
     &kernels[..count.min(kernels.len())]
 }
@@ -254,7 +272,7 @@ impl Kernels<'_> {
 
     /// Formats a point for progress and logs, with the folder's label if two folders are compared: "teapot 800x500
     /// naive 16x16 (mine)".
-    pub(super) fn named(&self, point: &Point, experiment: &Experiment) -> String {
+    fn named(&self, point: &Point, experiment: &Experiment) -> String {
         let label = self.label_of(point).map_or(String::new(), |label| format!(" ({label})"));
         point.label(experiment) + &label
     }

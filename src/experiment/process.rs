@@ -9,7 +9,7 @@ use crate::program::{AFRESH, CACHE_DISABLE};
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Read, Result as IoResult, Write as _};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
@@ -144,13 +144,9 @@ impl WorkerProcess {
         }
     }
 
-    /// Waits for the end of a worker that has closed its standard output, and returns how the worker died. If
-    /// the worker does not end within [`FAREWELL`], kills the worker.
+    /// Waits for the end of a worker that has closed its standard output, and returns how the worker died.
     fn death(&mut self) -> Death {
-        if !self.ends_within(FAREWELL) {
-            let _ = self.child.kill();
-        }
-        let cause = match self.child.wait() {
+        let cause = match self.end() {
             Ok(status) => cause(status),
             Err(error) => format!("was lost ({error})"),
         };
@@ -161,15 +157,17 @@ impl WorkerProcess {
         Death { cause, last_words }
     }
 
-    fn ends_within(&mut self, limit: Duration) -> bool {
+    /// Waits for the process's end. A process that has not ended within [`FAREWELL`] is killed.
+    fn end(&mut self) -> IoResult<ExitStatus> {
         let start = Instant::now();
-        while start.elapsed() < limit {
-            if !matches!(self.child.try_wait(), Ok(None)) {
-                return true;
+        while matches!(self.child.try_wait(), Ok(None)) {
+            if start.elapsed() >= FAREWELL {
+                let _ = self.child.kill();
+                break;
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        false
+        self.child.wait()
     }
 }
 
@@ -195,15 +193,12 @@ impl Worker for WorkerProcess {
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.requests = None;
-        if !self.ends_within(FAREWELL) {
-            let _ = self.child.kill();
-        }
-        let _ = self.child.wait();
+        let _ = self.end();
     }
 }
 
 #[cfg(unix)]
-fn cause(status: std::process::ExitStatus) -> String {
+fn cause(status: ExitStatus) -> String {
     use std::os::unix::process::ExitStatusExt as _;
     match status.signal() {
         Some(signal) => match signal_hook::low_level::signal_name(signal) {
@@ -215,7 +210,7 @@ fn cause(status: std::process::ExitStatus) -> String {
 }
 
 #[cfg(not(unix))]
-fn cause(status: std::process::ExitStatus) -> String {
+fn cause(status: ExitStatus) -> String {
     format!("ended with {status}")
 }
 

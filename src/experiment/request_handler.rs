@@ -2,7 +2,7 @@
 //! the anchor.
 
 use super::check::Checker;
-use super::draft::{Drafter, Hashed};
+use super::draft::{Drafter, HeldScene};
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
 use super::ready::Ready;
@@ -30,8 +30,8 @@ pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
     checker: Checker<'a>,
-    /// The current scene, with its number.
-    scene: Option<(usize, Hashed)>,
+    /// The current scene.
+    scene: HeldScene,
     /// The current group, identified by one of its points; `entries` contains the group's points
     /// that passed the check.
     group: Option<Point>,
@@ -58,7 +58,7 @@ impl<'a> RequestHandler<'a> {
             drafter,
             plan,
             checker,
-            scene: None,
+            scene: HeldScene::default(),
             group: None,
             entries: HashMap::new(),
             anchor: None,
@@ -79,18 +79,18 @@ impl<'a> RequestHandler<'a> {
 
     fn build(&mut self, number: usize) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        self.turn_to(point)?;
-        let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
+        self.turn_to(point);
+        let at = self.scene.of(self.drafter.experiment, &point)?;
         Ok(Reply::Built(self.checker.build(&point, &at.scene)))
     }
 
     fn check(&mut self, number: usize, key: &str, verified: Option<&str>) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        self.turn_to(point)?;
+        self.turn_to(point);
+        let at = self.scene.of(self.drafter.experiment, &point)?;
         if self.watch.is_none() {
             self.watch = self.checker.device().map(|device| watch(&device.hardware));
         }
-        let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
         let own = point.device.and(self.checker.device());
         let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);
         let mut record = self.drafter.draft(&point, device, at)?;
@@ -115,25 +115,16 @@ impl<'a> RequestHandler<'a> {
     }
 
     /// Prepares for requests about a point. If the point has another scene or image size than the points in
-    /// `entries`, drops the entries. Loads the point's scene, with the camera for the point's images, unless
-    /// this scene is already loaded.
-    fn turn_to(&mut self, point: Point) -> Result<()> {
+    /// `entries`, drops the entries. If the point needs another scene than the current one, or another camera, frees
+    /// the current scene on the device.
+    fn turn_to(&mut self, point: Point) {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
-        let is_loaded = self
-            .scene
-            .as_ref()
-            .is_some_and(|(number, at)| *number == point.scene && at.suits(point.image_size));
-        if !is_loaded {
-            // The old scene is dropped first, since two large scenes may not fit into memory together.
-            self.scene = None;
+        if !self.scene.is_of(&point) {
             self.checker.leave_scene();
-            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
-            self.scene = Some((point.scene, Hashed::load(choice, point.image_size)?));
         }
-        Ok(())
     }
 
     fn anchor(&mut self) -> Result<Reply> {
@@ -148,11 +139,11 @@ impl<'a> RequestHandler<'a> {
 
     fn cast(&mut self, number: usize) -> Result<Reply> {
         let timing = &self.drafter.experiment.timing;
-        let (Some(point), Some((_, at)), Some(entry)) =
-            (self.plan.points.get(number), &self.scene, self.entries.get_mut(&number))
-        else {
+        let (Some(point), Some(entry)) = (self.plan.points.get(number), self.entries.get_mut(&number)) else {
             return Err(no_such_point());
         };
+        // The scene of a point that can be cast is loaded already.
+        let at = self.scene.of(self.drafter.experiment, point)?;
         let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
         // A caster on the host is timed by the host's clock, even if its worker has a device.
         let device = point.device.and(self.checker.device());
@@ -177,10 +168,10 @@ impl<'a> RequestHandler<'a> {
             return Ok(Reply::Refused(PointFailure::new(Outcome::LaunchFailed, reason)));
         }
         Ok(match sample {
-            Ok(times) if point.device.is_some() => {
-                Reply::Sample(FrameTimes { processor_ms, sensed: sense(times.frame_ms), ..times })
+            Ok(times) => {
+                let sensed = device.and_then(|_| sense(times.frame_ms));
+                Reply::Sample(FrameTimes { processor_ms, sensed, ..times })
             }
-            Ok(times) => Reply::Sample(FrameTimes { processor_ms, ..times }),
             Err(refused) => Reply::Refused(PointFailure::of(&refused, self.checker.device())),
         })
     }
@@ -274,6 +265,7 @@ fn changed(device: Option<&DeviceInfo>) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use super::super::draft::Hashed;
     use super::super::{Pictures, fixtures};
     use super::*;
     use crate::config;

@@ -1,7 +1,7 @@
 //! The folder into which a run writes its results.
 
 use super::complete::Taken;
-use super::earlier::{self, intact_lines};
+use super::earlier::{self, intact_lines, lines};
 use super::lock::Lock;
 use super::moved_processors::near_ns;
 use crate::device::DeviceInfo;
@@ -14,10 +14,9 @@ use crate::record::journals::{
 };
 use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, LaunchEnd, Record, RoundLoad, Sample,
-    cannot_make, own_folder, read_lines_if_any, read_records, refuse_closed, remove_leftovers,
-    renew_intervals, sync_folder,
+    cannot_make, latest, own_folder, read_records, refuse_closed, remove_leftovers, renew_intervals,
+    sync_folder,
 };
-use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -67,7 +66,7 @@ impl MeasuredOn {
 /// earlier attempts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Past {
-    /// The last record of each finished point, in the journal's order.
+    /// The last record of each finished point. The points are in the order in which they first occur in the journal.
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order of measurement.
     pub samples: HashMap<String, Vec<Taken>>,
@@ -79,12 +78,6 @@ pub struct Past {
     pub rounds: Vec<RoundLoad>,
     /// The number of the next launch.
     pub next_launch: u32,
-}
-
-/// Reads a journal, which is a file with one JSON object per line, and reports damaged lines. Returns no lines if the
-/// file is missing.
-fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
-    Ok(intact_lines(read_lines_if_any(&folder.join(name))?, name))
 }
 
 /// The remedy if the folder cannot be made or written to.
@@ -296,11 +289,11 @@ impl Past {
         if !existing::exists(&folder.join(RECORDS))? {
             return Ok(Self::default());
         }
-        let records = intact_lines(read_records(folder)?, RECORDS);
-        let controls = lines_of::<Record>(folder, CONTROLS)?;
-        let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
-        let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
-        let ends = lines_of::<LaunchEnd>(folder, LAUNCHES)?;
+        let records = intact_lines(read_records(folder)?, folder.join(RECORDS).display());
+        let controls = lines::<Record>(folder, CONTROLS)?;
+        let (samples, rounds) = (lines(folder, SAMPLES)?, lines::<RoundLoad>(folder, ROUNDS)?);
+        let anchors = lines::<AnchorSample>(folder, ANCHORS)?;
+        let ends = lines::<LaunchEnd>(folder, LAUNCHES)?;
         // A launch's number is never used again, even if a journal was lost or damaged. Records whose
         // launches have equal numbers would be compared as if they had been measured together.
         let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
@@ -312,15 +305,8 @@ impl Past {
     }
 
     fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
-        let mut past = Self::default();
-        let last: HashMap<String, usize> =
-            lines.iter().enumerate().map(|(at, record)| (record.key.clone(), at)).collect();
-        past.records = lines
-            .into_iter()
-            .enumerate()
-            .filter(|(at, r)| last.get(&r.key) == Some(at))
-            .map(|(_, r)| r)
-            .collect();
+        let records = latest(lines, |record| record.key.clone());
+        let mut past = Self { records, ..Self::default() };
         for sample in samples {
             let times = FrameTimes {
                 frame_ms: sample.ms,
@@ -426,7 +412,7 @@ mod tests {
         let second = Results::resume(folder.path(), &environment).unwrap();
         let past = second.past();
         let actual: Vec<_> = past.records.iter().map(|r| (r.key.as_str(), r.outcome)).collect();
-        assert_eq!(actual, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
+        assert_eq!(actual, [("a", Outcome::Measured), ("b", Outcome::Measured)]);
         let taken = &past.samples["c"];
         assert_eq!((taken.len(), past.next_launch, taken[0].times.host_ms), (2, 1, 1.5));
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
@@ -603,12 +589,12 @@ mod tests {
             Results::of_attempt(&second, &Environment::default(), "node7", &[first], false, false).unwrap();
         assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
         assert_eq!(results.past().ends, HashMap::from([(0, end(0))]));
-        assert_eq!(lines_of::<LaunchEnd>(&second, LAUNCHES).unwrap(), [end(0)]);
+        assert_eq!(lines::<LaunchEnd>(&second, LAUNCHES).unwrap(), [end(0)]);
         // Latencies of the earlier attempt are not used, since that attempt may have run on another machine.
         let taken = &results.past().samples["a"][0];
         assert_eq!((results.near_ns(), taken.core_to_core_ns), (f64::INFINITY, None));
-        let anchors = lines_of::<AnchorSample>(&second, ANCHORS).unwrap();
-        let rounds = lines_of::<RoundLoad>(&second, ROUNDS).unwrap();
+        let anchors = lines::<AnchorSample>(&second, ANCHORS).unwrap();
+        let rounds = lines::<RoundLoad>(&second, ROUNDS).unwrap();
         assert_eq!((anchors[0].launch, anchors[0].ms), (0, 2.5));
         assert_eq!((rounds[0].launch, rounds[0].ms), (0, 3.5));
     }

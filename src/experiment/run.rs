@@ -8,10 +8,8 @@ use super::{Block, Fault, Plan};
 use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
-use crate::error::Result;
 use crate::measure::StoppingRule;
 use crate::program::Sources;
-use crate::scene::Loaded;
 use std::path::Path;
 use std::time::Duration;
 
@@ -91,12 +89,6 @@ impl Run<'_> {
         if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
 
-    /// Loads the experiment's scenes for images of the first image size, in the experiment's order.
-    pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
-        let first_size = self.experiment.image_sizes.first().copied().unwrap_or([1, 1]);
-        self.experiment.scenes.iter().map(|choice| choice.load(first_size)).collect()
-    }
-
     /// Returns the jobs of the run's workers: one job per device, or a single job for the host if there are
     /// no devices. If the run compares two folders of kernels, the jobs for the other folder follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
@@ -132,6 +124,11 @@ impl Run<'_> {
         }
     }
 
+    /// Returns the number of launches (worker processes) of each group of points.
+    pub fn launches(&self) -> usize {
+        self.experiment.timing.launches as usize
+    }
+
     /// Returns the rule that decides when a launch has enough samples.
     pub fn stopping_rule(&self) -> StoppingRule {
         let timing = &self.experiment.timing;
@@ -141,7 +138,7 @@ impl Run<'_> {
             relative_sigma: timing.relative_sigma,
             time_limit_ms: timing.time_limit_ms,
         };
-        rule.shared_by(timing.launches as usize)
+        rule.shared_by(self.launches())
     }
 }
 

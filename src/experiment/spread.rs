@@ -10,8 +10,9 @@ use super::results::MeasuredOn;
 use super::supervisor::{Spawner, Supervisor};
 use crate::error::{Error, Result};
 use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
+use crate::threads::locked;
+use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::Builder;
 
 /// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of a
@@ -54,10 +55,6 @@ pub fn measure_spread(
         // Waits for all devices, even if a device failed.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
     })
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A sink (a receiver of results) that the threads of several devices use. The sink stores all results in one

@@ -4,6 +4,7 @@
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
 use crate::anchor;
+use crate::clock::LOOK_UP;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::{Outcome, Record};
@@ -11,8 +12,6 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The interval at which a waiting run checks whether the user has interrupted the run.
-const LOOK_UP: Duration = Duration::from_millis(100);
 /// After this many workers have died while they served requests about a point, raycl records the point as
 /// crashed. One dead worker is not enough, since it may have died from an outside cause.
 const ATTEMPTS: u32 = 2;
@@ -63,23 +62,38 @@ pub struct Death {
     pub last_words: String,
 }
 
+/// Waits for a worker's reply, for at most `limit`. Returns `None` if `interrupted` becomes true while the worker is
+/// silent; without this flag, the wait goes on after an interruption.
+pub fn reply_of(
+    worker: &mut dyn Worker,
+    limit: Duration,
+    interrupted: Option<&AtomicBool>,
+) -> Option<std::result::Result<Reply, Loss>> {
+    let mut quiet = Quiet { limit, so_far: Duration::ZERO };
+    loop {
+        match quiet.wait(worker) {
+            Wait::Reply(reply) => return Some(Ok(reply)),
+            Wait::Dead(death) => return Some(Err(Loss::Died(death))),
+            Wait::Silence if quiet.is_over() => return Some(Err(Loss::HungFor(limit))),
+            Wait::Silence if interrupted.is_some_and(|flag| flag.load(Ordering::Relaxed)) => return None,
+            Wait::Silence => {}
+        }
+    }
+}
+
 /// Adds up how long raycl has waited for a worker's reply. A single wait should end after `LOOK_UP` (or
 /// `limit`, if `limit` is shorter). If a wait takes more than twice `LOOK_UP`, raycl and its workers were
 /// stopped during the wait (by Ctrl-Z, or by a scheduler that suspends jobs), so only twice `LOOK_UP` is
 /// added.
-pub struct Quiet {
+struct Quiet {
+    /// The longest time that a worker may take to reply.
     limit: Duration,
     so_far: Duration,
 }
 
 impl Quiet {
-    /// Makes a sum of 0. `limit` is the longest time that a worker may take to reply.
-    pub fn within(limit: Duration) -> Self {
-        Self { limit, so_far: Duration::ZERO }
-    }
-
     /// Waits for a reply for a short time, at the end of which the caller can check for an interruption.
-    pub fn wait(&mut self, worker: &mut dyn Worker) -> Wait {
+    fn wait(&mut self, worker: &mut dyn Worker) -> Wait {
         let start = Instant::now();
         let reply = worker.wait(LOOK_UP.min(self.limit));
         self.so_far += start.elapsed().min(2 * LOOK_UP);
@@ -88,13 +102,13 @@ impl Quiet {
 
     /// Returns true if the sum of all waits has reached the limit. The sum also includes waits that ended
     /// with a reply, so callers ask only after [`Wait::Silence`].
-    pub fn is_over(&self) -> bool {
+    fn is_over(&self) -> bool {
         self.so_far >= self.limit
     }
 }
 
 /// Why a worker did not reply: it died, or it did not reply within this time limit.
-enum Loss {
+pub enum Loss {
     Died(Death),
     HungFor(Duration),
 }
@@ -350,28 +364,17 @@ impl<'a> Supervisor<'a> {
     }
 
     fn wait(&self, worker: &mut dyn Worker, patient: bool) -> Result<std::result::Result<Reply, Loss>> {
-        let mut quiet = Quiet::within(self.limit);
-        loop {
-            match quiet.wait(worker) {
-                Wait::Reply(reply) => return Ok(Ok(reply)),
-                // The cause of the interruption may have ended the worker too, so the worker's death does not
-                // count as a failure of the point.
-                Wait::Dead(death) => {
-                    self.stop_if_interrupted()?;
-                    return Ok(Err(Loss::Died(death)));
-                }
-                Wait::Silence if quiet.is_over() => return Ok(Err(Loss::HungFor(self.limit))),
-                Wait::Silence if !patient => self.stop_if_interrupted()?,
-                Wait::Silence => {}
-            }
+        let reply = reply_of(worker, self.limit, (!patient).then_some(self.interrupted));
+        // The cause of the interruption may have ended the worker too, so the worker's death does not count as a
+        // failure of the point.
+        if matches!(reply, Some(Err(Loss::Died(_)))) {
+            self.stop_if_interrupted()?;
         }
+        reply.ok_or_else(interruption)
     }
 
     fn stop_if_interrupted(&self) -> Result<()> {
-        match self.interrupted.load(Ordering::Relaxed) {
-            true => Err(Error::interrupted("the run was ended")),
-            false => Ok(()),
-        }
+        if self.interrupted.load(Ordering::Relaxed) { Err(interruption()) } else { Ok(()) }
     }
 
     /// Returns the failure of a point whose worker was lost; `None` if the point should be tried again.
@@ -394,6 +397,10 @@ impl<'a> Supervisor<'a> {
         let reason = format!("{twice} {end}");
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
+}
+
+fn interruption() -> Error {
+    Error::interrupted("the run was ended")
 }
 
 /// Returns true if a reply says that a device refused or failed to run a point's kernel.

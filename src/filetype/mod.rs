@@ -129,8 +129,8 @@ impl FileType {
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                // The remedy `EXPORT` advises to export a mesh. It is left out if the user wanted an experiment, since
-                // no mesh is an experiment.
+                // The remedy `EXPORT` advises to export a mesh. If the user wanted an experiment, a mesh is
+                // of no use, so this remedy is left out.
                 let none = remedy.is_empty() || wanted == Wanted::Experiment && remedy == signatures::EXPORT;
                 let help = if none { String::new() } else { format!("; {remedy}") };
                 refused(&format!("{name}, which raycl does not read"), &format!("{}{help}", wanted.read()))

@@ -33,8 +33,9 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// Returns the system's error. Also fails if `path` is not an ordinary file, if a packed file is damaged, or if a
-    /// packed file or standard input has more bytes than half of the free memory.
+    /// Fails if the system cannot open or read the file, if `path` is not an ordinary file, or if a packed
+    /// file is damaged. Also fails if standard input, or a packed file after unpacking, has more bytes than
+    /// half of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let mut head = Vec::new();
@@ -79,7 +80,8 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// Returns the system's error. Also fails if the file is too large or not UTF-8.
+    /// Fails if the system cannot read the file, if the file is larger than the limit of its kind, or if it
+    /// is not UTF-8.
     pub fn text(self, kind: Kind) -> io::Result<String> {
         reader::utf8(self.bytes(kind)?)
     }
@@ -111,10 +113,11 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::InvalidData, message))
 }
 
-/// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of triangles.
-/// A binary file that matches no known type is STL if its name ends in `.stl`, or if it begins with triangles and is
-/// cut off; the STL reader then reports the error. A JSON file whose name ends in `.gltf` is glTF, even without a key
-/// of glTF in the bytes that were read, if more bytes follow: they may contain the keys.
+/// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of
+/// triangles. A binary file that matches no known type is STL if its name ends in `.stl`, or if the file
+/// begins with triangles and is cut off; the STL reader then reports the error. A JSON file without keys of
+/// glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes may
+/// contain the keys.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
@@ -132,7 +135,8 @@ fn half_of_memory() -> u64 {
     Available::read().bytes / 2
 }
 
-/// Appends all of a stream of unknown length to `bytes`, which may then have at most `most` bytes.
+/// Appends a stream of unknown length to `bytes`. Returns an error if `bytes` then has more than `most`
+/// bytes.
 fn within_memory(stream: impl Read, most: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     let left = most.saturating_sub(bytes.len() as u64);
     stream.take(left.saturating_add(1)).read_to_end(bytes)?;
@@ -168,8 +172,8 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// When a file is opened, only its first bytes are read; this test checks that `bytes` returns the later bytes,
-    /// too.
+    /// When a file is opened, only its first bytes are read. This test checks that `bytes` also returns the
+    /// later bytes.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();

@@ -60,7 +60,8 @@ pub(super) const SIGNATURES: &[Signature] = &[
     ),
 ];
 
-/// Returns the format of a file that has a known signature.
+/// Returns the format of a file of `length` bytes that begins with `head`; `None` if the file has no known
+/// signature.
 pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     if is_utf16(head) {
         return Some(FileType::Utf16);
@@ -82,7 +83,8 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     SIGNATURES.iter().find(begins).and_then(|&(_, _, name, remedy)| foreign(name, remedy))
 }
 
-/// Recognises UTF-16 by its byte order mark, or by a zero byte after each character of Latin text.
+/// Returns true for UTF-16 text, which begins with a byte order mark, or has a zero byte after each Latin
+/// character.
 fn is_utf16(head: &[u8]) -> bool {
     let every_second_is_zero =
         |text: &[u8]| text.len() >= 8 && text.chunks_exact(2).all(|pair| matches!(pair, [b'\t'..=b'~', 0]));
@@ -93,7 +95,7 @@ fn is_utf16(head: &[u8]) -> bool {
 
 const ZIP: &str = "a zip archive";
 
-/// Returns the type of a zip file, by the names of its first entries.
+/// Returns the type of a zip file, which follows from the names of its first entries.
 fn archive(head: &[u8]) -> &'static str {
     if contains(head, b"3D/3dmodel.model") || contains(head, b"3dmanufacturing") {
         "a 3MF model"
@@ -104,15 +106,15 @@ fn archive(head: &[u8]) -> &'static str {
     }
 }
 
-/// Recognises a 3DS file by its outermost chunk, which is as long as the file, or begins with a version chunk or an
-/// editor chunk.
+/// Returns true for a 3DS file: the outermost chunk is as long as the file, or begins with a version chunk or
+/// an editor chunk.
 fn is_3ds(head: &[u8], length: u64) -> bool {
     let Some(&[b'M', b'M', a, b, c, d, low, high]) = head.get(..8) else { return false };
     let size = u64::from(u32::from_le_bytes([a, b, c, d]));
     size == length || matches!(u16::from_le_bytes([low, high]), 0x0002 | 0x3d3d)
 }
 
-/// Returns whether `text` contains `part`.
+/// Returns true if `text` contains `part`.
 pub(super) fn contains(text: &[u8], part: &[u8]) -> bool {
     text.windows(part.len()).any(|window| window == part)
 }

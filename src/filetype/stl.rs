@@ -7,14 +7,15 @@ const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Returns whether a file of `length` bytes has the length that its count of triangles requires.
+/// Returns true if a file of `length` bytes has exactly the length that its count of triangles requires.
 pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
     whole_length(head) == Some(length)
 }
 
-/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Bytes count as
-/// triangles if all normals are unit vectors or zero, all corners have coordinates of a usual size, and some triangle
-/// has three different corners. Files of other types almost never meet these conditions.
+/// Returns true if a file is shorter than its count of triangles requires, but begins with triangles. Bytes
+/// count as triangles if all normals are unit vectors or zero, all corners have coordinates of a usual size,
+/// and at least one triangle has three different corners. Files of other types almost never meet these
+/// conditions.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;
@@ -23,7 +24,8 @@ pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     triangles().all(is_triangle) && triangles().any(|[_, a, b, c]| a != b && b != c && c != a)
 }
 
-/// Returns the length in bytes that a file must have, from the count of triangles in its header.
+/// Returns the length in bytes that a file must have according to the count of triangles in its header.
+/// Returns `None` if `head` is shorter than the header.
 fn whole_length(head: &[u8]) -> Option<u64> {
     let &[a, b, c, d] = head.get(HEADER_BYTES - 4..HEADER_BYTES)? else { return None };
     let triangles = u64::from(u32::from_le_bytes([a, b, c, d]));
@@ -37,7 +39,8 @@ fn vectors(triangle: &[u8]) -> [Vec3; 4] {
     [0, 12, 24, 36].map(|at| Vec3::new(float(at), float(at + 4), float(at + 8)))
 }
 
-/// Returns whether the normal is a unit vector or zero, and the corners are numbers of a usual size.
+/// Returns true if the normal is a unit vector or zero, and each coordinate of the corners is 0 or of a usual
+/// size.
 fn is_triangle([normal, corners @ ..]: [Vec3; 4]) -> bool {
     let is_usual = |x: f32| x == 0.0 || (1e-30..1e30).contains(&x.abs());
     let has_normal = normal == Vec3::ZERO || (normal.length_squared() - 1.0).abs() < 0.02;
@@ -48,7 +51,8 @@ fn is_triangle([normal, corners @ ..]: [Vec3; 4]) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns a file with this count of triangles in its header, and with one triangle for each of these normals.
+    /// Returns a file with the count of triangles `said` in its header, and with one triangle for each
+    /// normal.
     fn file(said: u32, normals: &[Vec3]) -> Vec<u8> {
         let mut bytes = vec![0; HEADER_BYTES - 4];
         bytes.extend(said.to_le_bytes());

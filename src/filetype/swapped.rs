@@ -1,4 +1,4 @@
-//! Recognises a scene that was passed as an experiment, and the reverse.
+//! Recognises a scene that was passed as an experiment, and an experiment that was passed as a scene.
 
 use crate::error::Error;
 use std::path::Path;
@@ -10,7 +10,8 @@ const SCENE_KEYS: [&str; 4] = ["object", "light", "camera", "display"];
 const EXPERIMENT_KEYS: [&str; 7] =
     ["question", "expectation", "image_sizes", "local_sizes", "strategies", "strategy", "scenes"];
 
-/// Returns the error for an experiment that could not be read, if the file is a scene.
+/// Returns the error for an experiment that could not be read because the file is a scene. Returns `None` if
+/// the file is no scene.
 pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
@@ -20,7 +21,8 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     })
 }
 
-/// Returns the error for a scene that could not be read, if the file is an experiment.
+/// Returns the error for a scene that could not be read because the file is an experiment. Returns `None` if
+/// the file is no experiment.
 pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     let name = path.display();
     has_only(text, &EXPERIMENT_KEYS, &SCENE_KEYS).then(|| {
@@ -30,7 +32,7 @@ pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     })
 }
 
-/// Returns whether the TOML text has at least one key of the list `these` and no key of the list `others`.
+/// Returns true if the TOML text has at least one key of the list `these` and no key of the list `others`.
 fn has_only(text: &str, these: &[&str], others: &[&str]) -> bool {
     let Ok(table) = DeTable::parse(text) else { return false };
     let has = |keys: &[&str]| keys.iter().any(|key| table.get_ref().contains_key(*key));

@@ -68,7 +68,7 @@ const XML_ROOTS: &[(&str, &str)] = &[
     ("amf", "an AMF model"),
 ];
 
-/// Recognises a file that has no signature.
+/// Recognises a file without a signature by its first statement. Returns `Unclear` if no format matches.
 pub(super) fn recognise(head: &[u8]) -> FileType {
     let Some(line) = first_statement(head) else { return FileType::Unclear };
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
@@ -98,13 +98,13 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
     }
 }
 
-/// Returns the first line that is neither empty nor a comment.
+/// Returns the first line that is neither empty nor a comment, without blanks at both ends.
 fn first_statement(head: &[u8]) -> Option<&[u8]> {
     let lines = head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii);
     lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"))
 }
 
-/// Returns whether a line is `[table]`, `[[table]]` or `key = ...`.
+/// Returns true if a line has the form `[table]`, `[[table]]` or `key = ...`.
 fn is_toml(line: &[u8]) -> bool {
     let of_key = |byte: &u8| byte.is_ascii_alphanumeric() || b"_-.\"'".contains(byte);
     let key = |text: &[u8]| !text.trim_ascii().is_empty() && text.trim_ascii().iter().all(of_key);
@@ -114,7 +114,7 @@ fn is_toml(line: &[u8]) -> bool {
     named && text.iter().position(|&byte| byte == end).is_some_and(|at| key(&text[..at]))
 }
 
-/// Recognises glTF by keys that most glTF files have near their start.
+/// Returns true if JSON has the keys that most glTF files have near their start.
 fn is_gltf(head: &[u8]) -> bool {
     let has = |key: &str| contains(head, key.as_bytes());
     has("\"asset\"") && has("\"version\"")
@@ -150,7 +150,8 @@ fn root_element(head: &[u8]) -> String {
     String::new()
 }
 
-/// Returns whether the bytes are binary: text has no zero bytes and few control characters.
+/// Returns true if the bytes are binary: at least one byte is 0, or more than a tenth of the bytes are
+/// control characters that texts do not contain.
 fn is_binary(head: &[u8]) -> bool {
     let controls = head.iter().filter(|&&byte| byte < b' ' && !b"\t\n\r\x0c\x1b".contains(&byte)).count();
     head.contains(&0) || controls * 10 > head.len()

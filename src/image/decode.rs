@@ -1,5 +1,6 @@
-//! Opens the bytes of pictures for decoding. Every picture that a user or a folder of results names is opened here,
-//! since two kinds of damaged files have to be refused before the decoders of the crate `image` get them.
+//! Opens the bytes of pictures for decoding. Every picture that a user or a folder of results names is opened
+//! by [`picture_reader`]. This function refuses two kinds of damaged files before the decoders of the crate
+//! `image` get them.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use image::{ImageError, ImageFormat, ImageReader};
@@ -7,7 +8,8 @@ use std::io::{Cursor, ErrorKind};
 
 /// Number of bytes of a PNG before its first chunk.
 const PNG_SIGNATURE_BYTES: usize = 8;
-/// Number of bytes of a PNG's chunk for its type and its checksum, beside those for its length and its data.
+/// Number of bytes for the type and the checksum of a chunk in a PNG. The chunk's length and data take
+/// additional bytes.
 const PNG_CHUNK_BYTES: usize = 8;
 /// The message about a picture whose last bytes are missing.
 const CUT_OFF: &str = "the file ends before the picture does";
@@ -35,9 +37,10 @@ pub fn picture_reader(
     Ok(ImageReader::with_format(Cursor::new(bytes), format))
 }
 
-/// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png` names a chunk
-/// in the form of Rust's debug output; the returned text has only the chunk's type. Several decoders report a file that
-/// is cut off as an error of reading, which says nothing about the file.
+/// Returns a decoder's message as a part of a sentence: in one line, without a full stop. The crate `png`
+/// names a chunk in the form of Rust's debug output; the returned text has only the chunk's type. For a file
+/// that is cut off, several decoders report only that reading has failed. The returned text then says that
+/// the file is cut off.
 pub fn decoder_message(error: ImageError) -> String {
     if matches!(&error, ImageError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof) {
         return CUT_OFF.to_owned();
@@ -69,10 +72,10 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns whether a JPEG has the marker for the end of the picture after its first scan. Without this check, the part
-/// that is missing at the end of a file would become grey: the decoder reports no error. A preview in the header has
-/// markers of its own. These markers do not count: they lie in a segment (a block of the header that begins with its
-/// length), which is skipped.
+/// Returns true if a JPEG has the marker for the end of the picture after its first scan. Without this check,
+/// the part that is missing at the end of a file would become grey: the decoder reports no error. A preview
+/// in the header has markers of its own. These markers do not count: they lie in a segment (a block of the
+/// header that begins with its length), which is skipped.
 fn is_complete(bytes: &[u8]) -> bool {
     let (mut rest, mut has_scan) = (bytes, false);
     while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {

@@ -21,8 +21,8 @@ pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     picture
 }
 
-/// Returns the 8-bit picture with an alpha channel, if the image has coverage. Colours are those of the covered
-/// part of a pixel (straight alpha).
+/// Returns the 8-bit picture with an alpha channel; `None` if the image has no coverage. A pixel's colour is
+/// the colour of its covered part (straight alpha).
 pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
     if image.coverage.is_empty() {
         return None;

@@ -93,9 +93,9 @@ fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
 const LINES: Encoding =
     Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
-/// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are multiplied by
-/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards; it is
-/// written as the comments of the EXR.
+/// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are
+/// multiplied by alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be
+/// inserted afterwards. Therefore the mark is written as the EXR's comments.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
     let size = (width, image.height as usize);
@@ -121,8 +121,8 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes the output of `write` to the file. `piece` has an offset in this output, and the bytes that are inserted
-/// there.
+/// Writes the output of `write` to the file. `piece` consists of an offset in this output, and the bytes that
+/// are inserted at this offset.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

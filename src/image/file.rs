@@ -21,7 +21,7 @@ enum Format {
     Hdr,
 }
 
-/// All extensions; upper and lower case are equal.
+/// All known extensions. An extension may also be written in upper case.
 const EXTENSIONS: [(&str, Format); 5] = [
     ("png", Format::Png),
     ("jpg", Format::Jpeg),
@@ -52,8 +52,8 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     })
 }
 
-/// Checks, before any work is done, whether [`save`] would refuse a picture of this size. The reason can be the
-/// size, the file's extension, a folder that is missing or cannot be written to, or an existing file.
+/// Returns an error, before any work is done, if [`save`] would refuse a picture of this size. The reason can
+/// be the size, the file's extension, a folder that is missing or cannot be written to, or an existing file.
 pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();
@@ -85,18 +85,20 @@ fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
-/// What the values of a picture's channels are.
+/// The meaning of the values of a picture's channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// Displayed values from 0 to 1: whole numbers in the file, divided by the largest of them.
+    /// Displayed values from 0 to 1: the whole numbers in the file, divided by the largest number that fits
+    /// into the file's bits per channel.
     Displayed,
     /// Linear radiance: floating-point numbers.
     Radiance,
 }
 
-/// Reads a picture: whole numbers (PNG, JPEG) as displayed values from 0 to 1, floating-point numbers (EXR, HDR) as
-/// linear radiance. The coverage is the picture's alpha channel; it is empty if the picture is opaque. The colours are
-/// those of the file, so the colours of a transparent PNG are not multiplied by alpha.
+/// Reads a picture: whole numbers (PNG, JPEG) as displayed values from 0 to 1, floating-point numbers (EXR,
+/// HDR) as linear radiance. The coverage is the picture's alpha channel; it is empty if the picture is
+/// opaque. The colours are the file's colours, so the colours of a transparent PNG are not multiplied by
+/// alpha.
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
@@ -138,8 +140,9 @@ fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> 
     available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
 }
 
-/// Turns a grey picture into one with three colour channels of as many bits. To make floats, the crate `image` divides
-/// the values of colour channels, but multiplies grey values by a rounded factor, so that equal values would differ.
+/// Turns a grey picture into a picture with three colour channels of the same number of bits. To make floats,
+/// the crate `image` divides the values of colour channels, but multiplies grey values by a rounded factor,
+/// so that equal values would differ.
 fn with_colour_channels(picture: DynamicImage) -> DynamicImage {
     match picture {
         DynamicImage::ImageLuma8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),
@@ -195,12 +198,12 @@ pub fn save_rgb8(picture: &RgbImage, target: &Target) -> Result<()> {
     target.write(|file| if format == Format::Jpeg { jpeg(picture, file) } else { png(picture, file) })
 }
 
-/// Returns whether a file of this name has 8 bits per channel, so that [`save_rgb8`] can write it.
+/// Returns true if a file of this name has 8 bits per channel, so that [`save_rgb8`] can write it.
 pub fn shows_8_bits(path: &Path) -> bool {
     format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
-/// Returns whether a file of this name is a JPEG.
+/// Returns true if a file of this name is a JPEG.
 pub fn is_jpeg(path: &Path) -> bool {
     format(path).is_ok_and(|format| format == Format::Jpeg)
 }
@@ -210,7 +213,7 @@ fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// Returns the format that a path's extension names; `None` if it names none.
+/// Returns the format that a path's extension names; `None` if the extension is not known.
 fn known(path: &Path) -> Option<Format> {
     let extension = extension(path);
     EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format)
@@ -426,8 +429,8 @@ mod tests {
         }
     }
 
-    /// Returns a file whose beginning, up to the end of the mark by which raycl recognises its own files, comes from
-    /// one picture, and whose rest comes from another picture.
+    /// Returns a file that is put together from two pictures. The beginning comes from one picture, up to the
+    /// end of the mark by which raycl recognises its own files. The rest comes from the other picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };

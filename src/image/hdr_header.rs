@@ -9,8 +9,8 @@ const SIGNATURE: &[u8] = b"#?RADIANCE";
 /// The first bytes of the Radiance HDR pictures of some other programs. The decoder does not know these bytes.
 const OTHER_SIGNATURE: &[u8] = b"#?RGBE";
 
-/// Returns a file's bytes. If they are a Radiance HDR picture with the other signature, `#?RGBE`, the usual signature
-/// replaces it.
+/// Returns a file's bytes. If the file is a Radiance HDR picture with the other signature, `#?RGBE`, this
+/// signature is replaced by the usual one.
 pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
     if bytes.starts_with(OTHER_SIGNATURE) {
         drop(bytes.splice(..OTHER_SIGNATURE.len(), SIGNATURE.iter().copied()));
@@ -28,8 +28,8 @@ impl HdrExposure {
     ///
     /// # Errors
     ///
-    /// Fails if the header cannot be read, or if a number is not positive and finite. The error's text is written to
-    /// follow the file's name in a message.
+    /// Fails if the header cannot be read, or if a number is not positive and finite. The error's text is
+    /// meant to follow the file's name in a message.
     pub fn of(bytes: &[u8]) -> Result<Self, String> {
         if !bytes.starts_with(SIGNATURE) {
             return Ok(Self([1.0; 3]));

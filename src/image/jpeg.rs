@@ -1,5 +1,6 @@
-//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers: a decoder starts afresh
-//! after each of these markers. The decoded pixels equal those of a picture that is encoded in one piece.
+//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers: a decoder starts
+//! afresh after each of these markers. If the picture were encoded in one piece, the decoded pixels would be
+//! the same.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
@@ -122,8 +123,8 @@ fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
     Ok(file)
 }
 
-/// Joins the scan data (compressed pixels) of all bands, with a restart marker between bands. The header is that of the
-/// first band, changed to the full height.
+/// Joins the scan data (compressed pixels) of all bands, with a restart marker between bands. The header
+/// comes from the first band, with the full height.
 fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
@@ -146,7 +147,8 @@ fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     Some(file)
 }
 
-/// Returns the offset of a segment in the header.
+/// Returns the offset of the header's first segment with the marker `wanted`; `None` if the header has no
+/// such segment.
 fn segment(file: &[u8], wanted: u8) -> Option<usize> {
     let mut at = 2;
     loop {

@@ -42,8 +42,8 @@ pub struct Radiance {
     pub height: u32,
     /// Red, green and blue of each pixel; `width * height` of them.
     pub pixels: Vec<[f32; 3]>,
-    /// The share of each pixel that surfaces cover, from 0 to 1, if the background is transparent; else empty. If
-    /// `coverage` is not empty, `pixels` are multiplied by it.
+    /// If the background is transparent, the share of each pixel that surfaces cover, from 0 to 1; otherwise
+    /// empty. If `coverage` is not empty, each element of `pixels` is multiplied by the pixel's coverage.
     pub coverage: Vec<f32>,
 }
 
@@ -61,7 +61,7 @@ impl Radiance {
         self.coverage.iter_mut().zip(&other.coverage).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Divides the image by a number, which turns a sum of that many images into their mean.
+    /// Divides the image by `parts`. The sum of `parts` images thus becomes their mean.
     #[must_use]
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;
@@ -70,7 +70,8 @@ impl Radiance {
         self
     }
 
-    /// Returns the first pixel that is not finite, as column and row, and the number of such pixels.
+    /// Returns the column and row of the first pixel that is not finite, and the number of pixels that are
+    /// not finite. Returns `None` if all pixels are finite.
     pub fn not_finite(&self) -> Option<([u32; 2], usize)> {
         let infinite = |pixel: &[f32; 3]| !pixel.iter().all(|channel| channel.is_finite());
         let first = self.pixels.iter().position(infinite)? as u32;

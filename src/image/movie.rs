@@ -38,7 +38,7 @@ impl Movie {
         Self { target, size, rate, format: Format::Y4m }
     }
 
-    /// Returns whether the movie is a stream for an encoder.
+    /// Returns true if the movie is a stream for an encoder.
     pub fn is_stream(&self) -> bool {
         matches!(self.format, Format::Y4m)
     }

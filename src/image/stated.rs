@@ -1,5 +1,5 @@
-//! What the header of a Radiance HDR or OpenEXR picture states about its channels, colours and projection, where raycl
-//! assumes something.
+//! Compares what the header of a Radiance HDR or OpenEXR picture states about the picture's channels, colours
+//! and projection with what raycl assumes.
 
 use exr::meta::MetaData;
 use exr::meta::attribute::{Chromaticities, EnvironmentMap, Text};
@@ -9,15 +9,15 @@ use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
 const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-/// Chromaticities count as those of sRGB if none of their numbers differs by more than this. The
-/// chromaticities that the program Radiance itself assumes therefore count as those of sRGB.
+/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value. The
+/// chromaticities that the program Radiance itself assumes therefore count as sRGB's.
 const CLOSE: f32 = 0.03;
 /// The largest number of channels that a message names.
 const NAMED: usize = 8;
 
-/// Refuses an OpenEXR picture without the channels that the decoder reads, because the decoder's message does not name
-/// the channels of the file. Other pictures are not checked. The error's text is meant to follow the file's name in a
-/// message.
+/// Refuses an OpenEXR picture without the channels that the decoder reads (R, G and B). The decoder also
+/// refuses such a picture, but its message does not name the channels of the file. Other pictures are not
+/// checked. The error's text is meant to follow the file's name in a message.
 pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     let headers = exr_headers(bytes);
     if headers.is_empty() || headers.iter().any(is_decoded) {
@@ -33,13 +33,14 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     ))
 }
 
-/// Returns remarks on a picture whose colours are not those of sRGB, or that is a cube map. Each remark is
-/// meant to follow the file's name in a message.
+/// Returns at most two remarks on a picture: one if its header states other primaries than sRGB, and one if
+/// the header says that the picture is a cube map. Each remark is meant to follow the file's name in a message.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
+    // A picture without a layer that can be decoded is a Radiance HDR picture, or has no chromaticities.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
-    // Some programs write zeros instead of chromaticities; these zeros are ignored.
+    // Some programs write eight zeros instead of chromaticities. Such a header counts as one without chromaticities.
     let differs = |stated: &[f32; 8]| {
         let is_close = stated.iter().zip(SRGB).all(|(value, usual)| (value - usual).abs() <= CLOSE);
         !is_close && stated.iter().any(|value| *value != 0.0)
@@ -47,7 +48,7 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let primaries = stated.filter(differs).map(|[rx, ry, gx, gy, bx, by, wx, wy]| {
         format!(
             "has other primaries than sRGB (red at {rx} {ry}, green at {gx} {gy}, blue at {bx} {by}, white at {wx} \
-             {wy}); its values are not converted, so its colours differ"
+             {wy}); raycl does not convert its values to sRGB, so its colours differ from the intended ones"
         )
     });
     let map = header.and_then(|header| header.own_attributes.environment_map);
@@ -62,7 +63,8 @@ fn exr_headers(bytes: &[u8]) -> Vec<Header> {
         .map_or_else(|_| Vec::new(), |data| data.headers.into_vec())
 }
 
-/// Returns whether the decoder of the crate `image` reads this layer. It reads the first such layer of a file.
+/// Returns true if the decoder of the crate `image` can read this layer. The decoder reads the first such
+/// layer of a file.
 fn is_decoded(header: &Header) -> bool {
     let has = |name: &&str| header.channels.find_index_of_channel(&Text::from(*name)).is_some();
     !header.deep && ["R", "G", "B"].iter().all(has)
@@ -73,7 +75,8 @@ fn exr_primaries(header: &Header) -> Option<[f32; 8]> {
     Some([red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1])
 }
 
-/// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture.
+/// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture; `None` if there is
+/// no such line, or if it does not consist of eight numbers.
 fn hdr_primaries(bytes: &[u8]) -> Option<[f32; 8]> {
     let header = HdrDecoder::new(Cursor::new(bytes)).ok()?.metadata();
     let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "PRIMARIES")?;

@@ -18,6 +18,7 @@ use super::shared::Shared;
 use super::steps::{Extent, Steps};
 use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
 use super::{DeviceTree, LaunchError, Queue};
+use crate::clock::ms_since;
 use crate::manifest::ROW_FLOATS;
 use crate::scene::{Camera, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
@@ -159,7 +160,7 @@ impl Caster {
             }
         }
         self.queue.commands.finish()?;
-        Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, frames)?)
+        Ok(FrameTimes::of(&events, ms_since(start), frames)?)
     }
 
     /// Changes the camera, starting with the next frame.

@@ -34,14 +34,14 @@ pub enum LaunchError {
         /// The parameter, with its type.
         parameter: String,
     },
-    /// The program has no kernel for a role (one of a frame's tasks, such as shading): a bug in raycl. A
-    /// program contains only the kernels that its frames need.
-    #[error("a bug in raycl: this program of the kernel family {family} has no kernel for {role}")]
+    /// The program has no kernel for some work, such as shading: a bug in raycl. A program contains only the
+    /// kernels that its frames need.
+    #[error("a bug in raycl: this program of the kernel family {family} has no kernel that {work}")]
     Kernel {
         /// The family's name.
         family: &'static str,
-        /// The kernel's role.
-        role: String,
+        /// The work of the missing kernel, in words such as "casts shadow rays".
+        work: &'static str,
     },
     /// A mistake in kernel files that the user changed or added: the program lacks a kernel that raycl
     /// starts, or the kernel has other parameters than raycl's own kernel.
@@ -151,6 +151,15 @@ fn of_arguments(status: Status) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::manifest::Role;
+
+    #[test]
+    fn a_missing_kernel_is_named_by_its_work() {
+        let missing = LaunchError::Kernel { family: "tile_gpu", work: Role::Mark.work() };
+        let expected = "a bug in raycl: this program of the kernel family tile_gpu has no kernel that decides \
+                        which pixels get more samples";
+        assert_eq!(missing.to_string(), expected);
+    }
 
     #[test]
     fn memory_that_others_use_is_reported_only_where_memory_may_be_missing() {

@@ -9,6 +9,7 @@ use super::frame::{FrameTimes, Phase};
 use super::setup::{Setup, background_arguments};
 use super::steps::{Extent, Step};
 use super::{LaunchError, Queue};
+use crate::clock::ms_since;
 use crate::image::Radiance;
 use crate::manifest::Role;
 use crate::reference::half_light::HalfPictures;
@@ -61,8 +62,7 @@ impl HalfLight {
         let half = Setup { workload: &workload, ..*setup };
         let [lit, unoccluded] = [Caster::alone(half)?, Caster::alone(half)?];
         let size = |[width, height]: [u32; 2]| Int2::new(width as i32, height as i32);
-        let ratios =
-            allocate::<Float4>(setup.queue, workload.image_size.iter().map(|n| *n as usize).product())?;
+        let ratios = allocate::<Float4>(setup.queue, workload.pixels() as usize)?;
         let arguments = background_arguments(Arguments::default(), setup.scene);
         let arguments = arguments.with("half_lit", lit.image()).with("half_unoccluded", unoccluded.image());
         let arguments = arguments.with("half_size", size(workload.image_size)).with("ratios", &ratios);
@@ -94,7 +94,7 @@ impl HalfLight {
             steps.map(|step| Ok::<_, LaunchError>((Phase::Whole, step.enqueue(queue, Extent::default())?)));
         let events = events.into_iter().collect::<Result<Vec<_>, _>>()?;
         queue.commands.finish()?;
-        Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, 1)?)
+        Ok(FrameTimes::of(&events, ms_since(start), 1)?)
     }
 
     /// Changes the background, and the distance at which shadow rays start.

@@ -22,10 +22,10 @@ pub(super) struct Rounds<'p, 'a> {
     /// True if the kernel for primary rays also casts the shadow rays of the first round (the rays to the
     /// first lights).
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each
-    /// pixel as soon as it is known which shadow rays of the pixel's primary ray are blocked. False if
-    /// `fused` is false. Also false if frames cast several samples of a pixel, since a pixel then has several
-    /// primary rays.
+    /// True if the shading kernel also casts the leftover shadow rays. A group that has cast all leftover
+    /// shadow rays of a pixel then shades and stores this pixel itself. All other pixels are shaded by other
+    /// groups at the same time. False if `fused` is false. Also false if frames cast several samples of a
+    /// pixel, since a pixel then has several primary rays.
     shades_leftover: bool,
 }
 

@@ -9,6 +9,7 @@ use super::parts::Parts;
 use super::steps::{Extent, Step};
 use super::subpixels::{positions, subpixel_arguments};
 use super::{LaunchError, Queue};
+use crate::clock::ms_since;
 use crate::manifest::Role;
 use crate::scene::{Sample, SampleCounts, Sampling};
 use crate::strategy::Workload;
@@ -40,7 +41,7 @@ impl Samples {
             return Ok(None);
         }
         let blocks = workload.sampled_blocks().iter().product::<u32>() as usize;
-        let pixels = workload.image_size.iter().map(|side| *side as usize).product();
+        let pixels = workload.pixels() as usize;
         let hits_before = (workload.sky_texels > 0).then(|| allocate(queue, pixels)).transpose()?;
         let positions = allocate(queue, positions(&[]).len())?;
         let [wanted, rough] = [allocate(queue, blocks)?, allocate(queue, blocks)?];
@@ -106,7 +107,7 @@ impl Samples {
         let marked = step.enqueue(queue, Extent::default())?;
         let mut count = [0];
         self.rough_counter.cmd().queue(&queue.commands).read(&mut count[..]).enq()?;
-        let times = FrameTimes::of(&[(Phase::Whole, marked)], start.elapsed().as_secs_f64() * 1e3, 1)?;
+        let times = FrameTimes::of(&[(Phase::Whole, marked)], ms_since(start), 1)?;
         Ok((count[0] as usize, times))
     }
 

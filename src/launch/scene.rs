@@ -4,6 +4,7 @@ use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_rows};
 use super::textures::DeviceTextures;
 use super::{LaunchError, Queue};
+use crate::clock::ms_since;
 use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
 use crate::scene::{Light, Mesh, Scene, Sky, SkyPicture, Triangle};
 use crate::strategy::Strategy;
@@ -81,7 +82,7 @@ impl DeviceScene {
             soft,
             triangle_count: mesh.triangles.len(),
             textures,
-            upload_ms: start.elapsed().as_secs_f64() * 1e3,
+            upload_ms: ms_since(start),
         })
     }
 }

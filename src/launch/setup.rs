@@ -38,18 +38,12 @@ pub(super) struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// Returns the program's kernel for a role (a part of a frame, such as shading). A program contains only
-    /// the kernels that its frames need. Returns [`LaunchError::Kernel`] if the program lacks this kernel.
+    /// Returns the program's kernel for a role (some work, such as shading). A program contains only the
+    /// kernels that its frames need. Returns [`LaunchError::Kernel`] if the program lacks this kernel.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
         let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
-        kernel.ok_or_else(|| {
-            let role = match role {
-                Role::Rays => "arbitrary rays".to_owned(),
-                role => format!("{role:?}"),
-            };
-            LaunchError::Kernel { family: family.name, role }
-        })
+        kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, work: role.work() })
     }
 
     /// Returns the paths of the user's files whose headers state how much `__local` memory the kernels need: files of
@@ -89,10 +83,10 @@ impl<'a> Setup<'a> {
     }
 
     /// Returns a kernel with its arguments and with at least `across` x `down` work-items. The kernel must support
-    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. The size of the work-groups is
-    /// set explicitly, since OpenCL would choose a divisor of the number of work-items, perhaps 1. A work-group is one
-    /// row, since some devices allow only one work-item per work-group in all dimensions but the first. The row is
-    /// shorter than usual if the compiled kernel supports only fewer work-items.
+    /// work-groups of any size, and must ignore work-items beyond `across` and `down`. This function sets the size
+    /// of the work-groups, because OpenCL would choose a divisor of the number of work-items, perhaps 1. A
+    /// work-group is N x 1 work-items, because on some devices a work-group can have several work-items only in
+    /// the first dimension. N is `self.queue.group`, or less if the compiled kernel does not support so many.
     pub fn row_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -121,10 +115,14 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// The buffer for a frame's working vectors; `None` if the vectors are in private or `__local` memory.
+/// The buffers for a frame's working vectors.
 pub(super) enum Working {
+    /// The working vectors are in private or `__local` memory, so they need no buffer.
     None,
+    /// A buffer in which each work-item has a fixed place for its vectors.
     Scratch(Buffer<f32>),
+    /// A pool from which work-items allocate their vectors, and a counter of what they have allocated. `size` is
+    /// the number of varyings in the pool (a varying has one float for each ray of a work-item).
     Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
 }
 
@@ -167,7 +165,7 @@ pub(super) fn scene_arguments<'a>(
     surfaces.add_to(arguments)
 }
 
-/// Adds the arguments that soft light needs to `arguments`, if the workload has soft light: the sky with the
+/// If the workload has soft light, adds the arguments that soft light needs to `arguments`: the sky with the
 /// lights' radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,

@@ -2,14 +2,16 @@
 
 use super::band::{Band, Cost, balance, rows};
 use super::{Caster, FrameTimes, Prepared, Session};
+use crate::clock::ms_since;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::program::Sources;
 use crate::scene::{Sampling, Scene};
 use crate::strategy::{Strategy, Workload};
+use crate::threads::locked;
 use std::sync::mpsc::channel;
-use std::sync::{Arc, Barrier, Mutex, PoisonError};
+use std::sync::{Arc, Barrier, Mutex};
 use std::thread::Builder;
 use std::time::Instant;
 
@@ -216,7 +218,7 @@ impl Split<'_> {
         let session = session.among_twins(device.info.program_twin()).with_sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
-        let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
+        let build_ms = ms_since(start) - prepared.upload_ms();
         Ok(Ready { info: device.info.clone(), strategy: *strategy, prepared, build_ms })
     }
 
@@ -291,7 +293,7 @@ impl Split<'_> {
             build_ms: ready.build_ms + caster.records_ms().unwrap_or(0.0),
             upload_ms: ready.prepared.upload_ms(),
             frames,
-            read_ms: start.elapsed().as_secs_f64() * 1e3,
+            read_ms: ms_since(start),
         };
         Ok((part, hits, share))
     }
@@ -346,7 +348,7 @@ fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
     // that holds the lock is harmless.
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = locked(&TURN);
     caster.cast().map(drop).map_err(failed)
 }
 

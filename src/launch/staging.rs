@@ -2,10 +2,11 @@
 //! The pinned memory consists of two pieces: one is filled or emptied while the other is transferred.
 
 use crate::device::noted;
+use crate::threads::locked;
 use ocl::core::{enqueue_read_buffer, enqueue_write_buffer};
 use ocl::{Buffer, Event, MapFlags, MemFlags, MemMap, OclPrm, Queue};
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// Size of a piece in bytes: large enough that the cost of starting a transfer is negligible, and that all cores have
 /// work.
@@ -139,7 +140,7 @@ impl Staging {
         work: impl FnOnce(&mut Pieces) -> ocl::Result<()>,
     ) -> ocl::Result<()> {
         // If a thread panicked while it held the lock, the memory can still be used.
-        let mut stored = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut stored = locked(&self.pieces);
         let pieces = match stored.take() {
             Some(pieces) if pieces.bytes() >= bytes => pieces,
             _ => Pieces::allocate(commands, bytes.max(self.piece_bytes))?,

@@ -7,6 +7,7 @@ use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     NORMAL_FLOATS, PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_normal_rows, write_triangle_rows,
 };
+use crate::clock::ms_since;
 use crate::device::DeviceLimits;
 use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
@@ -47,7 +48,7 @@ impl HostTree {
         }
         let start = Instant::now();
         let wide = tree_of(mesh, strategy)?;
-        Ok(Some(Self { wide, build_ms: start.elapsed().as_secs_f64() * 1e3 }))
+        Ok(Some(Self { wide, build_ms: ms_since(start) }))
     }
 
     /// Builds the tree before a device is open. Returns `None` if the memory of host or device does not
@@ -164,13 +165,6 @@ impl DeviceTree {
         let tiles = strategy.traversal == Traversal::Tile;
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, strategy, &order)).transpose()?;
         queue.commands.finish()?;
-        Ok(Self {
-            nodes,
-            leaves,
-            surfaces,
-            stack_size,
-            build_ms,
-            upload_ms: start.elapsed().as_secs_f64() * 1e3,
-        })
+        Ok(Self { nodes, leaves, surfaces, stack_size, build_ms, upload_ms: ms_since(start) })
     }
 }

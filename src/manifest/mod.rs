@@ -97,6 +97,27 @@ pub enum Role {
     ApplyLight,
 }
 
+impl Role {
+    /// Returns what a kernel of this role does, as words that follow "a kernel that".
+    pub fn work(self) -> &'static str {
+        match self {
+            Self::Prepare => "prepares the planes of triangles",
+            Self::Frame => "casts a whole frame",
+            Self::Primary => "casts primary rays",
+            Self::Resolve => "finds the triangles at the nearest depths",
+            Self::Shadow => "casts shadow rays",
+            Self::Leftover => "casts leftover shadow rays",
+            Self::Shade => "shades the nearest hits",
+            Self::Background => "shows the sky",
+            Self::Rays => "casts arbitrary rays",
+            Self::Records => "prepares records of triangles",
+            Self::Mark => "decides which pixels get more samples",
+            Self::FilterLight => "filters soft light",
+            Self::ApplyLight => "applies filtered soft light",
+        }
+    }
+}
+
 /// A kernel.
 #[derive(Debug)]
 pub struct Kernel {

@@ -5,14 +5,14 @@ use super::summary::quantile;
 use std::collections::BTreeMap;
 
 /// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
-/// [`LARGEST`] - [`FEWER`] / sqrt(n). Among distributions with one mode, the uniform distribution has the
+/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the
 /// largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a
 /// simulation, 99.9% of the sets of 10 to 200 times from the uniform distribution stayed below this
 /// threshold. Therefore, if the times of a point have one mode, the probability of a dip above the threshold
 /// is at most 1 in 1000. In practice the probability is lower, since distributions of times have tails,
 /// unlike the uniform distribution.
-const LARGEST: f64 = 0.8;
-const FEWER: f64 = 0.75;
+const DIP_LIMIT: f64 = 0.8;
+const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer times than this.
 const FEWEST: usize = 10;
 /// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most this
@@ -49,7 +49,7 @@ impl Modes {
         (are_apart && are_two).then_some(modes)
     }
 
-    /// Returns true if the times' dip exceeds the threshold (see [`LARGEST`]) and two groups of the sizes
+    /// Returns true if the times' dip exceeds the threshold (see [`DIP_LIMIT`]) and two groups of the sizes
     /// `samples` can have a dip above this threshold. If n times have only two values, and the rarer value
     /// occurs k times, the dip is k / 2n. If the values within the two groups differ, the dip is larger by at
     /// most about 1 / 2n. If the smaller group is too small to cause the dip, it consists of a few samples
@@ -57,7 +57,7 @@ impl Modes {
     fn have_dip(&self, sorted: &[f64]) -> bool {
         let n = sorted.len() as f64;
         let root = n.sqrt();
-        let (least, fewer) = (LARGEST - FEWER / root, self.samples[0].min(self.samples[1]));
+        let (least, fewer) = (DIP_LIMIT - DIP_DECREASE / root, self.samples[0].min(self.samples[1]));
         dip(sorted) * root > least && (fewer as f64 + 1.0) / (2.0 * n) * root > least
     }
 

@@ -9,11 +9,13 @@ use std::collections::BTreeMap;
 pub struct Instruction {
     /// The instruction's text.
     pub text: String,
-    /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line for it.
+    /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line
+    /// for the instruction.
     pub line: Option<u32>,
-    /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label before the
-    /// instruction, or the name of the called function if this function has no label before the instruction; it is
-    /// empty before the kernel's own first label. On a CPU, the part is the name of the function.
+    /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label
+    /// before the instruction. Before the first label of a function that the kernel calls, it is this
+    /// function's name; before the kernel's own first label, it is empty. On a CPU, the part is the name of
+    /// the function.
     pub part: String,
     /// The kinds of work that the instruction does. Empty for instructions that do none of these kinds
     /// of work (such as padding and prefetches), and for instructions of processors other than x86-64 and NVIDIA GPUs.
@@ -121,7 +123,8 @@ impl Code {
         parts.map(row).collect()
     }
 
-    /// Returns whether two kernels consist of the same operations in the same order. Operands are not compared.
+    /// Returns true if two kernels consist of the same operations in the same order. Operands are not
+    /// compared.
     pub fn is_same_as(&self, other: &Self) -> bool {
         let opcodes = |code: &Self| code.instructions.iter().map(|one| one.opcode().to_owned()).collect();
         let [one, other]: [Vec<String>; 2] = [self, other].map(opcodes);

@@ -18,9 +18,9 @@ pub enum Memory {
     Private,
     /// The kernel's arguments.
     Argument,
-    /// A memory whose kind is known only when the instruction runs. On a CPU all OpenCL address spaces are the same
-    /// memory. Therefore accesses on a CPU are generic, except those that are `Private` and those to constants of the
-    /// program.
+    /// A memory whose kind is known only when the instruction runs. On a CPU all OpenCL address spaces are
+    /// the same memory. Therefore all accesses on a CPU are generic, except `Private` accesses and accesses
+    /// to constants of the program.
     Generic,
 }
 
@@ -93,8 +93,8 @@ impl Serialize for Kind {
     }
 }
 
-/// Numbers of instructions by kind. An instruction can count as two kinds: one that adds a number from memory counts as
-/// a load and as arithmetic.
+/// Numbers of instructions by kind. An instruction can count as two kinds: an instruction that adds a number
+/// from memory counts as a load and as arithmetic.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Counts(BTreeMap<Kind, u32>);

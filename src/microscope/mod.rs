@@ -1,13 +1,15 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! The program is compiled again, with a line table, from the preprocessed text that `raycl kernel` prints, but without
-//! kernels that the scene's frames do not run. In this text, `#if` conditions are already evaluated, macros are
-//! expanded, and a file that is included twice appears twice.
-//! Therefore each line of the text belongs to one place in the program only. The instructions are then read from the
-//! binary, which contains PTX text or a CPU's machine code; the program `objdump` disassembles the machine code. If
-//! `ptxas` and `nvdisasm` are installed, `ptxas` translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads it
-//! too. Without a line table, instructions are counted by parts of the kernel. PoCL compiles a kernel once more for the
-//! local size of a launch; the microscope shows this version, which a frame runs.
+//! The program is compiled again, with a line table. Its source is the preprocessed text that `raycl kernel`
+//! prints, reduced to the kernels that the scene's frames run. In this text, `#if` conditions are already
+//! evaluated, macros are expanded, and a file that is included twice appears twice. Therefore each line of
+//! the text belongs to one place in the program only.
+//!
+//! The instructions are then read from the binary, which contains PTX text or a CPU's machine code. The
+//! program `objdump` disassembles the machine code. If `ptxas` and `nvdisasm` are installed, `ptxas`
+//! translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads the SASS too. Without a line table,
+//! instructions are counted by parts of the kernel. PoCL compiles a kernel once more for the local size of a
+//! launch; the microscope shows this version, which a frame runs.
 
 mod code;
 mod elf;
@@ -33,8 +35,8 @@ use serde::Serialize;
 /// The name of the source in line tables.
 const FILE: &str = "kernel.cl";
 
-/// Options that make compilers add a line table. The first option is for NVIDIA's compiler, because
-/// `-g` would also switch off its optimisation. The second option is for all other compilers.
+/// Options that make compilers add a line table. The first option is for NVIDIA's compiler, whose
+/// optimisation `-g` would also switch off. The second option is for all other compilers.
 const LINE_TABLE: [&str; 2] = ["-nv-line-info", "-g"];
 
 /// The instructions of a program's kernels, by source line.
@@ -57,20 +59,20 @@ pub struct Listing {
     pub kernel: String,
     /// The kind of instructions (such as PTX), and the program that generated or disassembled them.
     pub made_by: &'static str,
-    /// Whether the driver generated these instructions. The spills and the occupancy that the driver reports for the
-    /// kernel apply only to the driver's own instructions.
+    /// True if the driver generated these instructions. The spills and the occupancy that the driver reports
+    /// for the kernel apply only to the driver's own instructions.
     #[serde(skip)]
     pub is_drivers: bool,
     /// The meaning of a row of `rows`.
     pub rows_are: RowsAre,
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
-    /// Whether the timed program, which has no line table, has the same operations in the same order. Operands
-    /// (registers, addresses, numbers) are not compared. `None` if this cannot be checked. `false` if
-    /// `for_any_local_size` is true.
+    /// True if the timed program, which has no line table, has the same operations in the same order.
+    /// Operands (registers, addresses, numbers) are not compared. `None` if this cannot be checked. `false`
+    /// if `for_any_local_size` is true.
     pub same_as_timed: Option<bool>,
-    /// Whether the driver is PoCL, and only its version of the kernel for any local size was found. A frame normally
-    /// runs the version for the kernel's own local size.
+    /// True if the driver is PoCL, and raycl found only PoCL's version of the kernel for any local size. A
+    /// frame normally runs the version for the kernel's own local size.
     pub for_any_local_size: bool,
     /// Number of instructions.
     pub instructions: u32,
@@ -149,9 +151,10 @@ impl Microscope {
         let options = prepared.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
         let options: Vec<&str> = options.chain([option]).collect();
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
-        // PoCL's cache treats texts that differ only in comments and line numbers as the same program, and keeps the
-        // versions for all local sizes together. The hash in an additional define makes programs with other texts, and
-        // programs whose kernels are launched with other sizes, different.
+        // PoCL's cache treats texts that differ only in comments and line numbers as the same program, and
+        // keeps the versions for all local sizes together. An additional define therefore contains a hash of
+        // the text and of the sizes with which the kernels are launched. If the text or a size differs, the
+        // program differs too.
         let hash = &blake3::hash(format!("{source}{}", pocl::sizes(caster)).as_bytes()).to_hex()[..8];
         let options = format!("{} -D LINES_OF=0x{hash}", options.join(" "));
         let spec = ProgramSpec { source, options, files: Vec::new() };
@@ -260,8 +263,8 @@ fn code_of_frame<'a>(
     run.or_else(|| Some((own.min_by_key(|code| &code.version)?, false)))
 }
 
-/// Returns whether `codes` contains the same version of the same kernel with the same operations in the same order,
-/// ignoring operands.
+/// Returns true if `codes` contains the kernel of `code` in the same version, with the same operations in the
+/// same order. Operands are not compared.
 fn is_among(codes: &[Code], code: &Code) -> bool {
     let is_version = |other: &Code| other.kernel == code.kernel && other.version == code.version;
     codes.iter().any(|other| is_version(other) && other.is_same_as(code))

@@ -36,12 +36,13 @@ impl<'a> Listing<'a> {
         }
     }
 
-    /// Returns each kernel: the instructions of its own function, then those of all functions that
-    /// it calls directly or indirectly.
+    /// Returns each kernel: the instructions of the kernel's own function, then the instructions of all
+    /// functions that the kernel calls directly or indirectly.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL read the arguments
-            // and then run a copy of this function's code. The copies have no source lines and are left out.
+            // PoCL's function for a kernel runs a whole work-group. PoCL also writes two functions that read
+            // the arguments and then run a copy of this function's code. These copies have no source lines,
+            // and are left out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let own = names.iter().find_map(|name| self.function(name))?;
             let functions = with_called(own, |(_, body)| {
@@ -102,10 +103,10 @@ fn instruction(line: &str) -> Option<(u64, &str)> {
     Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
 }
 
-/// Returns the address and the line number from a row of the line table, such as "kernel.cl 157 0x100b x". The line
-/// number is `None` if the row names another file than `file`, if the number in the row is 0 (the instruction at this
-/// address has no source line), or if the row has "-" instead of a number (a sequence of instructions ends at this
-/// address).
+/// Returns the address and the line number from a row of the line table, such as "kernel.cl 157 0x100b x".
+/// The line number is `None` in three cases: the row names another file than `file`; the number in the row is
+/// 0 (the instruction at this address has no source line); the row has "-" instead of a number (a sequence of
+/// instructions ends at this address).
 fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
     let mut words = row.split_whitespace();
     let (name, number, address) = (words.next()?, words.next()?, words.next()?);

@@ -8,10 +8,10 @@ use ocl::Kernel;
 
 /// The bytes with which PoCL's binaries begin.
 const MAGIC: &[u8] = b"poclbin\0";
-/// The most bytes of a path in a binary.
+/// The largest number of bytes of a path in a binary.
 const LONGEST: usize = 1024;
 
-/// Returns whether a binary is PoCL's.
+/// Returns true if a binary is PoCL's.
 pub fn is_pocls(binary: &[u8]) -> bool {
     binary.starts_with(MAGIC)
 }
@@ -24,10 +24,11 @@ pub fn binary_of_frame(program: &BuiltProgram, caster: &Caster) -> Vec<u8> {
     program.binary()
 }
 
-/// Returns the name of the version of a kernel whose ELF file begins at byte `at` of a binary: the name of the folder
-/// from which PoCL took the file. The name is "8-8-1-goffs0-smallgrid" for the local size 8 x 8, the global offset 0
-/// and fewer than 65,535 work-items across and down, and "0-0-0" for any local size. It is empty if the binary has an
-/// unknown layout. Returns `None` if the binary is not PoCL's.
+/// Returns the name of a version of a kernel. The version's ELF file begins at byte `at` of `binary`. The
+/// name is the name of the folder from which PoCL took the file. The name is "8-8-1-goffs0-smallgrid" for the
+/// local size 8 x 8, the global offset 0 and fewer than 65,535 work-items across and down, and "0-0-0" for
+/// any local size. The name is empty if the binary has an unknown layout. Returns `None` if the binary is not
+/// PoCL's.
 pub fn version(binary: &[u8], at: usize) -> Option<String> {
     is_pocls(binary).then(|| folder(binary, at).unwrap_or_default())
 }
@@ -44,7 +45,8 @@ fn folder(binary: &[u8], at: usize) -> Option<String> {
     path.split('/').rev().nth(1).map(str::to_owned)
 }
 
-/// Returns whether a version of a kernel is the one for a local size; false if the driver chooses the local size.
+/// Returns true if a version of a kernel is the one for `local_size`. Returns false if `local_size` is
+/// `None`, that is, if the driver chooses the local size.
 pub fn is_for(version: &str, local_size: Option<[usize; 3]>) -> bool {
     let Some([x, y, z]) = local_size else { return false };
     let rest = version.strip_prefix(&format!("{x}-{y}-{z}"));
@@ -56,8 +58,8 @@ pub fn local_size(kernel: &Kernel) -> Option<[usize; 3]> {
     kernel.default_local_work_size().to_lens().ok()
 }
 
-/// Returns the global and local sizes of a frame's kernels as text. Two frames have different texts if PoCL compiles
-/// different versions of the program's kernels for them.
+/// Returns the global and local sizes of a frame's kernels as text. If PoCL compiles different versions of
+/// the kernels for two frames, the frames have different texts.
 pub fn sizes(caster: &Caster) -> String {
     let sizes = |kernel: &Kernel| (kernel.default_global_work_size(), kernel.default_local_work_size());
     format!("{:?}", caster.kernels().map(sizes).collect::<Vec<_>>())

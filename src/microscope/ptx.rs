@@ -16,8 +16,9 @@ use super::code::{Code, Instruction, opcode, with_called};
 use super::kind::{Kind, Memory};
 use crate::program::compiled::ptx::{after_results, body_of, instruction, without_comments};
 
-/// Reads the kernels with these names: the instructions of a kernel, then those of all functions that it calls directly
-/// or indirectly. `file` is the name of the source; line numbers of other files are ignored.
+/// Reads the kernels with these names: the instructions of a kernel, then the instructions of all functions
+/// that the kernel calls directly or indirectly. `file` is the name of the source; line numbers of other
+/// files are ignored.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     let text = without_comments(ptx);
     let number = text.lines().find_map(|line| numbered(line, file));
@@ -50,8 +51,8 @@ fn called(statement: &str) -> Option<&str> {
     after_results(operands)?.trim_start_matches(is_between).split(is_between).next()
 }
 
-/// Returns whether a text before a colon is a label. The colon may also belong to "::" in an opcode. Such an opcode
-/// contains a dot before the colon, and labels contain no dots.
+/// Returns true if a text before a colon is a label. The colon may also belong to "::" in an opcode. Such an
+/// opcode contains a dot before the colon, and labels contain no dots.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
@@ -118,7 +119,8 @@ impl Reader<'_> {
     }
 }
 
-/// Returns the kinds of an instruction of `kernel`, or of a function that it calls; no kind for prefetches and pragmas.
+/// Returns the kinds of an instruction of `kernel`, or of a function that `kernel` calls. Prefetches and
+/// pragmas have no kind.
 fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
     let opcode = opcode(text);
     if let Some(name) = instruction(opcode) {

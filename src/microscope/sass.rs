@@ -40,7 +40,7 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Result<Assembled, Strin
     Ok(Assembled { codes: listed(&listing.stdout, kernels, file), log: assembled.stderr })
 }
 
-/// Returns "sm_90" from ".target sm_90, texmode_independent".
+/// Returns the model of GPU for which PTX was generated: "sm_90" from ".target sm_90, texmode_independent".
 fn target(ptx: &str) -> Option<&str> {
     let line = ptx.lines().find_map(|line| line.trim().strip_prefix(".target"))?;
     line.trim().split([',', ' ']).next().filter(|name| name.starts_with("sm_"))
@@ -76,13 +76,13 @@ fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Inst
     instructions
 }
 
-/// Returns whether a text before a colon is a label: ".L_x_1", or "$cast_frame$helper" for a function.
+/// Returns true if a text before a colon is a label: ".L_x_1", or "$cast_frame$helper" for a function.
 fn is_label(text: &&str) -> bool {
     text.starts_with(".L") || text.starts_with('$')
 }
 
-/// Returns the line 12 from `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`; `None` for files other
-/// than `file`.
+/// Returns the number of a source line; `None` for files other than `file`. The number is 12 for
+/// `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`.
 fn line_of(location: &str, file: &str) -> Option<u32> {
     let (path, rest) = location.strip_prefix('"')?.split_once('"')?;
     let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
@@ -90,7 +90,8 @@ fn line_of(location: &str, file: &str) -> Option<u32> {
     (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
 }
 
-/// Returns the instruction "@!P0 LDG.E R2, [R2]" from the line "/*0010*/  @!P0 LDG.E R2, [R2] ;".
+/// Returns the text of an instruction: "@!P0 LDG.E R2, [R2]" from the line "/*0010*/  @!P0 LDG.E R2, [R2] ;". Returns
+/// `None` if the line has no instruction.
 fn instruction(line: &str) -> Option<&str> {
     let (address, text) = line.strip_prefix("/*")?.split_once("*/")?;
     let is_address = !address.is_empty() && address.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -98,8 +99,8 @@ fn instruction(line: &str) -> Option<&str> {
     (is_address && !text.is_empty()).then_some(text)
 }
 
-/// Returns whether an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas` uses it in
-/// place of `MOV`. With `.X`, the instruction also adds a carry.
+/// Returns true if an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas`
+/// uses this instruction in place of `MOV`. With `.X`, the instruction also adds a carry.
 fn multiplies_zeros(text: &str) -> bool {
     let opcode = opcode(text);
     let multiplies = opcode.starts_with("IMAD") || opcode.starts_with("HFMA2");

@@ -43,12 +43,12 @@ const MOVES: [&str; 30] = [
     "expand",
     "pexpand",
 ];
-/// Beginnings of the names of instructions that never write to memory. If their last operand is memory, they only read
-/// it.
+/// Beginnings of the names of instructions that never write to memory. If the last operand of such an
+/// instruction is memory, the instruction only reads the memory.
 const READERS: [&str; 11] =
     ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
-/// Beginnings of the names of instructions that write their last operand without reading it. The instructions in
-/// `MOVES` do the same, but are not repeated in this list.
+/// Beginnings of the names of instructions that write their last operand but do not read the operand. The
+/// instructions in `MOVES` do the same, but are not repeated in this list.
 const WRITERS: [&str; 3] = ["set", "cvt", "stmxcsr"];
 
 /// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of

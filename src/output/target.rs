@@ -6,7 +6,7 @@ use crate::error::{Error, Result, cause, limit_advice};
 use crate::reader::in_canonical_folder;
 use serde::Serialize;
 use std::fs::File;
-use std::io::{Result as IoResult, Seek as _, Write as _};
+use std::io::{ErrorKind, Result as IoResult, Seek as _, Write};
 use std::path::{Path, PathBuf};
 
 /// The path that means standard output.
@@ -120,12 +120,17 @@ impl Target {
 /// Writes to standard output. The output is written to a temporary file first, since the hash in the mark is only known
 /// at the end, and a pipe cannot seek back to the mark.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
-    let mut file = temporary(&std::env::temp_dir(), write)?;
-    let mut out = std::io::stdout().lock();
-    std::io::copy(&mut file, &mut out).and_then(|_| out.flush()).map_err(|error| {
-        Error::run(format!("cannot write to standard output: {error}"))
-            .with_help("write to a file with `-o FILE`")
-    })
+    let file = temporary(&std::env::temp_dir(), write)?;
+    copy(file, &mut std::io::stdout().lock())
+}
+
+/// Copies the rest of a file to `out`, which is standard output. A closed pipe is not an error: its reader needs no
+/// more of the file.
+fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
+    match std::io::copy(&mut file, out).and_then(|_| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::unwritable_output(&error)),
+        _ => Ok(()),
+    }
 }
 
 /// Writes a temporary file without a name in a folder, and returns it, to be read from its beginning.
@@ -206,6 +211,30 @@ mod tests {
             assert!(error.to_string().starts_with(&expected), "{error}");
             assert!(error.exit_code() == 1 && error.remedy().contains("TMPDIR"), "{}", error.remedy());
         }
+    }
+
+    /// Standard output that cannot be written to, for this reason.
+    struct Closed(ErrorKind);
+
+    impl Write for Closed {
+        fn write(&mut self, _: &[u8]) -> IoResult<usize> {
+            Err(self.0.into())
+        }
+        fn flush(&mut self) -> IoResult<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_reader_that_goes_away_is_no_error_and_a_full_disk_is_one() {
+        let to = |kind| {
+            let file = temporary(&std::env::temp_dir(), |file| write!(file, "{}", mark::blank())).unwrap();
+            copy(file, &mut Closed(kind))
+        };
+        to(ErrorKind::BrokenPipe).unwrap();
+        let error = to(ErrorKind::StorageFull).unwrap_err();
+        assert!(error.to_string().starts_with("cannot write to standard output: "), "{error}");
+        assert!(error.exit_code() == 1 && error.remedy().contains("free up space"), "{}", error.remedy());
     }
 
     /// If another program makes a file at the target's path during the write, that file is not replaced.

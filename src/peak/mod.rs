@@ -15,7 +15,7 @@ use crate::error::{Error, Result, shortened};
 use crate::existing;
 use crate::measure::Summary;
 use crate::reader::{self, Kind};
-use crate::record::{Record, write_whole};
+use crate::record::{Record, write_json};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -158,8 +158,7 @@ impl Peak {
 
     /// Writes a file with a list of the rates of several devices.
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
-        write_whole(path, format!("{text}\n").as_bytes())
+        write_json(path, all)
     }
 
     /// Returns true if the rates may be those of this device. The name of a device in records depends on the

@@ -1,5 +1,6 @@
 //! Shared parts of the measurements: building programs of `cl/peak/`, and timing a kernel with enough loops.
 
+use crate::clock::ms_since;
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{LaunchError, Queue, Refused};
@@ -159,7 +160,7 @@ impl<'a> Rig<'a> {
         // still alive.
         unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        let host_ms = ms_since(start);
         let read = |info| match event.profiling_info(info) {
             Ok(ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns)) => Ok(ns),
             Ok(_) => Err(failed_because("the driver reported no time")),
@@ -316,7 +317,7 @@ mod tests {
         for _ in 0..5 {
             let start = Instant::now();
             let (device_ms, host_ms) = rig.launch(&kernel).expect("it runs");
-            let all_ms = start.elapsed().as_secs_f64() * 1e3;
+            let all_ms = ms_since(start);
             assert!(device_ms <= host_ms && host_ms <= all_ms, "{device_ms} {host_ms} {all_ms}");
         }
     }

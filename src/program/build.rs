@@ -3,6 +3,7 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::stored::{ProgramCache, StoredProgram};
+use crate::clock::ms_since;
 use crate::device::{CallError, build, compile, forget_failures, quieting};
 use crate::sources::Sources;
 use ocl::core::create_program_with_binary;
@@ -87,7 +88,7 @@ impl BuiltProgram {
             Some((program, stored)) => (program, Some(stored.log)),
             None => (compile(context, device, &spec.source, &options).map_err(refusal)?, None),
         };
-        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        let build_ms = ms_since(start);
         let from_cache = cached_log.is_some();
         let programs = programs.clone();
         let context = context.clone();

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::clocks::Clocks;
 use super::git::git_state;
-use super::whole::write_whole;
+use super::whole::write_json;
 use crate::device::{DeviceInfo, common_name, variables};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Everything that may affect a result and is not in a record.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -187,10 +187,7 @@ impl Environment {
 
     /// Writes the environment to `path` as indented JSON.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(self);
-        let mut text = text.map_err(|error| Error::fault(error.to_string()))?;
-        text.push('\n');
-        write_whole(path, text.as_bytes())
+        write_json(path, self)
     }
 }
 

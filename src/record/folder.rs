@@ -92,7 +92,8 @@ impl Folder {
             sure.extend(moved_processors(&rounds, &records));
         }
         let torn = lines.torn.then(|| {
-            "The last record was cut short by a crash and is left out; `raycl run --resume` measures its point again."
+            "The last record is incomplete, for example because raycl was killed while it wrote the record. It is left \
+             out; `raycl run --resume` measures its point again."
                 .to_owned()
         });
         let dirty = dirty(&records, environment["git_revision"].as_str());
@@ -535,7 +536,8 @@ mod tests {
         std::fs::write(folder.path().join("environment.json"), "{}").unwrap();
         std::fs::write(folder.path().join(MERGE), r#"{"notes": ["One attempt was killed."]}"#).unwrap();
         std::fs::write(&journal, format!("{text}{{\"key\":")).unwrap();
-        let torn = "The last record was cut short by a crash and is left out; `raycl run --resume` measures its point again.";
+        let torn = "The last record is incomplete, for example because raycl was killed while it wrote the record. It is \
+                    left out; `raycl run --resume` measures its point again.";
         assert_eq!(shown(&folder).1, ["One attempt was killed.", torn]);
     }
 

@@ -92,7 +92,7 @@ fn control(records: &[&Record]) -> Control {
 }
 
 fn name(record: &Record) -> String {
-    let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+    let size = record.at_local_size();
     format!("{}, {}, {}, {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 

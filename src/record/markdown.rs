@@ -95,12 +95,8 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
 /// Returns the speed-up of the best point over each of the host's baselines and over the best point of the preset
 /// `naive`.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
-    let host = groups.iter().find(|other| {
-        other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
-    });
-    let baselines = host.map(|host| host.ranking().all()).unwrap_or_default();
-    let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    let others = baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key));
+    let naive = group.naive().filter(|naive| naive.key != best.key);
+    let others = group.baselines(groups).into_iter().chain(naive);
     let than = |other: &Record| match ratio(other, best) {
         None => format!(" Against {}: {}.", title(other), not_enough(other).unwrap_or_default()),
         Some(ratio) => {

@@ -72,11 +72,12 @@ pub(crate) use terminal::{percent, word};
 pub(crate) use together::{
     anchored, anchored_mean, are_together, fewest, interval, is_below_resolution, launches, mean_relative_to,
     mean_relative_to_earlier, median, ranking, ratio, ratio_apart, ratio_of_means, ratio_of_passes,
-    ratio_to_mean, rounds_of,
+    rounds_of,
 };
 pub use together::{judge, judge_with_anchors};
 pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
     TEMPORARY_PREFIX, cannot_make, ordinary, own_file, own_folder, read_inside, refuse_closed, refuse_file,
-    remove_leftovers, sync_folder, temporary_in, write_new, write_page, write_whole, write_whole_by,
+    remove_leftovers, sync_folder, temporary_in, write_json, write_new, write_page, write_whole,
+    write_whole_by,
 };

@@ -1,6 +1,5 @@
 //! Computes the smallest differences that the records of a run can show, and lists causes of noise.
 
-use super::numbers::by;
 use super::rounds::{core_to_core_ns, mean_load};
 use super::summary::{first_line, not_enough};
 use super::together::{median, resolution, resolution_within};
@@ -104,7 +103,7 @@ fn not_compared(records: &[Record]) -> Option<String> {
             .then(|| "only one point was measured, and a difference needs two".to_owned());
     };
     let were = counted_of_were(lacking.len(), records.len(), "point");
-    let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+    let size = record.at_local_size();
     let first = if lacking.len() == 1 { ": " } else { ". The first is " };
     Some(format!("{were} not compared{first}{}{size} ({why})", record.name))
 }
@@ -185,8 +184,8 @@ mod tests {
         assert_eq!(some.as_deref(), Some(first));
     }
 
-    /// If a run has only one launch, the smallest difference that this launch can show is the smallest difference that
-    /// the run can show.
+    /// `within_launch` is about one launch, and `between_launches` about all launches together. In a run with a single
+    /// launch, the two values are therefore equal.
     #[test]
     fn what_one_launch_can_show_has_the_terms_of_what_all_launches_can_show() {
         let one_launch = |record: Record| Record { sample_launches: vec![0; 10], ..record };
@@ -200,7 +199,8 @@ mod tests {
 
     #[test]
     fn of_an_even_number_of_launches_the_middle_two_count() {
-        // The times of the two points differ by a factor that varies in the second launch.
+        // In the first launch, both points always take 10 ms. In the second launch, the ratio of their times changes
+        // every three samples.
         let varied = |name: &str, sign: f64| {
             let ms = move |index: u32| 10.0 + if index < 15 { 0.0 } else { sign * f64::from(index % 15 / 3) };
             sampled(name, (0..30).map(move |index| (index / 15, ms(index))))

@@ -1,7 +1,7 @@
 //! `plan.json`: which records of a folder belong to the current run, and their names in that run.
 
 use super::types::Record;
-use super::write_whole;
+use super::write_json;
 use crate::error::{Error, Result};
 use crate::existing;
 use crate::reader;
@@ -84,8 +84,7 @@ impl CurrentPlan {
 
     /// Writes the plan to a folder, and replaces the folder's previous plan.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(self).map_err(|error| Error::fault(error.to_string()))?;
-        write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
+        write_json(&folder.join(FILE), self)
     }
 
     /// Returns true if a folder has a plan (`plan.json`).
@@ -93,8 +92,7 @@ impl CurrentPlan {
         folder.join(FILE).is_file()
     }
 
-    /// Reads the plan of a folder. Returns `None` if the folder has no plan. For example, folders that raycl
-    /// before version 0.2 wrote have none.
+    /// Reads the plan of a folder. Returns `None` if the folder has no plan: early versions of raycl stored none.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
         if !existing::exists(&path)? {

@@ -3,6 +3,7 @@
 //! not make the names differ, other names are used (see [`Names::others`]).
 
 use super::types::Record;
+use crate::entry::entry;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -34,12 +35,9 @@ pub fn new_names<'r>(records: impl Iterator<Item = &'r Record>) -> HashMap<Strin
     for record in records {
         let Some(hash) = record.scene_hash.as_deref() else { continue };
         let same_name = contents.entry(&record.scene).or_default();
-        match same_name.iter_mut().find(|known| known.hash == hash) {
-            Some(known) => {
-                known.image_sizes.insert(record.image_size);
-            }
-            None => same_name.push(Content { hash, image_sizes: [record.image_size].into(), record }),
-        }
+        let new = || Content { hash, image_sizes: HashSet::new(), record };
+        let content = entry(same_name, |known| known.hash == hash, new);
+        content.image_sizes.insert(record.image_size);
     }
     let mut new_names = HashMap::new();
     for scenes in contents.into_values().map(scenes_of).filter(|scenes| scenes.len() > 1) {
@@ -79,10 +77,8 @@ impl Content<'_> {
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
-        match scenes.iter_mut().find(|scene| scene.iter().all(|known| known.is_other_shape_of(&content))) {
-            Some(scene) => scene.push(content),
-            None => scenes.push(vec![content]),
-        }
+        let is_its = |scene: &Vec<Content<'_>>| scene.iter().all(|known| known.is_other_shape_of(&content));
+        entry(&mut scenes, is_its, Vec::new).push(content);
     }
     scenes
 }

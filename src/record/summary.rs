@@ -1,9 +1,10 @@
 //! Divides records into groups and finds the winners of each group.
 
 use super::together::{fewest, interval, is_below_resolution, median, ranking};
-use super::types::Record;
+use super::types::{HOST, Record};
 use crate::measure::{BELOW_RESOLUTION, Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
+use crate::words;
 use std::collections::HashMap;
 
 /// Records that are compared with each other: they have the same scene, image size and device.
@@ -79,6 +80,20 @@ impl<'a> Group<'a> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
 
+    /// Returns the fastest record with the preset `naive`; `None` if no such record has a time.
+    pub fn naive(&self) -> Option<&'a Record> {
+        self.best_where(Record::is_naive)
+    }
+
+    /// Returns the baselines of the group among `groups`: the host's records with a time for the same scene and image
+    /// size.
+    pub fn baselines(&self, groups: &[Self]) -> Vec<&'a Record> {
+        let is_host = |other: &&Self| {
+            other.device == HOST && other.scene == self.scene && other.image_size == self.image_size
+        };
+        groups.iter().find(is_host).map(|host| host.ranking().all()).unwrap_or_default()
+    }
+
     /// Returns the records without a time, each with the reason.
     pub fn failures(&self) -> Vec<(&'a Record, &'a str)> {
         let failed = self.records.iter().filter(|record| median(record).is_none());
@@ -121,8 +136,7 @@ pub(crate) fn why_unranked(record: &Record) -> String {
 /// "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
     let name = |record: &&Record| format!("{} ({})", title(record), why_unranked(record));
-    let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
-    records.iter().take(4).map(name).chain(more).collect::<Vec<_>>().join(", ")
+    words::few(&records.iter().map(name).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use super::summary::{Group, groups, not_enough, scene_notes};
 use super::together::{fewest, is_below_resolution, median};
 use super::types::{HOST, Outcome, Record};
 use crate::device::common_names;
+use crate::entry::entry;
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
@@ -92,10 +93,9 @@ fn peak_line(group: &Group<'_>) -> String {
             }
             continue;
         };
-        match parts.iter_mut().find(|(name, _)| *name == record.name) {
-            Some((_, most)) => *most = most.max(fraction),
-            None => parts.push((&record.name, fraction)),
-        }
+        let name = record.name.as_str();
+        let (_, most) = entry(&mut parts, |(known, _)| *known == name, || (name, fraction));
+        *most = most.max(fraction);
     }
     if parts.is_empty() && unknown.is_empty() {
         return String::new();
@@ -183,7 +183,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));
     if let Some((record, warning)) = warned.clone().next() {
-        let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+        let size = record.at_local_size();
         let count = warned.count();
         text.push_str(&format!(
             "! a warning on {count} of these times, for example {}{size}: {warning}\n",
@@ -194,7 +194,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     for (record, reason) in kernels().flat_map(|group| group.failures()) {
         let word = word(record);
         if !explained.iter().any(|(what, name)| *what == word && *name == record.name) {
-            let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+            let size = record.at_local_size();
             let first = reason.lines().next().unwrap_or_default();
             text.push_str(&format!(
                 "{word}: {}, for example {}{size}: {first}\n",

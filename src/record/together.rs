@@ -303,12 +303,6 @@ pub(crate) fn mean_relative_to_earlier(records: &[&Record], earlier: &[&Record])
     Some(mean(records)?.relative_to_earlier(&mean(earlier)?))
 }
 
-/// Returns the ratio of a record's time to the mean time of records that were measured with it, like
-/// [`ratio_of_means`].
-pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
-    ratio_of_means(&[record], others)
-}
-
 /// Returns the ratio of the mean time of `records` to the mean time of `others`; `None` if a record has no
 /// relative times. All records must have been measured together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
@@ -403,11 +397,11 @@ pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
 /// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences
 /// are too small to be detected.
 pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
-    let looks = || records.iter().filter(|record| is_look(record));
+    let of_one_launch = || records.iter().filter(|record| has_one_launch(record));
     let mut notes = Vec::new();
-    if let Some(one) = looks().next() {
+    if let Some(one) = of_one_launch().next() {
         let measured = records.iter().filter(|record| record.relative_times.is_some()).count();
-        let whose = match looks().count() {
+        let whose = match of_one_launch().count() {
             all if all == measured => "all points".to_owned(),
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
@@ -514,7 +508,7 @@ fn what_it_depends_on(points: &[&Record]) -> String {
 }
 
 /// Returns true if a record has relative times from only one launch.
-fn is_look(record: &Record) -> bool {
+fn has_one_launch(record: &Record) -> bool {
     record.relative_times.as_ref().is_some_and(|times| times.standing.launches() == 1)
 }
 

@@ -1,5 +1,6 @@
 //! The record of a point. `docs/format.md` documents every field.
 
+use super::numbers::by;
 use super::relative_times::RelativeTimes;
 use crate::manifest;
 use crate::program::CompiledKernel;
@@ -406,8 +407,20 @@ impl Record {
         Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }
 
-    fn pixels(&self) -> f64 {
+    /// Returns the number of pixels of the image.
+    pub fn pixels(&self) -> f64 {
         self.image_size.iter().map(|side| f64::from(*side)).product()
+    }
+
+    /// Returns the point's local size as it follows the strategy's name in a sentence: " at 16 x 16". Returns an empty
+    /// text for a baseline, which has no local size.
+    pub fn at_local_size(&self) -> String {
+        self.local_size.map_or(String::new(), |size| format!(" at {}", by(size)))
+    }
+
+    /// Returns true if the point's strategy is the preset `naive`.
+    pub fn is_naive(&self) -> bool {
+        self.preset.as_deref() == Some("naive")
     }
 
     /// Returns true if the record is of a baseline, a caster on the host.

@@ -10,11 +10,10 @@ use crate::words::counted_of_were;
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {
-        let pixels = record.image_size.iter().map(|side| *side as usize).product();
         // Records of earlier versions do not have the numbers of pixels with a surface. For these records,
         // all pixels count.
         let hits = [record.uncertain_hits, record.hits].map(|count| count.unwrap_or(0) as usize);
-        hardly_verified([record.uncertain_pixels? as usize, pixels], hits)
+        hardly_verified([record.uncertain_pixels? as usize, record.pixels() as usize], hits)
     };
     let (first, reason) = measured().find_map(|record| Some((record, why(record)?)))?;
     let count = measured().filter(|record| why(record).is_some()).count();

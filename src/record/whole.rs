@@ -4,6 +4,7 @@
 use super::journals::IMAGES;
 use crate::error::{Error, Result, is_forbidden};
 use crate::reader::{self, folder_of, may_write};
+use serde::Serialize;
 use std::fs::DirEntry;
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
@@ -17,6 +18,12 @@ pub const TEMPORARY_PREFIX: &str = ".raycl-";
 /// either the complete old file or the complete new file, even after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
+}
+
+/// Writes a whole file like [`write_whole`]: `value` as indented JSON, and a newline.
+pub fn write_json(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
+    write_whole(path, format!("{text}\n").as_bytes())
 }
 
 /// Writes a whole file like [`write_whole`], for contents that are too large for memory: the

@@ -1,4 +1,4 @@
-//! Finds the certain pixels: those on which all correct casters must agree, however they round.
+//! Finds the certain pixels: all correct casters must agree on these pixels, whatever their rounding.
 
 use super::cast::Caster;
 use super::intersect::Hit;
@@ -15,8 +15,8 @@ mod quick;
 
 pub use quick::quick_sample;
 
-/// The angle of wide nudges: ten times that of narrow nudges. A pixel that changes under a wide nudge is not certain.
-/// In pictures with a very wide field of view, both angles are larger (see [`enlargement`]).
+/// The angle of wide nudges: ten times the angle of narrow nudges. A pixel that changes under a wide nudge is
+/// not certain. In pictures with a very wide field of view, both angles are larger (see [`enlargement`]).
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
 /// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus larger than any
@@ -39,15 +39,16 @@ const SKY_NUDGE: f64 = 1e-6;
 /// The angle by which the direction to a sky with a picture is nudged. This angle is larger than `SKY_NUDGE`, because
 /// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
-/// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture coordinate (at
-/// least 1): almost seven rounding errors of single precision. The errors on a device add up to at most six.
-/// The first weight (1 minus the other two weights) has one, the products of weights and coordinates have
-/// one, and the sum of these products has two. The texel's position has two more: it is the sum times the
-/// texture's size, minus a half.
+/// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture
+/// coordinate (at least 1): almost seven rounding errors of single precision. The errors on a device add up
+/// to at most six rounding errors: one of the first weight (1 minus the other two weights), one of the
+/// products of weights and coordinates, two of the sum of these products, and two of the texel's position
+/// (the sum times the texture's size, minus a half).
 const TEXTURE_SHIFT: f32 = 4e-7;
 
-/// A surface that is this close to a light may or may not occlude the light. This value is relative to the light's
-/// distance from the hit, or to its distance from the scene's origin if that is larger.
+/// A surface that is this close to a light may or may not occlude the light. This value is relative to the
+/// light's distance from the hit, or to the light's distance from the scene's origin if the latter distance
+/// is larger.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs for one sample of a pixel.
@@ -56,17 +57,18 @@ pub struct Asked<'a> {
     pub caster: &'a Caster<'a, f64>,
     /// The image's rays.
     pub frame: &'a PixelFrame,
-    /// The distance from a surface at which its shadow rays start.
+    /// The shadow bias: the distance from a hit at which shadow rays start.
     pub bias: f64,
-    /// The sky and the lights. A light with a radius is replaced by its point to which the sample's shadow ray runs.
+    /// The sky and the lights. In place of a light with a radius, `seen` contains one point of this light:
+    /// the point to which the sample's shadow ray runs.
     pub seen: Seen<'a>,
-    /// The pixel coordinates of the pixel's centre.
+    /// The pixel coordinates (x, y) of the pixel's centre.
     pub centre: [f64; 2],
 }
 
 impl Asked<'_> {
     /// Includes in `sample` the values that a hit's radiance takes if rounding turns the direction in which the sky is
-    /// seen.
+    /// seen. `radiance` returns the hit's radiance with a turned sky.
     fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
         if self.seen.sky.is_none() {
             return;
@@ -86,10 +88,10 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a texture.
-    /// Nudges do not reveal this error if all corners of the triangle have the same texture coordinates, as in models
-    /// whose texture is a palette. `reaches` tests whether a light is visible; it is called only once for each light,
-    /// since the hit itself stays where it is.
+    /// Includes in `sample` the values that a hit's radiance takes if rounding moves the hit's position in a
+    /// texture. Nudges do not reveal this error if all corners of the triangle have the same texture
+    /// coordinates, as in models whose texture is a palette. `reaches` tests whether a light or the sky is
+    /// visible. The function calls `reaches` only once for each of them, since the hit point does not move.
     fn shift_texture(
         &self,
         sample: &mut PixelSample,
@@ -104,8 +106,8 @@ impl Asked<'_> {
         let by = TEXTURE_SHIFT * largest;
         let width = Frame::<f64>::new(self.frame).cone_width(ray, hit.t);
         let hit = Hit { triangle: 0, ..*hit };
-        // `known` has an element for each light, and a last element for the sky: whether it is visible, once that is
-        // known.
+        // `known` has an element for each light, and a last element for the sky: `Some(true)` if the light or
+        // the sky is visible, `None` before the first test.
         let known = RefCell::new(vec![None; self.seen.lights.len() + 1]);
         let reaches_once = |sight: &Sight<f64>| {
             let earlier: Option<bool> = known.borrow()[sight.light];
@@ -123,8 +125,8 @@ impl Asked<'_> {
     }
 
     /// Includes in `sample` the values of a hit's radiance if shadow rays end farther from the hit than
-    /// usual. The distances are those at which a device ends the shadow rays that it casts from a distant
-    /// light. `radiance` returns the hit's radiance if shadow rays end at a given distance from the hit.
+    /// usual: at the two distances of [`ends_before_hit`]. A device that casts shadow rays from a distant
+    /// light may end them at these distances. `radiance` returns the hit's radiance for given distances.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,
@@ -136,7 +138,8 @@ impl Asked<'_> {
             true => ends_before_hit(self.bias, sight, normal),
             false => [self.bias; 2],
         };
-        // If no light is distant, all shadow rays end at the bias, as usual, and no value has to be included.
+        // If no light is distant, all shadow rays end at the bias, as usual. In this case, there is nothing
+        // to include.
         if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
             for end in [0, 1] {
                 sample.consider(radiance(&|sight| ends(sight)[end]));
@@ -185,8 +188,8 @@ impl Asked<'_> {
         sight.light < self.seen.lights.len()
     }
 
-    /// Returns the length by which rounding errors at a light are scaled: a relative error times
-    /// this length is an absolute error.
+    /// Returns the length to which rounding errors at a light are relative: the greater of the light's
+    /// distances from the hit and from the scene's origin. For the sky, this length is the sky's reach.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
@@ -194,8 +197,8 @@ impl Asked<'_> {
     }
 }
 
-/// Returns a scene with another mesh and without lights and a sky, which [`shade`] takes from another argument (a
-/// [`Seen`]). Copying the lights and the sky would take time for every pixel.
+/// Returns a copy of `scene` with another mesh, without the lights and the sky. [`shade`] takes lights and
+/// sky from another argument (a [`Seen`]), so copying them for every pixel would waste time.
 fn scene_of(mesh: Mesh, scene: &Scene) -> Scene {
     Scene {
         name: String::new(),
@@ -228,7 +231,8 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
     })
 }
 
-/// Casts the pixel. Then casts it again with each of these changes:
+/// Casts a pixel's sample. Then casts it again with each of the changes below, and includes the results in
+/// the returned sample:
 ///
 /// - The pixel's ray is nudged in each direction along the image's axes.
 /// - The shadow bias is halved, and doubled.
@@ -239,8 +243,9 @@ fn textured_triangle(mesh: &Mesh, triangle: u32) -> Option<Mesh> {
 /// - For grazing light, every result that rounding allows is included.
 /// - The direction to the sky is turned slightly.
 /// - The hit's position in a texture is moved slightly.
-/// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct. Each of them is
-///   also cast with the changes above, except nudges, because several results can be in doubt at one pixel.
+/// - Surfaces just behind the hit are seen instead of the hit's own: if two surfaces coincide, either one is
+///   correct. Each of these surfaces is also cast with the changes above, except nudges, because a pixel can
+///   have several doubts.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -269,9 +274,9 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
     sample
 }
 
-/// Returns the offsets by which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring
-/// triangle may then start above or below that triangle. Nudges do not reveal these offsets, since a nudge moves the
-/// hit within its own plane.
+/// Returns the offsets by which rounding may move a hit off its plane. A shadow ray along a neighbouring
+/// triangle may therefore start above or below this neighbour. Nudges do not reveal these offsets, since a
+/// nudge moves the hit within its own plane.
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]
@@ -281,21 +286,22 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
     Sight { point: sight.point + off, ..*sight }
 }
 
-/// The number of nudges.
+/// The number of nudged rays of a pixel: four directions, each with a wide and a narrow nudge.
 const NUDGES: usize = 8;
 
-/// Returns by how many times the nudges of a pixel are larger than usual; at least 1. A device computes the direction
-/// of a pixel's ray as a sum of three vectors, and rounds each of them at most four times. In the middle of a picture
-/// with a very wide field of view, these vectors are far longer than their sum. A rounding error then turns the ray far
-/// more than usual.
+/// Returns the factor by which the nudges of a pixel are larger than usual; at least 1. A device computes the
+/// direction of a pixel's ray as a sum of three vectors, and rounds each of them at most four times. In the
+/// middle of a picture with a very wide field of view, these vectors are far longer than their sum. In this
+/// case, a rounding error turns the ray far more than usual.
 fn enlargement(frame: &PixelFrame, [x, y]: [f64; 2]) -> f64 {
     let lengths = [frame.corner, frame.step_x * x, frame.step_y * y].map(DVec3::length);
     let turn = 4.0 * ROUNDING * lengths.iter().sum::<f64>() / frame.direction(x, y).length();
     (turn / NUDGE_RADIANS).max(1.0)
 }
 
-/// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. The rays are turned slightly to
-/// the right, to the left, down and up: first by a wide nudge, then by a narrow one.
+/// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. First, four rays are
+/// turned by a wide nudge: to the right, to the left, down and up. Then, four rays are turned in the same way
+/// by a narrow nudge.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
@@ -321,8 +327,8 @@ mod tests {
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
 
-    /// Returns the percentage of pixels for which `quick_sample` has a result. Checks first that each of these results
-    /// equals the result of `sample`.
+    /// Returns the percentage of pixels for which `quick_sample` has a result. Checks that each of these
+    /// results equals the result of `sample`.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
         let size = [80, 50];
         let tree = Tree::new(&scene.mesh, culling);
@@ -342,8 +348,9 @@ mod tests {
         100 * quick / (size[0] * size[1]) as usize
     }
 
-    /// Returns a triangle whose corners all have the same position in a palette of 1024 texels, given in texels from
-    /// the left edge. The left half of the palette is dark, and the right half is white.
+    /// Returns a scene with a triangle whose texture is a palette of 1024 texels. All corners of the triangle
+    /// have the same position in the palette: `texels` texels from the left edge. The left half of the
+    /// palette is dark, and the right half is white.
     fn palette(texels: f32) -> Scene {
         let mut scene = fixtures::single_triangle();
         let palette = (0..1024).map(|x| if x < 512 { 0x20_2020 } else { 0xff_ffff });
@@ -400,7 +407,8 @@ mod tests {
         assert_eq!(*cast.borrow(), [0, 1]);
     }
 
-    /// Returns whether the single pixel of a scene's picture is certain, without and with the quick search.
+    /// Returns two values. Each is true if the pixel of a picture of 1 x 1 pixels is certain: the first
+    /// according to `sample`, the second according to `quick_sample`.
     fn certain(scene: &Scene) -> [bool; 2] {
         let tree = Tree::new(&scene.mesh, Culling::None);
         let caster = Caster::new(scene, [1, 1], Exhaustive::new(&scene.mesh, Culling::None));
@@ -442,7 +450,7 @@ mod tests {
         let scale =
             |light, distance| asked.scale(&Sight { light, point: DVec3::ZERO, w_i: DVec3::Y, distance });
         assert_eq!([scale(0, 2.0), scale(0, 600.0)], [500.0, 600.0]);
-        // The sky's number follows that of the last light. The sky has no position.
+        // The sky's number is one more than the last light's number. The sky has no position.
         assert_eq!(scale(1, 2.0), 2.0);
     }
 

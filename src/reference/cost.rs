@@ -29,9 +29,9 @@ pub struct Cost {
     pub nodes: u32,
 }
 
-/// Returns the cost (numbers of tests and nodes) of every pixel if each ray tests triangles in the mesh's order: a
-/// primary ray tests all triangles, and a shadow ray stops at the first occluder. In a scene with cut-outs, a shadow
-/// ray is counted as if it tested all triangles.
+/// Returns the cost (numbers of tests and nodes) of every pixel if each ray tests triangles in the mesh's
+/// order. A primary ray tests all triangles; a shadow ray stops at the first occluder. In a scene with
+/// cut-outs, a shadow ray is counted as if it tested all triangles.
 pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;
@@ -69,7 +69,8 @@ struct Tally {
     nodes: AtomicU32,
 }
 
-/// Casts each pixel at its centre, with a separate finder (search for hits) that counts tests, and returns the counts.
+/// Casts each pixel at its centre. A separate finder (search for hits) for each pixel counts tests and nodes.
+/// Returns these counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     [width, height]: [u32; 2],
@@ -88,13 +89,13 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
     (0..count([width, height])).into_par_iter().map(cost).collect()
 }
 
-/// Returns the column and the row of the pixel with an index. The index is not a `u32`, since the largest image has
-/// more pixels than a `u32` can count.
+/// Returns the column and the row of the pixel with this index. The index is not a `u32`, since the largest
+/// image has more pixels than a `u32` can count.
 pub(super) fn pixel_at(index: usize, width: u32) -> [u32; 2] {
     [index % width as usize, index / width as usize].map(|coordinate| coordinate as u32)
 }
 
-/// Counts the tests of an exhaustive search, but finds hits with a tree, which is faster.
+/// Counts the tests that an exhaustive search would need, but finds hits with a tree, which is faster.
 struct InOrder<'a> {
     tree: &'a Tree,
     count: u32,
@@ -107,7 +108,8 @@ impl Finder<f64> for InOrder<'_> {
         self.tree.visit(ray, visitor);
     }
 
-    /// The exhaustive search ends at the first occluder in the mesh's order.
+    /// Counts the tests up to the first occluder in the mesh's order, where an exhaustive search ends.
+    /// Returns true if there is an occluder.
     fn any(&self, ray: &Ray<f64>) -> bool {
         let mut first: Option<u32> = None;
         self.tree.visit(ray, &mut |hit| {
@@ -119,7 +121,7 @@ impl Finder<f64> for InOrder<'_> {
     }
 }
 
-/// Traverses a tree and counts the tests.
+/// Traverses a tree, and counts the tests and the nodes.
 struct Walking<'a> {
     tree: &'a WideBvh,
     mesh: &'a Mesh,

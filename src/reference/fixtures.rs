@@ -26,8 +26,8 @@ pub(crate) fn lit_from_behind(gap: f32) -> Scene {
     scene
 }
 
-/// The scene of the paper's Figure 4: the triangle of the first scene in green, its reversed twin,
-/// and the ground.
+/// The scene of the paper's Figure 4: the triangle of the first scene in green, a copy of it with the
+/// opposite orientation, and the ground.
 pub(crate) fn figure_4() -> Scene {
     let mut mesh = upright(glossy(vec3(0.0, 0.6, 0.0)));
     let mut twin = mesh.triangles[0];
@@ -62,7 +62,7 @@ pub(crate) fn random(triangles: usize, seed: u64) -> Scene {
     scene("random triangles", mesh, vec3(1.0, 3.0, 1.0))
 }
 
-/// A closed sphere of `2 * bands^2 * 2` triangles, on the ground.
+/// A closed sphere of `4 * bands^2` triangles, on the ground.
 pub(crate) fn sphere(bands: usize) -> Scene {
     let centre = vec3(0.0, 0.0, -2.5);
     let at = |i: usize, j: usize| {
@@ -81,7 +81,7 @@ pub(crate) fn sphere(bands: usize) -> Scene {
     scene("sphere", mesh, vec3(2.0, 3.0, 1.0))
 }
 
-/// Turns the mesh's first triangles into holes: their mask is transparent everywhere.
+/// Turns the mesh's first `count` triangles into holes: their mask is transparent everywhere.
 pub(crate) fn make_holes(mesh: &mut Mesh, count: usize) {
     let clear = Texture {
         size: [1, 1],

@@ -1,26 +1,28 @@
-//! Filters soft light that was cast at half resolution, and applies it to the whole picture, in double precision.
-//! `cl/common/half_light.cl` does the same on devices, and explains how.
+//! Filters soft light that was cast at half resolution, and applies it to the whole picture, in double
+//! precision. `cl/common/half_light.cl` does the same on devices, and explains the method.
 
 use crate::image::Radiance;
 use crate::manifest::HALF_LIGHT_SHARPNESS;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The filter's weights along an axis: if samples repeat after four pixels, each sample gets the same share.
+/// The filter's weights along an axis. If the samples repeat after four pixels, each of the four samples gets
+/// the same total weight.
 const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
 /// The two half pictures.
 pub struct HalfPictures<'a> {
-    /// All light that arrives.
+    /// The half picture with shadows.
     pub lit: &'a Radiance,
-    /// All light that would arrive if nothing blocked it.
+    /// The half picture of the unoccluded light.
     pub unoccluded: &'a Radiance,
-    /// The share of each pixel that shows a surface.
+    /// For each pixel of the half pictures, the share of its samples that hit a surface, from 0 to 1.
     pub hit_shares: &'a [f32],
 }
 
-/// Returns the picture with soft light. `whole` contains the picture's unoccluded light. `hit_shares` contains the
-/// share of each pixel that shows a surface instead of the background.
+/// Returns the picture of full size with soft light. `whole` contains this picture's unoccluded light.
+/// `hit_shares` contains, for each pixel of `whole`, the share of its samples that hit a surface, from 0 to
+/// 1.
 pub fn with_half_light(
     whole: &Radiance,
     hit_shares: &[f32],
@@ -42,13 +44,14 @@ pub fn with_half_light(
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
 }
 
-/// Returns where the centre of pixel `at` lies in the half picture, whose own pixels have their centres at whole
-/// numbers. `half` and `whole` are the numbers of pixels of the half picture and of the whole picture along this axis.
+/// Returns the position of the centre of pixel `at` in the half picture. In these coordinates, the centres of
+/// the half picture's own pixels are whole numbers. `half` and `whole` are the numbers of pixels of the half
+/// picture and of the whole picture along this axis.
 fn position_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
 
-/// Returns the filtered ratio of arriving to unoccluded light, for each pixel of the half pictures.
+/// Returns the filtered ratio of arriving light to unoccluded light, for each pixel of the half pictures.
 fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
     let HalfPictures { lit, unoccluded, hit_shares } = halves;
     let width = unoccluded.width as usize;
@@ -71,8 +74,9 @@ fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
     (0..unoccluded.pixels.len()).into_par_iter().map(ratio).collect()
 }
 
-/// Returns the ratio of arriving to unoccluded light at a position in the half picture, interpolated from the four
-/// nearest pixels.
+/// Returns the ratio of arriving light to unoccluded light at position `[x, y]` of the half pictures. The
+/// ratio is interpolated from the four nearest pixels. `own` is the unoccluded light of the whole picture at
+/// this position.
 fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios: &[DVec3]) -> DVec3 {
     let HalfPictures { unoccluded, hit_shares, .. } = halves;
     let least = 0.01 * own.length_squared().powi(2) + 1e-37;
@@ -87,8 +91,8 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the weight that one pixel has in the filter for another pixel. The arguments are the unoccluded
-/// light of both pixels. The weight is largest if the two are equal, and 0 if they differ much.
+/// Returns the weight that one pixel has in the filter for another pixel. `a` and `b` are the unoccluded
+/// light of the two pixels. If `a` and `b` differ much, the weight is 0.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)
@@ -98,7 +102,8 @@ fn at(image: &Radiance, index: usize) -> DVec3 {
     glam::Vec3::from_array(image.pixels[index]).as_dvec3()
 }
 
-/// Returns the index of a pixel; beyond the image, pixels at its border repeat.
+/// Returns the index of the pixel in column `x` and row `y`. For a position outside the image, returns the
+/// index of the nearest pixel.
 fn nearest(image: &Radiance, [x, y]: [i64; 2]) -> usize {
     let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
     inside(y, image.height) * image.width as usize + inside(x, image.width)
@@ -175,8 +180,8 @@ mod tests {
     #[test]
     fn a_background_beside_a_surface_brightens_no_shadow() {
         let (whole, unoccluded, mut lit) = (flat([8, 4], 0.5), flat([4, 2], 0.5), flat([4, 2], 0.1));
-        // The right half of each half picture shows the background, whose unoccluded light is as bright as that of the
-        // left half.
+        // The right half of each half picture shows the background, whose unoccluded light is as bright as
+        // the left half's.
         for index in [2, 3, 6, 7] {
             lit.pixels[index] = [0.5; 3];
         }
@@ -198,10 +203,10 @@ mod tests {
         assert!(close(picture.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", picture.pixels[5]);
     }
 
-    /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half picture covers
-    /// two pixels of the whole picture along each axis. The centres of these two pixels lie before and after the larger
-    /// pixel's centre, at a distance of a quarter of the larger pixel's side. If both pictures have an odd number of
-    /// pixels along an axis, their middle pixels have the same centre.
+    /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half
+    /// picture covers two pixels of the whole picture along each axis. The centres of these two pixels lie a
+    /// quarter of the larger pixel's side before and after the larger pixel's centre. If both pictures have
+    /// an odd number of pixels along an axis, the middle pixels of the two pictures have the same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| position_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

@@ -12,7 +12,7 @@ use crate::strategy::Culling;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The number that is stored as triangle and as object of a pixel whose ray hits nothing.
+/// The number in `Layers::triangle` and `Layers::object` for a pixel whose ray hits nothing.
 pub const NOTHING: u32 = u32::MAX;
 
 /// The layers of a picture. Each list contains one element per pixel, row by row from the top.
@@ -35,7 +35,8 @@ pub struct Layers {
     pub nodes: Vec<u32>,
 }
 
-/// Returns the layers of a scene. `object_starts` contains the number of each object's first triangle, in order.
+/// Returns the layers of a scene. `object_starts` contains the number of each object's first triangle, in
+/// ascending order.
 ///
 /// # Errors
 ///
@@ -60,7 +61,7 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
 /// The depth, the normal and the triangle of a hit.
 type PixelHit = (f32, [f32; 3], u32);
 
-/// Returns what the ray of each pixel hits; `None` for rays that hit nothing.
+/// Returns the hit of each pixel's ray; `None` if the ray hits nothing.
 fn pixel_hits(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Option<PixelHit>> {
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
     let forward = scene.camera.forward.as_dvec3();
@@ -83,8 +84,8 @@ pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
     normal.normalize_or_zero()
 }
 
-/// Returns the number of the object to which a triangle belongs; `object_starts` contains the number of each
-/// object's first triangle, in order.
+/// Returns the number of the object to which a triangle belongs. `object_starts` contains the number of each
+/// object's first triangle, in ascending order.
 pub fn object_of(object_starts: &[u32], triangle: u32) -> u32 {
     object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32
 }
@@ -113,7 +114,8 @@ mod tests {
         assert!(layers.tests[middle] > 0 && layers.nodes[middle] > 0);
     }
 
-    /// A ray goes through the middle of its pixel: of two pixels, each sees its own half of the view.
+    /// Rays go through the centres of pixels. In a picture of two pixels, the pixels therefore see different
+    /// triangles.
     #[test]
     fn pixels_are_seen_at_their_centres() {
         use glam::Vec3;

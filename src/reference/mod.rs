@@ -1,8 +1,9 @@
-//! The ray caster on the host. It casts the reference, against which every device's image is verified, and the
-//! baselines (serial and parallel), whose times are compared with those of the kernels.
+//! The ray caster on the host. It casts the reference, and every device's image is verified against the
+//! reference. It also casts the baselines (serial and parallel), whose times are compared with the kernels'
+//! times.
 //!
-//! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
-//! 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
+//! The algorithm comes from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
+//! 3rd ed., chapter 15. The code is generic over `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
 //! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` do the same.
 
 pub mod cast;
@@ -50,7 +51,8 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// In scenes with more triangles than this, hits are found with a tree.
+/// If a scene has more triangles than this, the caster finds hits with a tree. Otherwise it tests every
+/// triangle.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
 /// The expected image of a scene.
@@ -58,31 +60,32 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
-    /// Whether each pixel is certain, in the order of `radiance.pixels`. The radiance of a certain pixel changes by a
-    /// fraction of less than 1e-3 under nudges of its ray and other small changes (see [`certainty`]). Pixels that were
-    /// not cast count as uncertain.
+    /// True for each certain pixel, in the order of `radiance.pixels`. Nudges of a certain pixel's ray and
+    /// other small changes (see [`certainty`]) alter its radiance by a fraction of less than 1e-3. Pixels
+    /// that were not cast count as uncertain.
     pub certain: Vec<bool>,
-    /// The pixels that were cast and are uncertain, in the order of `radiance.pixels`, with the range of their possible
-    /// values.
+    /// The uncertain pixels among those that were cast, in the order of `radiance.pixels`, with the range of
+    /// their possible values.
     pub doubts: Vec<Doubt>,
     /// Number of pixels that were cast: all, or a random selection.
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
     /// The smallest and the largest possible number of hits. The two numbers differ if a nudge or another small change
-    /// turns a pixel's hit into a miss or the reverse, since such a pixel may count as either.
+    /// turns a pixel's hit into a miss or the reverse: such a pixel may count as a hit or as a miss.
     pub hits_range: [usize; 2],
-    /// For pixels darker than this radiance, differences are relative to this radiance (see [`dark_floor`]).
+    /// If a pixel is darker than this radiance, its differences are divided by this radiance (see
+    /// [`dark_floor`]).
     pub floor: f64,
 }
 
 impl Reference {
-    /// Returns the number of uncertain pixels, without those that are nearly certain.
+    /// Returns how many of the pixels that were cast are uncertain, without the nearly certain ones.
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
 
-    /// Returns the number of uncertain pixels whose rays hit a triangle, without those that are nearly certain.
+    /// Returns the number of uncertain pixels whose rays hit a triangle, without the nearly certain ones.
     pub fn uncertain_hits(&self) -> usize {
         self.doubts.iter().filter(|doubt| doubt.hit && !doubt.nearly_certain).count()
     }
@@ -93,7 +96,8 @@ impl Reference {
 pub struct Doubt {
     /// The pixel's index in the reference's picture (the field `radiance.pixels` of [`Reference`]).
     pub pixel: usize,
-    /// True if only wide nudges change the pixel (see [`certainty`]). Its possible values are then nearly equal.
+    /// True if only wide nudges change the pixel noticeably (see [`certainty`]). In this case, `low` and
+    /// `high` are nearly equal.
     pub nearly_certain: bool,
     /// True if the pixel's ray, or the ray of one of its samples, hits a triangle.
     pub hit: bool,
@@ -108,9 +112,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts only the pixels with the indices `pixels`. The value of a pixel is the mean of its samples, which
-/// are the first `count(pixel)` elements of `of_pixel`. A pixel is certain if the mean of its samples'
-/// changes is small. Pixels that are not cast are black and uncertain, and are not used in verification.
+/// Casts only the pixels with the indices `pixels`. A pixel gets the first `count(pixel)` samples of
+/// `of_pixel`, and its value is their mean. The pixel is certain if the mean of its samples' largest changes
+/// is small. Pixels that are not cast are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
@@ -133,13 +137,13 @@ pub fn reference_of(
     judged(&all, size, pixels, &scene)
 }
 
-/// Returns the index of every pixel in an image.
+/// Returns the indices of all pixels of an image.
 pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
     (0..count(size)).collect()
 }
 
-/// Returns the indices of `some` pixels, or of all pixels if the image has fewer pixels. The pixels are
-/// chosen at random, but every call chooses the same ones.
+/// Returns the indices of `some` pixels in ascending order, or of all pixels if the image has fewer pixels.
+/// The pixels are chosen at random, but every call with the same arguments chooses the same pixels.
 pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();
@@ -151,7 +155,7 @@ fn count(size: [u32; 2]) -> usize {
     size[0] as usize * size[1] as usize
 }
 
-/// Makes a reference from the samples of some pixels.
+/// Makes a reference from `samples`: the means of the samples of each pixel in `pixels`, in the same order.
 fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Scene) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
     if scene.transparent {
@@ -177,7 +181,7 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Sce
     Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
-/// Casts these pixels, and returns their samples in the same order.
+/// Casts the sample `of_pixel` of each of these pixels, and returns the results in the same order.
 fn samples(
     scene: &Scene,
     tree: &Arc<Tree>,

@@ -1,42 +1,47 @@
-//! One pixel's radiance, with its changes under nudges of its ray.
+//! One pixel's radiance, and how it changes under nudges of the pixel's ray.
 
 use crate::image::RELATIVE_LIMIT;
 use glam::DVec3;
 
-/// A pixel's radiance, and how it changes under nudges of its ray.
+/// A pixel's radiance, and how it changes under nudges of the pixel's ray and other small changes (see
+/// [`super::certainty`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelSample {
-    /// The radiance at the pixel's centre.
+    /// The radiance without any change.
     pub radiance: DVec3,
     /// True if the ray hits something.
     pub hit: bool,
-    /// The share of the pixel's samples that hit something, from 0 to 1: the pixel's alpha before a transparent
-    /// background.
+    /// The share of the pixel's samples that hit something, from 0 to 1. With a transparent background, this
+    /// is the pixel's alpha.
     pub coverage: f32,
-    /// True if a nudge changes a hit to a miss or the reverse.
+    /// True if a nudge or another small change turns a hit into a miss or the reverse.
     pub turns: bool,
-    /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
+    /// The largest change of a channel under any small change; infinite if a hit becomes a miss or the
+    /// reverse.
     pub change: f64,
-    /// The largest change of a channel under nudges other than wide ones; infinite if such a nudge changes a hit to a
-    /// miss or the reverse.
+    /// The largest change of a channel under all small changes except wide nudges; infinite if one of these
+    /// small changes turns a hit into a miss or the reverse.
     pub near_change: f64,
-    /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
+    /// The least and the greatest value of each channel, without a change and under all small changes except
+    /// wide nudges.
     pub range: [DVec3; 2],
 }
 
 impl PixelSample {
-    /// Returns a sample with this radiance, in which no nudge is included yet.
+    /// Returns a sample with this radiance, without any change so far. `hit` is true if the ray hits
+    /// something.
     pub(super) fn of(radiance: DVec3, hit: bool) -> Self {
         let (coverage, range) = (f32::from(hit), [radiance; 2]);
         Self { radiance, hit, coverage, turns: false, change: 0.0, near_change: 0.0, range }
     }
 
-    /// Includes another possible value of the radiance in the changes and in the range.
+    /// Includes another possible value of the radiance in `change`, `near_change` and `range`.
     pub(super) fn consider(&mut self, other: DVec3) {
         self.nudge(Reach::Near, other);
     }
 
-    /// Includes the radiance of a nudged ray in the changes and, unless the nudge is wide, in the range.
+    /// Includes the radiance of a nudged ray in `change` and, unless the nudge is wide, in `near_change` and
+    /// `range`.
     pub(super) fn nudge(&mut self, reach: Reach, other: DVec3) {
         let change = (other - self.radiance).abs().max_element();
         self.change = self.change.max(change);
@@ -46,7 +51,7 @@ impl PixelSample {
         }
     }
 
-    /// Records that a nudge changed a hit to a miss, or the reverse.
+    /// Records that a nudge turned a hit into a miss, or the reverse.
     pub(super) fn turn(&mut self, reach: Reach) {
         (self.turns, self.change) = (true, f64::INFINITY);
         if reach == Reach::Near {
@@ -67,7 +72,7 @@ impl PixelSample {
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
     }
 
-    /// Divides the sum of several samples by their number.
+    /// Divides the sum of `count` samples by `count`, which yields the mean of the samples.
     pub fn divide(&mut self, count: f64) {
         self.radiance /= count;
         self.coverage /= count as f32;
@@ -77,7 +82,7 @@ impl PixelSample {
     }
 }
 
-/// The size of a nudge.
+/// The size of a nudge or of another small change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
     /// Ten times as large as [`Self::Near`].
@@ -86,13 +91,14 @@ pub(super) enum Reach {
     Near,
 }
 
-/// Returns whether a pixel is certain: no nudge changes it by [`RELATIVE_LIMIT`] or more, relative to the
-/// greater of its brightness and `floor`.
+/// Returns true if a pixel is certain: its radiance is finite, and no small change alters a channel by
+/// [`RELATIVE_LIMIT`] or more, relative to the greater of the pixel's brightest channel and `floor`.
 pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Returns whether a pixel is certain or nearly certain: like [`is_certain`], but wide nudges are ignored.
+/// Returns true if a pixel is certain or nearly certain. The conditions are those of [`is_certain`], without
+/// wide nudges.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }
@@ -117,8 +123,8 @@ mod tests {
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.coverage, 0.5, "one of two samples hits something");
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // If one sample certainly hits something, the pixel certainly hits something. If no sample
-        // certainly does, but some sample may, it is uncertain whether the pixel does.
+        // If one sample certainly hits something, the pixel certainly hits something. If no sample certainly
+        // hits something, but some sample may hit something, the pixel's hit is uncertain.
         let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
         for (samples, hit, turns) in [
             ([(true, false), (false, true)], true, false),

@@ -1,6 +1,6 @@
-//! Ray packets. A packet consists of all rays of a narrow cone from one point. If all rays of a packet hit the same
-//! triangle, and all hit points see the same lights, then one search is enough for a pixel's ray and all its nudges.
-//! Packets thus make the reference fast.
+//! Ray packets. A packet consists of all rays of a narrow cone from one point. One packet contains a pixel's
+//! ray and all its nudged rays, so one search of the tree can find the triangle that all these rays hit.
+//! Another packet contains the shadow rays between a light and the hits. Packets make the reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -20,12 +20,12 @@ pub struct RayPacket {
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
-    /// The rays' other end if they run between a light and a surface, else the origin. Devices may cast the rays from
-    /// either end.
+    /// The end of the rays at a surface if a light is at `origin`; otherwise equal to `origin`. Devices may
+    /// cast rays between a light and a surface from either end.
     end: DVec3,
 }
 
-/// How the rays of a packet hit a triangle, with the range of distances at which they may hit it.
+/// How the rays of a packet hit a triangle, with the range of the hits' possible distances from the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PacketHit {
     /// No ray hits the triangle.
@@ -37,26 +37,30 @@ enum PacketHit {
 }
 
 impl RayPacket {
-    /// Makes a packet: all rays from `origin` whose angle to the axis `direction` is at most `angle`.
+    /// Makes the packet of all rays from `origin` whose angle to the unit vector `direction` is at most
+    /// `angle`, in radians.
     pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns this packet for rays between a light and a surface. The light is at the packet's origin.
+    /// Returns a packet of the same rays, for the case that a light is at their origin and that they end at
+    /// the point `surface`.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }
 
-    /// Returns how the packet hits a triangle. The function tests on which side of each of three planes the packet's
-    /// rays lie. Each of these planes contains the origin and an edge of the triangle. The dot product of a ray's
-    /// direction with a plane's unit normal differs from that of the axis by at most the packet's angle. A result that
-    /// rounding could change is `PacketHit::Some` (see [`super::leaning`]).
+    /// Returns how the packet hits a triangle. The function tests on which side of each of three planes the
+    /// packet's rays lie. Each of these planes contains the origin and an edge of the triangle. The dot
+    /// product of a plane's unit normal with a ray's direction differs from the dot product with the axis by
+    /// at most the packet's angle. A result that rounding could change is `PacketHit::Some` (see
+    /// [`super::leaning`]).
     fn intersect(&self, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let sizes = [ab, bc, ca].map(DVec3::length);
-        // `errors` are bounds of the rounding errors of all determinants of a ray-triangle test, as in `leaning`. Rays
-        // of the packet end near `end`, not exactly there; the factor 1.01 allows for this.
+        // `errors` are upper bounds of the rounding errors of a device's determinants for the three edges
+        // (see `leaning`). The packet's rays end near `end`, not exactly at `end`; the factor 1.01 allows for
+        // this.
         let part = 1.01 * ROUNDING * self.reach(corners);
         let error_of_slope = ROUNDING * sizes[0] * sizes[2];
         let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];
@@ -96,7 +100,8 @@ impl RayPacket {
         }
     }
 
-    /// Tests the packet like [`Self::intersect`]. If the triangle may have holes, no packet certainly hits it.
+    /// Returns the result of [`Self::intersect`], but `PacketHit::Some` instead of `PacketHit::All` if the
+    /// triangle may have holes.
     fn intersect_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
         match self.intersect(corners, culling) {
             PacketHit::All(range) if indexed.has_holes => PacketHit::Some(range),
@@ -117,22 +122,23 @@ impl RayPacket {
         }
     }
 
-    /// Returns the largest distance of one of these corners from an end of the rays.
+    /// Returns the largest distance of a corner from `self.origin` or `self.end`.
     fn reach(&self, corners: &[DVec3; 3]) -> f64 {
         let squared =
             |from: DVec3| corners.iter().map(|corner| corner.distance_squared(from)).fold(0.0, f64::max);
         squared(self.origin).max(squared(self.end)).sqrt()
     }
 
-    /// Returns the largest distance from the axis at which a ray of the packet may hit a triangle.
+    /// Returns the largest distance from the axis at which a ray of the packet may hit a triangle of `tree`.
     fn around(&self, tree: &Tree) -> f64 {
         let reach = tree.reach(self.origin);
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
     }
 
-    /// Returns the triangle that all rays hit first beyond the distance `near`, or `Some(None)` if no ray hits a
-    /// triangle there. Returns `None` if the result is uncertain, for example if a second triangle is farther away than
-    /// the first by at most twice the fraction `rival` of the first triangle's distance.
+    /// Returns `Some(Some(triangle))` if this triangle is the first that all rays hit beyond the distance
+    /// `near`, and `Some(None)` if no ray hits a triangle there. Returns `None` if the result is uncertain.
+    /// For example, it is uncertain if a second triangle's distance exceeds the first triangle's by at most
+    /// the fraction `2 * rival`.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {
@@ -142,7 +148,8 @@ impl RayPacket {
             far: f64::INFINITY,
             to_light: false,
         };
-        // The distance of the near plane along a ray depends on the ray's direction.
+        // The distance of the near plane along a ray depends on the ray's direction. For the packet, this
+        // distance is therefore a range.
         let (nearest, farthest) = (near * (1.0 - 10.0 * self.angle), near * (1.0 + 10.0 * self.angle));
         let (mut best, mut others): (Option<(u32, [f64; 2])>, f64) = (None, f64::INFINITY);
         let reach = |best: &Option<(u32, [f64; 2])>| {
@@ -166,10 +173,10 @@ impl RayPacket {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Returns whether a triangle other than `own` blocks the rays that run towards the packet's origin. The rays are
-    /// blocked if all of them hit a triangle at a distance in the range `sure`. They are not blocked if none of them
-    /// can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain (`None`). Distances are
-    /// measured from the packet's origin.
+    /// Tests whether triangles other than `own` block the rays that run towards the packet's origin. Returns
+    /// `Some(true)` if all rays hit one triangle at distances in the range `sure`. Returns `Some(false)` if
+    /// no ray can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain
+    /// (`None`). Distances are measured from the packet's origin.
     pub fn is_blocked_towards_origin(
         &self,
         tree: &Tree,
@@ -202,7 +209,8 @@ impl RayPacket {
     }
 }
 
-/// On which side of a plane a packet's rays lie.
+/// On which side of a plane a packet's rays lie. `Between` means that the rays lie on both sides, or that
+/// rounding decides the side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     Above,
@@ -241,7 +249,8 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // The packet aims at the triangle, often at its edge. It starts far away or in the triangle's plane.
+            // The packet aims at a random point near an edge of the triangle, which may lie beside the triangle.
+            // One packet in seven starts in the triangle's plane, and all others start at a random point.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
@@ -263,7 +272,7 @@ mod tests {
                         (PacketHit::None, hit) => hit.is_none(),
                         (PacketHit::Some(_), None) => true,
                         (PacketHit::Some(range) | PacketHit::All(range), Some(t)) => within(t, range),
-                        // For `intersect`, a triangle behind the origin also counts as hit.
+                        // `intersect` also counts a triangle behind the origin as hit.
                         (PacketHit::All(range), None) => range[0] <= 0.0,
                     };
                     assert!(agrees, "case {case}: {packet_hit:?}, {hit:?}");
@@ -304,8 +313,8 @@ mod tests {
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Returns rectangles perpendicular to the z axis, at the given distances from the origin towards negative z. Each
-    /// rectangle consists of two triangles.
+    /// Returns a tree over rectangles perpendicular to the z axis, one at z = -`depth` for each element of
+    /// `depths`. Rectangle `i` consists of the triangles `2 * i` and `2 * i + 1`.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
         for depth in depths {
@@ -320,7 +329,7 @@ mod tests {
         Tree::new(&mesh, Culling::None)
     }
 
-    /// Returns a packet that runs towards negative z, beside the rectangles' diagonals.
+    /// Returns a packet that runs towards negative z, through the first triangle of each rectangle.
     fn down() -> RayPacket {
         RayPacket::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
     }
@@ -330,11 +339,11 @@ mod tests {
         let first = |depths: &[f32], near: f64| down().first(&squares(depths), near, 1e-3);
         assert_eq!(first(&[1.0], 0.5), Some(Some(0)));
         assert_eq!(first(&[1.0], 2.0), Some(None));
-        assert_eq!(first(&[1.0], 1.0), None, "it lies in the near plane");
+        assert_eq!(first(&[1.0], 1.0), None, "the rectangle lies in the near plane");
         assert_eq!(first(&[1.0, 1.1], 0.5), Some(Some(0)));
         assert_eq!(first(&[1.1, 1.0], 0.5), Some(Some(2)));
         for rivals in [[1.0_f32, 1.000_5], [1.000_5, 1.0]] {
-            assert_eq!(first(&rivals, 0.5), None, "one lies only half of `rival` behind the other");
+            assert_eq!(first(&rivals, 0.5), None, "one rectangle lies only half of `rival` behind the other");
         }
     }
 

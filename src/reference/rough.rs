@@ -4,16 +4,16 @@
 use crate::image::Radiance;
 use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
 
-/// Returns the difference of neighbouring pixels, in 8-bit steps, beyond which a block is rough after `first` samples
-/// per pixel.
+/// Returns the difference of neighbouring pixels above which a block is rough, in 8-bit steps. The difference
+/// is computed after the first `first` samples per pixel.
 pub fn rough_steps(first: u32) -> f64 {
     f64::from(ROUGH_STEPS) / f64::from(first).sqrt()
 }
 
-/// Returns the largest difference of neighbouring pixels in each block and in the ring of pixels around the block;
-/// blocks are in order, row by row. `means` contains the mean of the first samples of each pixel. Differences are
-/// computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed differences. Differences of alpha
-/// count too if the background is transparent.
+/// Returns an element for each block, row by row: the largest difference of neighbouring pixels in the block
+/// and in the ring of pixels around the block. `means` contains the mean of each pixel's first samples.
+/// Differences are computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed
+/// differences. Differences of alpha count too if the background is transparent.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));
@@ -31,8 +31,8 @@ fn steps_of_block(means: &Radiance, exposure: f32, start: [u32; 2]) -> f64 {
     steps.fold(0.0, f64::max)
 }
 
-/// Returns a pixel's channels as displayed and its alpha, from 0 to 255. Without a transparent background, alpha is 0.
-/// Pixels beyond the image repeat those at its border.
+/// Returns a pixel's displayed red, green and blue, then its alpha, each from 0 to 255. Without a transparent
+/// background, alpha is 0. For a position outside the image, returns the values of the nearest pixel.
 fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 4] {
     let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
     let index = inside(y, means.height) * means.width as usize + inside(x, means.width);
@@ -51,8 +51,8 @@ mod tests {
 
     #[test]
     fn a_pixel_that_differs_is_in_its_block_and_in_those_that_it_touches() {
-        // Blocks have 4 x 4 pixels: on both axes, pixel 3 is the last one of the first block, and pixel 4 is the
-        // first one of the second.
+        // Blocks have 4 x 4 pixels: on both axes, pixel 3 is the last pixel of the first block, and pixel 4
+        // is the first pixel of the second block.
         for at in [3, 4] {
             let mut means = Radiance::new(13, 9);
             means.pixels[at * 13 + at] = [0.0, 0.25 / 15.0, 0.0];
@@ -78,7 +78,7 @@ mod tests {
         means.pixels.fill([1.0; 3]);
         means.pixels[5] = [40.0, 2.0, 1.0];
         assert_eq!(steps_of_blocks(&means, 1.0), [0.0]);
-        // With an exposure of 1/4, white pixels are at half the scale.
+        // With an exposure of 1/4, the white pixels are displayed as 127.5 of 255.
         assert_eq!(steps_of_blocks(&means, 0.25), [127.5]);
     }
 }

@@ -5,25 +5,27 @@ use glam::DVec3;
 
 /// The rounding error of a hit's distance from a light, relative to this distance: four roundings.
 const ROUNDING_AT_DISTANCE: f64 = 5e-7;
-/// The gap between a shadow ray's end and the hit grows in proportion to 1 / cosine, where the cosine is that of the
-/// angle between the light's direction and the surface's normal. From this value of 1 / cosine on, the gap does not
-/// grow further.
+/// The gap between a shadow ray's end and the hit is proportional to 1 / cosine, but does not grow beyond
+/// this value of 1 / cosine. The cosine belongs to the angle between the light's direction and the surface's
+/// normal.
 const MOST_PER_COSINE: f64 = 50.0;
 
-/// Returns the distances from a hit at which devices end a shadow ray that they cast from a light.
+/// Returns the least and the greatest distance from a hit at which devices may end a shadow ray that they
+/// cast from a light.
 ///
-/// The first is the end that cl/common/shadow_end.cl computes. It is the shadow bias or, if the light is so distant
-/// that rounding moves the hit's triangle by more than the bias, this rounding error. The second adds the largest
-/// rounding error of the distance of another surface, which the light may graze: surfaces up to this distance from the
-/// hit may or may not block the light. Both are the bias if the light is so near that no rounding error exceeds the
-/// bias. `normal` is the unit normal at the hit.
+/// The first distance is the one that cl/common/shadow_end.cl computes. Usually, this distance is the shadow
+/// bias. If the light is so distant that rounding moves the hit's triangle by more than the bias, the
+/// distance is this rounding error. The second distance is greater by the largest rounding error of the
+/// distance of a surface that the light grazes. Surfaces up to the second distance from the hit may or may
+/// not block the light. Both distances are the bias if no rounding error exceeds the bias, or if the light is
+/// behind the surface. `normal` is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }
 
-/// Returns the two distances of [`ends_before_hit`] for a light at `distance` from the hit. `cosine` is the cosine of
-/// the angle between the light's direction and the surface's normal. Both distances are the bias if the cosine is not
-/// positive, since light from behind the surface does not reach it.
+/// Returns the two distances of [`ends_before_hit`] for a light at `distance` from the hit. `cosine` is the
+/// cosine of the angle between the light's direction and the surface's normal. Both distances are the bias if
+/// the cosine is not positive, since light from behind does not reach the surface.
 pub fn ends(bias: f64, distance: f64, cosine: f64) -> [f64; 2] {
     let largest = ROUNDING_AT_DISTANCE * distance * MOST_PER_COSINE;
     if cosine <= 0.0 || largest <= bias {

@@ -9,14 +9,15 @@ use super::tree::Tree;
 use glam::DVec3;
 use std::cell::RefCell;
 
-/// Which lights reach all points near a hit, and which reach none of them; computed when first needed.
+/// Which lights reach all points near a hit, and which lights reach none of these points. The result for a
+/// light is computed when it is first needed.
 #[derive(Debug)]
 pub struct Shadows<'a> {
     seen: &'a Seen<'a>,
     tree: &'a Tree,
     points: Points,
     bias: f64,
-    /// The result for each light; the outer `None` if no search for this light was needed yet.
+    /// The result for each light, or `None` before the first search for this light.
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
@@ -42,8 +43,9 @@ impl<'a> Shadows<'a> {
         Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
     }
 
-    /// Returns whether a light reaches all points near the hit; `None` if that is uncertain, or if `light` stands for
-    /// the sky.
+    /// Returns `Some(true)` if the light with the index `light` reaches all points near the hit, and
+    /// `Some(false)` if it reaches none of them. Returns `None` if that is uncertain, or if `light` is the
+    /// sky's index.
     pub fn reaches(&self, light: usize) -> Reaches {
         // The sky has no entry in `known`, since it is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;
@@ -54,12 +56,13 @@ impl<'a> Shadows<'a> {
         })
     }
 
-    /// Returns whether [`Self::reaches`] was uncertain for any light, or there is a sky.
+    /// Returns true if there is a sky, or if [`Self::reaches`] returned `None` for a light.
     pub fn some_are_unsure(&self) -> bool {
         self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }
 
-    /// Computes the result of [`Self::reaches`] by one search from the light, where all shadow rays to it meet.
+    /// Computes the result of [`Self::reaches`] by one search from the light, where all shadow rays to this
+    /// light meet.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
         let Points { triangle, centre, normal, spread } = self.points;
@@ -67,8 +70,8 @@ impl<'a> Shadows<'a> {
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
         let [_, end] = ends(self.bias, distance, -off.dot(normal) / distance);
-        // The factor 1.1 allows for the points around the centre, at which the light's distance and cosine differ from
-        // those at the centre.
+        // The factor 1.1 allows for the points around the centre, where the light's distance and cosine
+        // differ from the values at the centre.
         let end = 1.1 * end.max(2.0 * self.bias);
         let [least, most] = [distance - spread - end, distance + spread - 0.5 * self.bias];
         if least <= 4.0 * at_light || spread > 0.01 * distance {

@@ -50,8 +50,9 @@ fn a_texture_tints_the_material() {
 
 #[test]
 fn the_lit_ground_of_figure_4() {
-    // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is (0, 4,
-    // 7/3): its squared length is 193/9, its cosine is 4 / sqrt(193/9), and nothing blocks the light.
+    // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is
+    // (0, 4, 7/3). Its squared length is 193/9, and the cosine of its angle to the normal is 4 / sqrt(193/9).
+    // Nothing blocks the light.
     let actual = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
     let square = 193.0_f64 / 9.0;
     let pi = std::f64::consts::PI;
@@ -62,8 +63,8 @@ fn the_lit_ground_of_figure_4() {
 #[test]
 fn the_shadow_of_figure_4() {
     // The light's ray through (-1, -0.8, -2), a point of the triangle, hits the ground at (-1.105, -1,
-    // -2.158). The eye sees that point below the triangle's edge, along (-0.512, -0.463, -1): pixel (19.5,
-    // 58.5) of 80.
+    // -2.158). The eye sees this point of the ground below the triangle's edge, in the direction (-0.512,
+    // -0.463, -1). The point's pixel coordinates in a picture of 80 x 80 pixels are (19.5, 58.5).
     let actual = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
     assert_eq!(actual, Vec3::ZERO);
 }
@@ -110,9 +111,10 @@ fn a_shadow_ray_passes_through_a_hole() {
     assert_eq!(is_blocked(&scene), [false; 2]);
 }
 
-/// Returns a lit triangle in front of the camera with a mask of 1024 x 1024 texels, which is repeated 256 times along
-/// each axis; the picture shows four by four repetitions. In a picture of 32 x 32 pixels, the rays hit the mask at
-/// `from_left` + 128 n texels from its left edge, and at 64 + 128 n texels from its upper edge.
+/// Returns a scene with a lit triangle, whose mask has 1024 x 1024 texels. `alpha` returns the alpha of the
+/// texel in a column and a row. The mask is repeated 256 times along each axis; the picture shows 4 x 4 of
+/// these repetitions. In a picture of 32 x 32 pixels, the rays hit the mask at `from_left` + 128 n texels
+/// from its left edge, and at 64 + 128 n texels from its upper edge (for whole numbers n).
 fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> Scene {
     let texels: Vec<u32> = (0..1 << 20).map(|at| alpha(at % 1024, at / 1024) << 24).collect();
     let mask = Texture { size: [1024; 2], wrap: [Wrap::Repeat; 2], least_alpha, texels: texels.into() };
@@ -129,8 +131,9 @@ fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> S
     scene
 }
 
-/// At the largest coordinate of this mask, rounding may move a point by a quarter of a texel along each axis. This may
-/// change the alpha at the edge of a hole by half of its range, but it changes nothing elsewhere.
+/// At the largest coordinate of this mask, rounding may move a point by a quarter of a texel along each axis.
+/// At the edge of a hole, such a move may change alpha by half of alpha's range; elsewhere it changes
+/// nothing.
 #[test]
 fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() {
     let size = [32; 2];
@@ -153,8 +156,9 @@ fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() 
     assert!(!is_right([0.0; 3]) && !is_right(scene.background.to_array()));
 }
 
-/// From texel to texel, the alpha of this mask grows by 8 steps, so a move by a quarter of a texel changes it by only 2
-/// steps. The least alpha of a solid point is 127.5 steps; the exact alphas at the rays' hits are 118 and 126 steps.
+/// From texel to texel, the alpha of this mask grows by 8 steps (of 255), so a move by a quarter of a texel
+/// changes alpha by only 2 steps. The least alpha of a solid point is 127.5 steps. The exact alphas at the
+/// rays' hits are 118 steps in the first case and 126 steps in the second.
 #[test]
 fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain() {
     let ramp = |x: u32, _: u32| 8 * x % 256;
@@ -177,8 +181,9 @@ fn a_surface_whose_alpha_equals_the_least_alpha_is_certainly_solid() {
     }
 }
 
-/// One texel is a hole. The alpha of all other texels is exactly that from which on a point is solid, without the slack
-/// of the test above: the mean of four such alphas may be rounded to less.
+/// One texel is a hole. The alpha of all other texels is exactly the least alpha of a solid point. In the
+/// test above, the least alpha of a solid point is slightly less than the texels' alpha. In this test, the
+/// two are equal, so rounding the mean of four texels' alpha may make a hole.
 #[test]
 fn a_surface_whose_alpha_has_no_slack_is_uncertain() {
     let dotted = |x: u32, y: u32| if [x, y] == [0; 2] { 0 } else { 128 };
@@ -299,8 +304,8 @@ fn a_surface_that_coincides_with_another_may_have_a_second_doubt() {
     }
 }
 
-/// In the middle of this picture, rounding turns the pixel's ray by 2e-4 radian, since the three vectors whose sum is
-/// the ray's direction are some 5,000 times longer than the sum.
+/// In the middle of this picture, rounding turns the pixel's ray by 2e-4 radian. The ray's direction is the
+/// sum of three vectors that are some 5,000 times longer than the sum.
 #[test]
 fn the_middle_of_a_very_wide_picture_is_uncertain() {
     let camera = Camera::looking_at(vec3(3.6, 2.2, 4.8), vec3(0.0, 0.5, 0.0), Vec3::Y, 179.98, false);
@@ -407,7 +412,7 @@ fn a_shadow_of_what_is_about_as_near_as_the_bias_is_uncertain() {
 }
 
 /// If a light is 100,000 units away, a device that casts shadow rays from the light ends them 0.05 units before the
-/// hit. Only devices that cast shadow rays from the hit then find an occluder that is nearer to the hit.
+/// hit. An occluder nearer to the hit is found only by devices that cast shadow rays from the hit.
 #[test]
 fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
     let certain = |distance: f32, gap: f32| {
@@ -426,8 +431,8 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
         (1e5, 0.02, false),
         (1e5, 2.0, false),
         (1e5, 3.0, true),
-        // At this distance, rounding moves no surface by more than the bias, and for certain pixels, a single search
-        // finds out whether the light is visible.
+        // From this distance, rounding moves the hit's triangle by less than the bias. A triangle that the
+        // light grazes is moved by up to 0.025.
         (1e3, 0.01, false),
         (1e3, 0.05, true),
     ] {

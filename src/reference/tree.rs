@@ -1,5 +1,6 @@
-//! A bounding volume hierarchy with which the reference is cast in seconds even if the mesh is large. The tree yields
-//! exactly the hits of an exhaustive search, since its boxes are padded by far more than the rounding errors of `f64`.
+//! A bounding volume hierarchy. With this tree, the reference is cast in seconds even if the mesh is large.
+//! The tree yields exactly the hits of an exhaustive search, since the tree's boxes are padded by far more
+//! than the rounding errors of `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::leaning::{LargerHit, larger_hit, margin};
@@ -27,8 +28,8 @@ pub struct Tree {
     culling: Culling,
 }
 
-/// A node in single precision, which halves the memory that a traversal reads. Corners have single precision anyway,
-/// and boxes are rounded outwards.
+/// A node with the box around all triangles below the node. The box is in single precision, which halves the
+/// memory that a traversal reads. Corners have single precision anyway, and boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Vec3,
@@ -87,7 +88,7 @@ impl Tree {
         self.culling
     }
 
-    /// Returns a distance from `point` beyond which no triangle has a corner.
+    /// Returns an upper bound of the distances of all corners from `point`; 0 without triangles.
     pub fn reach(&self, point: DVec3) -> f64 {
         self.nodes.first().map_or(0.0, |root| {
             (root.low.as_dvec3() - point).abs().max((root.high.as_dvec3() - point).abs()).length()
@@ -96,8 +97,9 @@ impl Tree {
 
     /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles of all
     /// leaves whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first, `far` is
-    /// `ray.far`. The visitor gets a triangle and `far`. It returns the new value of `far`: the distance up
-    /// to which further triangles matter. The traversal ends if this value is not above `ray.near`.
+    /// `ray.far`. The visitor gets a triangle and `far`. The visitor returns the new value of `far`: the
+    /// distance up to which further triangles matter. The traversal ends if this value is not above
+    /// `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
@@ -187,11 +189,11 @@ fn centre(t: &Indexed) -> DVec3 {
     a + b + c
 }
 
-/// Splits a node's triangles into two non-empty parts along the axis along which the triangles' centres are spread
-/// most, and returns the number of triangles in the first of the two parts. The split is where a ray is expected to
-/// test the fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On fast Construction of
-/// SAH-based Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin,
-/// the two parts have nearly equal numbers of triangles.
+/// Splits a node's triangles into two non-empty parts, and returns the number of triangles in the first part.
+/// The triangles are split along the axis along which their centres are spread most. The split is where a ray
+/// is expected to test the fewest triangles (the surface area heuristic over bins of centres; I. Wald, "On
+/// fast Construction of SAH-based Bounding Volume Hierarchies", 2007). From the level `LEVELS_BY_COST` on, or
+/// if all centres are in one bin, the two parts have nearly equal numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -229,7 +231,7 @@ fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> 
     splits.min_by(|(_, one), (_, other)| one.total_cmp(other)).map(|(at, _)| at)
 }
 
-/// Moves triangles for which `is_left` is true to the front, and returns their number.
+/// Moves the triangles for which `is_left` is true to the front of `part`, and returns their number.
 fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize {
     let mut left = 0;
     for index in 0..part.len() {
@@ -241,7 +243,7 @@ fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize 
     left
 }
 
-/// A box.
+/// An axis-parallel box; it is empty if `low` is greater than `high`.
 #[derive(Clone, Copy)]
 struct Bounds {
     low: Vec3,

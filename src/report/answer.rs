@@ -2,6 +2,7 @@
 //! this result is, and which points could not run.
 
 use super::words::{first_line, series_name, title};
+use crate::entry::entry;
 use crate::measure::Ranking;
 use crate::record::{
     Group, HOST, Record, duration, duration_range, few_names, interval, launches, median, not_enough, ratio,
@@ -9,7 +10,7 @@ use crate::record::{
 };
 use crate::words::counted;
 
-/// The result of one group: a scene at an image size on a device.
+/// The result of one group of points: a scene at an image size on a device.
 #[derive(Clone, Debug)]
 pub struct Answer {
     /// The scene.
@@ -22,20 +23,21 @@ pub struct Answer {
     pub winners: Vec<Winner>,
     /// The text that is shown if there is no winner.
     pub nobody: &'static str,
-    /// The best point's median as text.
+    /// The fastest winner's median as text, such as "1.2 ms"; "-" if there is no winner.
     pub time: String,
-    /// The 95% interval of this median as text.
+    /// The 95% interval of this median as text; empty if it is unknown.
     pub interval: String,
-    /// The speed-ups of the best point over the serial baselines and over the best point of the preset `naive`.
+    /// The speed-ups of the fastest winner over the serial baselines and over the fastest point of the preset
+    /// `naive`.
     pub speedups: Vec<Speedup>,
-    /// The name of the best point of the preset `naive`, as speed-ups of other groups show it, if this point is itself
-    /// the fastest. `None` if it is not.
+    /// The text "the best naive point" if the fastest winner has the preset `naive`, otherwise `None`.
+    /// Speed-ups of other groups have the same text in [`Speedup::over`].
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
-    /// Points that could not run: their number and the reason.
+    /// The points without a time, with one entry per reason.
     pub refused: Vec<Refused>,
 }
 
@@ -55,11 +57,12 @@ pub struct Winner {
 pub struct Speedup {
     /// The point or baseline with which the best point is compared.
     pub over: String,
-    /// The factor; `None` if either point has too few samples.
+    /// The factor; `None` if either point has too few samples, or times of 0.
     pub ratio: Option<f64>,
     /// The factor as text: "4.4×", or "?" if it is unknown.
     pub factor: String,
-    /// The 95% interval of the factor, "4.2 to 4.6", or "not enough samples (n = 3)".
+    /// The 95% interval of the factor, such as "4.2 to 4.6". If the factor is unknown, the reason, such as
+    /// "not enough samples (n = 3)".
     pub range: String,
 }
 
@@ -74,7 +77,7 @@ pub struct Refused {
     pub example: String,
 }
 
-/// Returns one answer per group. Groups of the host's baselines get no answer.
+/// Returns one answer per group of points. Groups of baselines on the host get no answer.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }
@@ -93,9 +96,9 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
             .unwrap_or_default(),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
         naive_wins: best
-            .zip(naive(group))
+            .zip(group.naive())
             .filter(|(best, naive)| best.key == naive.key)
-            .map(|(best, _)| over(best)),
+            .map(|(best, _)| name_of_other(best)),
         sureness,
         sure,
         refused: refused(group),
@@ -109,28 +112,15 @@ fn winner(record: &Record) -> Winner {
     Winner { name: record.name.clone(), size, strategy: record.strategy.clone() }
 }
 
-/// Returns the baselines of a group: the host's records of the same scene and image size.
-pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Record> {
-    let of_host = |other: &&Group<'_>| {
-        other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
-    };
-    groups.iter().find(of_host).map(|host| host.ranking().all()).unwrap_or_default()
-}
-
 fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speedup> {
-    let serial = baselines(group, groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
-    let over = serial.chain(naive(group).filter(|naive| naive.key != best.key));
-    over.filter_map(|other| speedup(best, other)).collect()
+    let serial = group.baselines(groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
+    let others = serial.chain(group.naive().filter(|naive| naive.key != best.key));
+    others.filter_map(|other| speedup(best, other)).collect()
 }
 
-/// Returns the record of a group's fastest point with the preset `naive`; `None` if no such point has a time.
-fn naive<'a>(group: &Group<'a>) -> Option<&'a Record> {
-    group.best_where(|record| record.preset.as_deref() == Some("naive"))
-}
-
-/// Returns the name by which a speed-up refers to the slower point, whose record is given: a baseline's name, or a text
-/// such as "the best naive point".
-fn over(record: &Record) -> String {
+/// Returns the text for [`Speedup::over`] from the record with which the best point is compared: a baseline's
+/// name, or "the best naive point".
+fn name_of_other(record: &Record) -> String {
     match record.is_baseline() {
         true => record.strategy.clone(),
         false => format!("the best {} point", series_name(record)),
@@ -138,7 +128,7 @@ fn over(record: &Record) -> String {
 }
 
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
-    let over = over(other);
+    let over = name_of_other(other);
     let Some(ratio) = ratio(other, best) else {
         return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
     };
@@ -178,7 +168,8 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
             ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
         }
         1 => {
-            // It is not known whether a point without a rank or without a time takes longer.
+            // Points without a rank or without a time may be faster than the winner. The result is therefore
+            // clear only if another point has a rank, or if there is no other point.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),
                 (_, 1) => ("No other point has a rank", false),
@@ -197,8 +188,8 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns whether a point without a rank may be faster than the winner, because the point's median is not above the
-/// upper end of the winner's 95% interval.
+/// Returns true if a point without a rank may be faster than the winner: its median is not above the upper
+/// end of the winner's 95% interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -208,19 +199,17 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     let mut refused: Vec<Refused> = Vec::new();
     for (record, _) in group.failures() {
         let word = word(record);
-        match refused.iter_mut().find(|known| known.word == word) {
-            Some(known) => known.count += 1,
-            None => {
-                let example = format!("{}: {}", title(record), first_line(record));
-                refused.push(Refused { word, count: 1, example });
-            }
-        }
+        let new = || Refused {
+            word: word.clone(),
+            count: 0,
+            example: format!("{}: {}", title(record), first_line(record)),
+        };
+        entry(&mut refused, |known| known.word == word, new).count += 1;
     }
     refused
 }
 
-/// Returns a summary in one sentence: which strategies win in how many groups, and how much faster
-/// they are.
+/// Returns a summary in one sentence: which strategies win in how many groups, and the winners' speed-ups.
 pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
@@ -232,10 +221,8 @@ fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, Vec<f64>)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
         let Some(ratio) = speedup.ratio else { continue };
-        match over.iter_mut().find(|(name, _)| *name == speedup.over) {
-            Some((_, ratios)) => ratios.push(ratio),
-            None => over.push((&speedup.over, vec![ratio])),
-        }
+        let name = speedup.over.as_str();
+        entry(&mut over, |(known, _)| *known == name, || (name, Vec::new())).1.push(ratio);
     }
     let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
     let text = |(name, ratios): &(&str, Vec<f64>)| {
@@ -419,7 +406,8 @@ mod tests {
         }
     }
 
-    /// With two digits, the headline would say "1.0 times as fast", and the line below it "1.03×, 1.02 to 1.05".
+    /// With two digits, the headline would say "1.0 times as fast", and contradict the line "1.03×, 1.02 to
+    /// 1.05" below.
     #[test]
     fn the_headline_does_not_round_a_small_speed_up_away() {
         let records = judged([measured("gpu", "naive", 8, 10.34), measured("gpu", "wide", 4, 10.0)]);
@@ -473,7 +461,7 @@ mod tests {
         ]);
         let groups = groups(&records);
         let gpu = groups.iter().find(|group| group.device == "gpu").expect("a group");
-        let times: Vec<_> = baselines(gpu, &groups).into_iter().map(|record| record.median_ms).collect();
+        let times: Vec<_> = gpu.baselines(&groups).into_iter().map(|record| record.median_ms).collect();
         assert_eq!(times, [Some(420.0)]);
     }
 

@@ -1,15 +1,16 @@
-//! Gives devices the names that people know, for pages. Files for other programs keep the drivers' names.
+//! Replaces the drivers' names of devices by common names, for pages: "pthread-znver4-AMD EPYC 9B45" becomes
+//! "AMD EPYC 9B45, PoCL". Files for other programs keep the drivers' names.
 
 use crate::device::common_names;
 use crate::record::{Folder, HOST};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
-/// The key under which an entry of a page's environment holds the driver's name of the device.
+/// In the entry of a renamed device: the key of the name that the driver reports.
 const DRIVER: &str = "driver's_name";
 
-/// Returns the folders with the devices' common names, and for each common name (the name that people know) the name
-/// that the driver reports.
+/// Returns copies of the folders in which devices have their common names. Also returns a map from each new
+/// name to the name that the driver reports. Devices whose name did not change are not in the map.
 pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<String, String>) {
     let measured = folders.iter().flat_map(|folder| folder.records.iter().chain(&folder.controls));
     let described = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
@@ -26,8 +27,8 @@ pub(super) fn with_common_names(folders: &[Folder]) -> (Vec<Folder>, HashMap<Str
     (renamed, names.into_iter().map(|(name, common)| (common, name)).collect())
 }
 
-/// Returns the driver's name of a device, from the device's entry in a page's environment; `None` if the entry contains
-/// no name.
+/// Returns the name that the driver reports for a device. `entry` is the device's entry in the environment.
+/// Returns `None` if the entry contains no name.
 pub(super) fn name_of_driver(entry: &Value) -> Option<&str> {
     entry[DRIVER].as_str().or(entry["device"].as_str())
 }
@@ -70,12 +71,13 @@ mod tests {
         let entry = |index: usize| &folders[0].environment["devices"][index];
         assert_eq!((entry(0)["device"].as_str(), name_of_driver(entry(0))), (Some(names[0]), Some(driver)));
         assert_eq!((name_of_driver(entry(1)), entry(1).get(DRIVER)), (Some("NVIDIA H200"), None));
-        // A device without records also has its entry in the environment.
+        // The second folder's environment names a second device with the same common name. Both devices
+        // therefore keep their drivers' names.
         let environment = json!({ "devices": [{ "device": "cpu-znver4-AMD EPYC 9B45" }] });
         let without_records = Folder { environment, ..Folder::default() };
         let (folders, _) = with_common_names(&[folder.clone(), without_records]);
         assert_eq!(folders[0].records[0].device, driver);
-        // Another version of the driver has another name for the same processor.
+        // A record of a second device with the same common name has the same effect.
         let other = Folder { records: vec![record("cpu-znver4-AMD EPYC 9B45")], ..Folder::default() };
         let (folders, drivers) = with_common_names(&[folder, other]);
         assert_eq!((folders[0].records[0].device.as_str(), drivers.len()), (driver, 0));

@@ -1,5 +1,6 @@
 //! Describes the machines, programs and commands of runs, so that others can repeat these runs.
 
+use crate::entry::entry;
 use crate::record::journals::earlier_environment;
 use crate::record::{Folder, Record};
 use crate::words::{counted, quote};
@@ -8,13 +9,13 @@ use serde_json::Value;
 /// The environment of a folder, as a page shows it.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentView {
-    /// The folder's name.
+    /// The folder's label.
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// The version of raycl that made the run, and the commands that build this version again from its commit, or the
-    /// reason why it cannot be built again. If other versions measured some of the records, the text also lists the
-    /// commits of all versions.
+    /// The version of raycl that wrote the environment. The commands that build this version again follow, or
+    /// the reason why it cannot be built again. If other commits of raycl measured some of the records, the
+    /// text also lists the commits of all records.
     pub program: String,
     /// The config's text.
     pub config: String,
@@ -22,15 +23,15 @@ pub struct EnvironmentView {
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 
-/// An OpenCL program that was measured: the name and the axes of its strategy, and the program's hashes.
+/// The OpenCL programs of one strategy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     /// The strategy's name.
     pub name: String,
     /// The strategy's axes.
     pub strategy: String,
-    /// The program's hashes. A hash covers the source, the defines and the build options, so each combination of local
-    /// size and scene can have its own hash.
+    /// The hashes of the strategy's programs. A hash covers the source, the defines and the build options, so
+    /// each combination of local size and scene can have its own hash.
     pub hashes: Vec<String>,
 }
 
@@ -65,8 +66,8 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// Returns the number of a run's sessions, with the files that describe the earlier ones; `None` if there was only one
-/// session.
+/// Returns the name "sessions" and a text: the number of a run's sessions, and the files that describe the
+/// earlier sessions. Returns `None` if there was only one session.
 fn sessions(folder: &Folder) -> Option<(String, String)> {
     let is_there = |number: &usize| folder.path.join(earlier_environment(*number)).is_file();
     let earlier = (1..).take_while(is_there).count();
@@ -79,17 +80,15 @@ fn sessions(folder: &Folder) -> Option<(String, String)> {
     Some(("sessions".to_owned(), format!("{}; {described}", earlier + 1)))
 }
 
-/// Describes the raycl that wrote a folder's environment: that of the last session or, in a merged folder, of the first
-/// attempt. If other versions of raycl measured some of the records, also lists the commits of all versions that did.
+/// Describes the version of raycl that wrote a folder's environment: the version of the last session or, in a
+/// merged folder, of the first attempt. If other commits of raycl measured some of the records, the text also
+/// lists the commits of all records.
 fn program_of(folder: &Folder) -> String {
     let last = program(&folder.environment);
     let own = folder.environment["git_revision"].as_str();
     let mut counts: Vec<(&str, usize)> = Vec::new();
     for revision in folder.records.iter().filter_map(|record| record.revision.as_deref().or(own)) {
-        match counts.iter_mut().find(|(known, _)| *known == revision) {
-            Some((_, count)) => *count += 1,
-            None => counts.push((revision, 1)),
-        }
+        entry(&mut counts, |(known, _)| *known == revision, || (revision, 0)).1 += 1;
     }
     if counts.iter().all(|(revision, _)| Some(*revision) == own) {
         return last;
@@ -103,10 +102,10 @@ fn program_of(folder: &Folder) -> String {
     };
     let all: Vec<String> = counts.iter().map(of).collect();
     let all = all.join(", ");
-    format!("The environment is that of {last}. The records were measured by raycl of these commits: {all}")
+    format!("The environment was written by {last}. These commits of raycl measured the records: {all}")
 }
 
-/// Describes the git revision from which the raycl of a run was built.
+/// Returns the version and the commit of the raycl that wrote an environment, and how to build it again.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -117,11 +116,12 @@ fn program(environment: &Value) -> String {
         Some((commit, _)) => {
             format!("raycl {version}, commit {commit} with uncommitted changes, so it cannot be built again")
         }
-        None => format!("raycl {version}, the commit from which it was built is unknown"),
+        None => format!("raycl {version}, built from an unknown commit"),
     }
 }
 
-/// Describes an input file of the run: its name, its commit, the beginning of its hash.
+/// Returns the kind and path of an input file of the run, and a text with the file's commit and the beginning
+/// of the file's hash.
 fn source(source: &Value) -> (String, String) {
     let text = |key: &str| source[key].as_str();
     let name = format!("{} {}", text("what").unwrap_or_default(), text("path").unwrap_or_default());
@@ -174,20 +174,16 @@ fn words(key: &str) -> String {
     key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
-/// Returns every program of the records, in the order in which they first occur.
+/// Returns the programs of each strategy, in the order of the strategies' first records. Baselines have no
+/// programs.
 pub fn programs(records: &[Record]) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     for record in records.iter().filter(|record| !record.is_baseline()) {
         let same = |known: &Program| known.name == record.name && known.strategy == record.strategy;
-        let index = programs.iter().position(same).unwrap_or_else(|| {
-            let (name, strategy) = (record.name.clone(), record.strategy.clone());
-            programs.push(Program { name, strategy, hashes: Vec::new() });
-            programs.len() - 1
-        });
-        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[index].hashes.contains(hash))
-        {
-            programs[index].hashes.push(hash.clone());
-        }
+        let new =
+            || Program { name: record.name.clone(), strategy: record.strategy.clone(), hashes: Vec::new() };
+        let hashes = &mut entry(&mut programs, same, new).hashes;
+        hashes.extend(record.program_hash.clone().filter(|hash| !hashes.contains(hash)));
     }
     programs
 }
@@ -228,7 +224,7 @@ mod tests {
         };
         assert_eq!(text(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
         assert!(text(Some("abc-dirty")).contains("with uncommitted changes"));
-        assert_eq!(text(None), "raycl 1, the commit from which it was built is unknown");
+        assert_eq!(text(None), "raycl 1, built from an unknown commit");
     }
 
     #[test]
@@ -250,7 +246,7 @@ mod tests {
         let others = of(&[Some("a"), Some("c-dirty"), None, Some("a")]);
         let commits = "a (2 records), c with uncommitted changes (1 record), b (1 record)";
         let expected = format!(
-            "The environment is that of {last}. The records were measured by raycl of these commits: {commits}"
+            "The environment was written by {last}. These commits of raycl measured the records: {commits}"
         );
         assert_eq!(others, expected);
     }

@@ -22,10 +22,10 @@ pub struct Picture {
     pub kind: String,
     /// The picture's caption.
     pub caption: String,
-    /// The picture as a `data:` URL; `None` if it is missing or was left out to keep the page
+    /// The picture as a `data:` URL. `None` if the picture is missing, or was left out to keep the page
     /// small.
     pub data: Option<String>,
-    /// The picture's path.
+    /// The picture's path in its folder of results.
     pub path: String,
 }
 
@@ -42,12 +42,13 @@ pub struct Scene {
     pub pictures: Vec<Picture>,
 }
 
-/// Reads the pictures of a page. A picture has no data if this data would increase the total size beyond
-/// `PICTURE_BYTES`.
+/// Reads the pictures of a page. A picture's data is left out if, with this data, the page's pictures would
+/// exceed `PICTURE_BYTES`.
 #[derive(Debug, Default)]
 pub struct Pictures {
+    /// The bytes that the page's pictures take so far, without the small pictures.
     spent: usize,
-    /// The files that were read, by folder and path; `None` for a file that cannot be read.
+    /// The files that were read, by folder and path. `None` for a file that cannot be read.
     read: HashMap<(PathBuf, String), Option<File>>,
 }
 
@@ -59,7 +60,7 @@ struct File {
 }
 
 impl Pictures {
-    /// Returns the file of a picture in a folder; `None` if it cannot be read.
+    /// Returns the file `path` in a folder; `None` if the file cannot be read, or lies outside the folder.
     fn file(&mut self, folder: &Path, path: &str) -> Option<&File> {
         let read = || {
             let bytes = read_inside(folder, path)?;
@@ -68,7 +69,7 @@ impl Pictures {
         self.read.entry((folder.to_owned(), path.to_owned())).or_insert_with(read).as_ref()
     }
 
-    /// Returns whether a folder has this picture.
+    /// Returns true if `path` is a file in the folder that can be read.
     pub fn has(&mut self, folder: &Path, path: Option<&str>) -> bool {
         path.is_some_and(|path| self.file(folder, path).is_some())
     }
@@ -86,7 +87,7 @@ impl Pictures {
         let small = picture.thumbnail(THUMBNAIL, height.max(1)).to_rgb8();
         let mut bytes = Cursor::new(Vec::new());
         small.write_to(&mut bytes, image::ImageFormat::Png).ok()?;
-        Some(data_address("image/png", bytes.get_ref()))
+        Some(png_address(bytes.get_ref()))
     }
 
     fn whole(&mut self, folder: &Path, path: &str) -> Option<String> {
@@ -96,7 +97,7 @@ impl Pictures {
         if spent + cost > PICTURE_BYTES {
             return None;
         }
-        let address = data_address("image/png", bytes);
+        let address = png_address(bytes);
         self.spent += cost;
         Some(address)
     }
@@ -199,8 +200,9 @@ fn tests_caption(record: &Record) -> String {
     )
 }
 
-fn data_address(kind: &str, bytes: &[u8]) -> String {
-    format!("data:{kind};base64,{}", STANDARD.encode(bytes))
+/// Returns the address with which a page embeds a PNG file of these bytes.
+fn png_address(bytes: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(bytes))
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Plots how times grow with the number of triangles in a scene and the number of pixels in an
-//! image, with the exponent of a fitted power law.
+//! Plots how times grow with the number of triangles in a scene and with the number of pixels in an image. A
+//! power law is fitted to the times, and the plots show its exponent.
 
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
@@ -9,9 +9,9 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// Returns up to two plots of times for every device. The first shows times over the number of triangles, if the
-/// device's records have several such numbers. The second shows times over the number of pixels, if the records have
-/// several image sizes.
+/// Returns up to two plots for each device. The first plot shows times over the number of triangles, if the
+/// device's records differ in this number. The second plot shows times over the number of pixels, if the
+/// records differ in the image size.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
@@ -21,8 +21,8 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// Plots times over the number of triangles, at the image size with the most scenes. Returns `None` if these scenes do
-/// not have several numbers of triangles.
+/// Plots times over the number of triangles, at the image size with the most scenes. Returns `None` if all
+/// measured scenes of this image size have the same number of triangles.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
@@ -37,8 +37,8 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize)
     })
 }
 
-/// Plots times over the number of pixels, for the scene with the most image sizes. Returns `None` if there is only one
-/// size.
+/// Plots times over the number of pixels, for the scene with the most image sizes. Returns `None` if all
+/// measured image sizes of this scene have the same number of pixels.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
@@ -56,11 +56,12 @@ fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> 
     values.clone().max_by_key(count)
 }
 
-/// The texts of a plot.
 struct Labels {
     title: String,
     x: &'static str,
+    /// The plot's name, from which the names of its files are made.
     file: String,
+    /// A further sentence of the caption; may be empty.
     besides: &'static str,
 }
 
@@ -69,8 +70,8 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
         for mark in &mut one.marks {
-            // `best_of_each` sets the mark's x to the index of its group in `columns`; the plot needs the group's
-            // number of triangles or pixels instead.
+            // `best_of_each` sets a mark's x to the index of the mark's group in `columns`. The plot needs
+            // the group's number of triangles or pixels instead.
             mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
         }
         one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -107,7 +108,7 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " There are too few different values for a fit: it needs three values on the x axis, each with enough \
+        [] => " There are too few different values for a fit. A fit needs three values on the x axis, each with enough \
             samples."
             .to_owned(),
         some => format!(
@@ -116,11 +117,12 @@ fn caption(fits: &[(String, Fit)]) -> String {
         ),
     };
     format!(
-        "Each strategy is shown at its own best local size. Both axes are logarithmic, so a power law is a straight line.{fitted}"
+        "Each strategy is shown at the local size at which it is fastest. Both axes are logarithmic, so a power law is a straight line.{fitted}"
     )
 }
 
-/// Returns the number of different values of x.
+/// Returns the number of different values of x above 0. Marks with x = 0 cannot be drawn on a logarithmic
+/// axis.
 fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     let mut values: Vec<f64> = marks.map(|mark| mark.x).filter(|x| *x > 0.0).collect();
     values.sort_by(f64::total_cmp);
@@ -128,27 +130,30 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     values.len()
 }
 
-/// Returns the exponent of the power law closest to points (x, y), and its standard error; `None` for fewer
-/// than three values of x.
+/// Fits a power law to points (x, y). Returns the law's exponent and the exponent's standard error, or `None`
+/// if the points have fewer than three different values of x.
 pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
     let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
-    Some([fit.exponent, fit.error])
+    Some([fit.exponent, fit.standard_error])
 }
 
-/// The power law y = exp(offset) x^exponent that fits some marks of a plot best, by least squares in logarithms.
+/// A power law y = exp(offset) x^exponent, fitted to marks of a plot: it minimises the sum of squared
+/// differences of log y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {
     exponent: f64,
     offset: f64,
     /// The exponent's standard error.
-    error: f64,
+    standard_error: f64,
+    /// The number of marks to which the law was fitted.
     n: usize,
 }
 
 impl Fit {
-    /// Fits a power law to marks; `None` for fewer than three values of x. Marks without an interval have too few
-    /// samples and are ignored.
+    /// Fits a power law to marks. Ignores marks without an interval, because they have too few samples, and
+    /// marks whose x or y is 0. Returns `None` if the other marks have fewer than three different values of
+    /// x.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
@@ -163,13 +168,13 @@ impl Fit {
         let offset = y - exponent * x;
         let residual: f64 =
             points.iter().map(|point| (point[1] - offset - exponent * point[0]).powi(2)).sum();
-        let error = (residual / (n - 2.0) / spread).sqrt();
-        Some(Self { exponent, offset, error, n: points.len() })
+        let standard_error = (residual / (n - 2.0) / spread).sqrt();
+        Some(Self { exponent, offset, standard_error, n: points.len() })
     }
 
     /// Formats the exponent as "0.98 ± 0.02 (n = 5)".
     fn text(&self) -> String {
-        format!("{:.2} ± {:.2} (n = {})", self.exponent, self.error, self.n)
+        format!("{:.2} ± {:.2} (n = {})", self.exponent, self.standard_error, self.n)
     }
 
     /// Returns the fitted line from the first to the last mark of a series.
@@ -206,12 +211,12 @@ mod tests {
     fn a_power_law_is_found_with_its_error() {
         let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
         let fit = Fit::of(&marks(&exact)).expect("three values of x");
-        assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.error < 1e-6, "{fit:?}");
+        assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.standard_error < 1e-6, "{fit:?}");
         // The expected values were calculated without this code: a line fitted to log10 y = 0, 1, 3 over log10 x = 0,
         // 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
         let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three values of x");
         assert!((bent.exponent - 1.5).abs() < 1e-12, "{bent:?}");
-        assert!((bent.error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
+        assert!((bent.standard_error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0]])), None);
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two values of x");
         let mut few = marks(&exact);

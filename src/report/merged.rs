@@ -21,7 +21,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
 pub struct Origins<'a> {
     folders: &'a [Folder],
     labels: Vec<String>,
-    /// For each point of the merged records, the index of the folder that its record comes from.
+    /// Maps the point of each merged record ([`point`]) to the index of the record's folder.
     folder_indices: HashMap<String, usize>,
 }
 
@@ -33,7 +33,8 @@ impl<'a> Origins<'a> {
         let points = |(index, records): (usize, &Vec<Record>)| -> Vec<(String, usize)> {
             records.iter().map(|record| (point(record), index)).collect()
         };
-        // If several folders have a point, the last of these folders is stored, since `merged` uses its record.
+        // If several folders have a point, the index of the last of these folders is stored, since `merged`
+        // uses the last folder's record.
         let folder_indices = all.iter().enumerate().flat_map(points).collect();
         Self { folders, labels, folder_indices }
     }
@@ -96,8 +97,9 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
             }
         }
     }
-    // Within a folder, different scenes have different names. A scene whose camera depends on the images' shape has one
-    // name, but several contents.
+    // Within a folder, records with the same scene name belong to one scene, even if their hashes differ: the
+    // content of a scene may depend on the images' shape. Only names in other folders are therefore
+    // namesakes.
     let has_namesake =
         |name: &str, label: &str| scenes.iter().any(|(_, other, of)| *other == name && *of != label);
     let named = |(hash, name, label): &(&str, &str, &str)| match has_namesake(name, label) {
@@ -146,7 +148,7 @@ fn rename_device(record: &mut Record, names: &HashMap<String, String>) {
     }
 }
 
-/// Returns whether the devices of these records still have different names if they get the new names in `names`.
+/// Returns true if the new names in `names` give no two devices of the records the same name.
 fn stay_apart(records: &[Record], names: &HashMap<String, String>) -> bool {
     let devices: HashSet<&String> = records.iter().map(|record| &record.device).collect();
     let renamed: HashSet<&String> =
@@ -238,8 +240,8 @@ mod tests {
         merged(folders).into_iter().map(|record| (record.key, record.device, record.name)).collect()
     }
 
-    /// On the second folder's machine, the device had a namesake, so its name was longer. The second folder's config
-    /// gives another name to a strategy.
+    /// On the second folder's machine, two devices had the same name, so the device got a longer name. The
+    /// second folder's config gives another name to a strategy.
     #[test]
     fn a_record_whose_key_a_later_folder_has_too_is_shown_once_under_the_later_names() {
         let [one, other] = [

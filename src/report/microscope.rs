@@ -1,5 +1,4 @@
-//! Writes the page of `raycl compile`, which shows the source next to the instructions of each
-//! kernel.
+//! Writes the page of `raycl compile`. The page shows the source next to the instructions of each kernel.
 
 use super::page::{SCRIPT, STYLE, nonce};
 use crate::error::{Error, Result};
@@ -13,7 +12,7 @@ use std::collections::HashMap;
 /// The file name of the page.
 pub const MICROSCOPE: &str = "microscope.html";
 
-/// The styles and the script that the page of `raycl compile` adds to those that all pages share.
+/// The styles that only the page of `raycl compile` has, beside the styles of all pages.
 const OWN_STYLE: &str = include_str!("templates/microscope.css");
 const OWN_SCRIPT: &str = include_str!("templates/microscope.js");
 
@@ -36,8 +35,7 @@ struct View {
     name: String,
     /// Properties of the kernel, such as its registers: pairs of name and value.
     facts: Vec<(&'static str, String)>,
-    /// A note on how instructions are assigned to rows, and on whether the timed program has the
-    /// same instructions.
+    /// Says how instructions are assigned to rows, and whether the timed program has the same instructions.
     note: String,
     source: Vec<SourceLine>,
     steps: Vec<Step>,
@@ -49,8 +47,9 @@ struct View {
 struct SourceLine {
     number: u32,
     text: String,
-    /// How many instructions the line has, as text; empty if it has none.
+    /// The number of the line's instructions, as text; empty for 0.
     instructions: String,
+    /// The kinds of memory that these instructions access, such as "global local".
     memory: String,
     tip: String,
 }
@@ -98,10 +97,10 @@ pub fn microscope_page(
     page.render().map_err(|error| Error::fault(format!("{MICROSCOPE} could not be written: {error}")))
 }
 
-/// Returns the command that writes this page for a record, on the device with this name. Returns
-/// `None` if the record does not name the scene's file, or if the run changed values of the scene.
-/// Also returns `None` if the run compared two folders of kernels, since records do not contain the
-/// paths of these folders.
+/// Returns the command that writes this page for a record's point on `device`. Returns `None` if the record
+/// has no local size or no name of the scene's file, or if the run changed values of the scene. Also returns
+/// `None` if the run compared two folders of kernels, since records do not contain the paths of these
+/// folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
@@ -132,13 +131,14 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
         |value: Option<u64>| value.map_or("not printed by this compiler".to_owned(), |n| n.to_string());
     let mut facts = vec![
         ("instructions", listing.instructions.to_string()),
-        ("of these with a source line", listing.with_line.to_string()),
+        ("instructions with a source line", listing.with_line.to_string()),
         ("registers per work-item", printed(listing.registers.map(u64::from))),
     ];
     if listing.counts.iter().next().is_some() {
         facts.insert(2, ("by kind", listing.counts.to_string()));
     }
-    // The following facts are only known for the code that the driver generated, not for the output of `ptxas`.
+    // The driver reports the following facts, so they are known only for the code that the driver generated,
+    // and not for the output of `ptxas`.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
         facts.push(("bytes of __local memory per work-group", kernel.group_local_bytes().to_string()));
@@ -147,12 +147,11 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     facts
 }
 
-/// Describes how instructions are assigned to rows, and whether the timed program has the same
-/// instructions.
+/// Says how instructions are assigned to rows, and whether the timed program has the same instructions.
 fn note(listing: &Listing) -> String {
     let rows = match listing.rows_are {
         RowsAre::Lines => {
-            "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever it is called."
+            "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever the function is called."
         }
         RowsAre::Parts => {
             "The compiler wrote no line table, or its table has no line for this kernel, so instructions are not \
@@ -162,7 +161,7 @@ fn note(listing: &Listing) -> String {
     };
     let same = match listing.same_as_timed {
         _ if listing.for_any_local_size => {
-            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version for the kernel's own local size, which was not found."
+            " These instructions are those of the version that PoCL compiles for any local size. The timed program normally runs the version for the kernel's own local size, but this version was not found."
         }
         Some(true) => {
             " The timed program is compiled without a line table. It has the same operations in the same order; registers, addresses and numbers are not compared."
@@ -199,7 +198,7 @@ fn tip(number: u32, row: &Row) -> String {
     format!("line {number}: {}\n{counts}", counted(row.instructions as usize, "instruction"))
 }
 
-/// Returns the names of the kinds of memory that instructions access.
+/// Returns the names of the kinds of memory that the counted instructions access, such as "global local".
 fn memories(counts: &Counts) -> String {
     counts.memories().into_iter().map(|memory| memory.name()).collect::<Vec<_>>().join(" ")
 }

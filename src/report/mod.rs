@@ -37,11 +37,12 @@ use std::path::PathBuf;
 /// The files that a report consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
-    /// The page.
+    /// The path of `report.html`.
     pub page: PathBuf,
-    /// The folder of plots, and their number.
+    /// The path of the folder `plots`, and the number of plots. Each plot is stored in two files, as SVG and
+    /// PNG.
     pub plots: (PathBuf, usize),
-    /// The folder of files for other tools.
+    /// The path of the folder `exports`, which contains files for other tools.
     pub exports: PathBuf,
 }
 
@@ -49,15 +50,16 @@ pub struct Written {
 pub const PAGE: &str = "report.html";
 /// The file names of a comparison's pages.
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
-/// The file names of a reproduction: the page, and its content as JSON for programs.
+/// The file names of a reproduction: the page, and the page's content as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
 /// The beginnings of the names of a reproduction's plots.
 const REPRODUCTION_PLOTS: [&str; 2] = ["plots/answer-", "plots/figure-"];
 
-/// Names and contents of files in a folder.
+/// Files of a report: each file's path relative to the report's folder, and the file's content.
 type Files = Vec<(String, Vec<u8>)>;
 
-/// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`.
+/// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`. Then removes those
+/// plots and exports of earlier reports that this report does not contain.
 pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     let page = Page::of(folders);
     let mut files = vec![(PAGE.to_owned(), page.html()?.into_bytes())];
@@ -70,8 +72,8 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// Returns the exports for other tools: results in the T4 format of auto-tuners, a Kernel Tuner cache per group, and a
-/// CSV file with a row per record.
+/// Returns files for other tools: the results in T4 (a format of auto-tuners), a cache file of Kernel Tuner
+/// for each group of points, and a CSV file with a row per record.
 fn exports(records: &[Record]) -> Result<Files> {
     let mut files = vec![
         ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),
@@ -82,8 +84,8 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, from folders of
-/// results that were measured with the paper's configs. Returns the page's path.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`. `folders` are results that were
+/// measured with the paper's configs. Returns the path of `reproduction.html`.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);
@@ -106,7 +108,7 @@ pub fn write_comparison(comparison: &Comparison, out: &mut OutFolder) -> Result<
     out.write(&files)
 }
 
-/// Returns every plot as SVG and PNG under `plots`.
+/// Returns two files for each plot: `plots/NAME.svg` and `plots/NAME.png`.
 fn plot_files(plots: &[&Plot]) -> Result<Files> {
     let drawn = plots.par_iter().map(|plot| {
         let file = |ending: &str, bytes: Vec<u8>| (format!("plots/{}.{ending}", plot.name), bytes);

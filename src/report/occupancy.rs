@@ -1,21 +1,16 @@
-//! Compares predicted occupancy with measured times, to judge the paper's method of choosing a
-//! local size.
-//!
-//! Occupancy itself is not measured, since OpenCL has no counter of resident work-groups. The
-//! prediction can only be judged by how well it predicts which local sizes are fast.
+//! Compares predicted occupancy with measured times. The paper chooses local sizes by predicted occupancy,
+//! and the comparison shows whether local sizes with a higher prediction are faster. Occupancy itself is not
+//! measured, since OpenCL has no counter of resident work-groups.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::scale::Kind;
 use super::view::names;
 use super::words::{Looks, group_title, tip};
-use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
+use crate::device::occupancy::{
+    Multiprocessor, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor, occupancy,
+};
 use crate::record::{Group, Record, interval, median};
-
-/// The number of registers per thread in the paper.
-const REGISTERS: u32 = 63;
-/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
-const PAPER: &str = "2.0";
 
 /// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, with two exceptions:
 /// points without a local size (casters on the host), and points of rasterisers. The main kernel of a rasteriser does
@@ -23,7 +18,7 @@ const PAPER: &str = "2.0";
 /// device. Returns `None` if all strategies have fewer than three marks, or if raycl has no data on the compute
 /// capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
-    let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
+    let sm = multiprocessor(compute_capability.unwrap_or(PAPER_CAPABILITY)).ok()?;
     let mut series = Vec::new();
     let mut ranks = Vec::new();
     let mut assumed = 0;
@@ -84,14 +79,15 @@ fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String
         Some(cc) if assumed < all => format!(
             "The prediction is for this device's compute capability, {cc}, and uses the registers and `__local` bytes of the \
              compiled kernels. For {assumed} of the {all} points, the registers are unknown, and the prediction \
-             assumes the paper's {REGISTERS} registers per thread."
+             assumes the paper's {PAPER_REGISTERS} registers per thread."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {PAPER_REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
         ),
         None => format!(
             "OpenCL does not describe the multiprocessors of this device. The prediction is therefore that of the \
-             paper's Figure 5 (compute capability {PAPER}), corrected for the paper's {REGISTERS} registers per thread."
+             paper's Figure 5 (compute capability {PAPER_CAPABILITY}), corrected for the paper's {PAPER_REGISTERS} \
+             registers per thread."
         ),
     }
 }
@@ -99,7 +95,7 @@ fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String
 /// Describes the rank correlations between predicted occupancy and measured speed.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
-        return "It cannot be judged how well the prediction ranks local sizes: there are too few local sizes, or all \
+        return "raycl cannot judge how well the prediction ranks local sizes: there are too few local sizes, or all \
             have the same prediction or the same speed."
             .to_owned();
     }
@@ -116,24 +112,25 @@ fn ranking(ranks: &[f64]) -> String {
     )
 }
 
-/// Returns a record's mark in the plot; `None` if the point has no local size, or if its main kernel does not have
-/// work-groups of this size.
+/// Returns a record's mark in the plot. `best` is the shortest median of the record's strategy, in
+/// milliseconds. Returns `None` if the record has no local size, or if the main kernel's work-groups do not
+/// have the record's local size.
 fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     if record.rasterises() {
         return None;
     }
     let [across, down] = record.local_size?;
     let (registers, local_bytes) = known(record);
-    let predicted = occupancy(sm, registers.unwrap_or(REGISTERS), local_bytes, across * down);
+    let predicted = occupancy(sm, registers.unwrap_or(PAPER_REGISTERS), local_bytes, across * down);
     let percent = 100.0 * predicted.fraction;
     let tip =
         format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// Returns the number of registers of the main kernel, if the compiler reported it. Also returns the bytes of `__local`
-/// memory of a work-group: those of the compiled kernel or, if its registers are unknown, those that raycl predicted (0
-/// if there is no prediction).
+/// Returns the main kernel's number of registers, or `None` if the compiler did not report it. Also returns
+/// the bytes of `__local` memory that a work-group needs. If the number of registers is known, these are the
+/// compiled kernel's bytes; otherwise, they are the bytes that raycl predicted, or 0 without a prediction.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);
@@ -155,7 +152,7 @@ fn spearman(marks: &[Mark]) -> Option<f64> {
     (size > 0.0).then(|| product / size)
 }
 
-/// Returns each value's rank; equal values share the mean of their ranks.
+/// Returns each value's rank: the number of smaller values. Equal values share the mean of their ranks.
 fn ranks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let rank = |value: f64| {
         let below = values.clone().filter(|other| *other < value).count() as f64;
@@ -210,7 +207,7 @@ mod tests {
     #[test]
     fn a_mark_has_the_predicted_occupancy_and_the_speed_relative_to_the_best() {
         use crate::record::fixtures::measured;
-        let sm = multiprocessor(PAPER).expect("it is known");
+        let sm = multiprocessor(PAPER_CAPABILITY).expect("it is known");
         let mut record = measured("gpu", "naive", 16, 8.0);
         let name = record.main_kernel().map_or("cast_frame".to_owned(), |kernel| kernel.name.clone());
         let at = |record: &Record| mark(record, sm, 2.0).map(|mark| (mark.x.round(), mark.y));

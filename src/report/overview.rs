@@ -15,8 +15,8 @@ const MOST_WITH_ALL_PAIRS: usize = 8;
 /// A device, and its records, sorted by rank within each group.
 type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 
-/// Plots the best time of every strategy and baseline, scene by scene, for every device that has several scenes or
-/// image sizes.
+/// Returns a plot for each device with several scenes or image sizes. The plot shows the best time of every
+/// strategy and baseline for each scene and image size.
 pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let plot = |(index, device): (usize, &str)| {
         let shown: Vec<_> =
@@ -43,7 +43,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
             diagonal: false,
             series,
         };
-        let caption = "Each strategy is shown at its own best local size; lower is faster. The baselines on the host are included.";
+        let caption = "Each strategy is shown at the local size at which it is fastest. Lower marks are faster. The baselines on the host are included.";
         Some(Plot::of(numbered("scenes", index), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
@@ -58,9 +58,9 @@ fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
 }
 
 /// Returns the devices that have records, without the host.
-pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
+pub(super) fn devices<'a: 'g, 'g>(groups: impl IntoIterator<Item = &'g Group<'a>>) -> Vec<&'a str> {
     let mut devices = Vec::new();
-    for group in groups.iter().filter(|group| group.device != HOST) {
+    for group in groups.into_iter().filter(|group| group.device != HOST) {
         if !devices.contains(&group.device) {
             devices.push(group.device);
         }
@@ -68,8 +68,9 @@ pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     devices
 }
 
-/// Returns each strategy's fastest point of every group. In the returned series, the x value of a point's mark is the
-/// index of the point's group in `columns`.
+/// Returns a series for each strategy, with a mark for the strategy's fastest point in every group. A mark's
+/// x is the index of the group's scene and image size in `columns`. Groups that are not in `columns` have no
+/// marks.
 pub(super) fn best_of_each(
     groups: &[&Group<'_>],
     columns: &[(&str, [u32; 2])],
@@ -94,15 +95,7 @@ pub(super) fn best_of_each(
                 interval: interval(record),
                 tip: format!("{}\n{}", group.scene, tip(record)),
             };
-            match series.iter_mut().find(|one| one.name == name) {
-                Some(one) => one.marks.push(mark),
-                None => series.push(Series {
-                    look: looks.look(&name),
-                    name: name.clone(),
-                    joined: true,
-                    marks: vec![mark],
-                }),
-            }
+            Series::add(&mut series, &name, looks.look(&name), true, mark);
             seen.push(name);
         }
     }
@@ -113,9 +106,9 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Plots one device's times against another device's times, for the points that both measured. Each pair of devices has
-/// its own plot. If there are more than `MOST_WITH_ALL_PAIRS` devices, only pairs that include the device with the most
-/// times are plotted, and the function also returns a note about this.
+/// Returns a plot for each pair of devices that measured the same points: one device's times against the
+/// other device's times. If there are more than `MOST_WITH_ALL_PAIRS` devices, only the pairs of the device
+/// with the most times have plots, and the returned note says so.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
     // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
     let of = |device| -> OfDevice<'_> {
@@ -162,15 +155,7 @@ fn pair(
         let (Some(x), Some(y)) = (median(record), median(match_)) else { continue };
         let tip = format!("{}\n{one}: {}\n{other}: {}", record.scene, tip(record), tip(match_));
         let mark = Mark { x, y, interval: interval(match_), tip };
-        match series.iter_mut().find(|known| known.name == record.name) {
-            Some(known) => known.marks.push(mark),
-            None => series.push(Series {
-                name: record.name.clone(),
-                look: looks.look(&record.name),
-                joined: false,
-                marks: vec![mark],
-            }),
-        }
+        Series::add(&mut series, &record.name, looks.look(&record.name), false, mark);
     }
     series.sort_by_key(|one| looks.look(&one.name).number);
     let chart = Chart {

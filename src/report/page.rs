@@ -1,6 +1,6 @@
 //! Collects the data of the report's template from records.
 
-use super::answer::{self, Answer, answers, headline};
+use super::answer::{Answer, answers, headline};
 use super::common_names::{name_of_driver, with_common_names};
 use super::environment::{self, EnvironmentView, Program};
 use super::gallery::{self, Pictures};
@@ -45,11 +45,11 @@ pub struct Page {
     version: &'static str,
 }
 
-/// The plots and the table of one group.
+/// The plots and the table of one group of points.
 pub struct View {
     id: String,
-    /// True if this view is shown when the page opens. The page then shows only one view: that of a group whose scene
-    /// has the most triangles.
+    /// True for the view that the page shows when it opens: the view of a group whose scene has the most
+    /// triangles.
     first: bool,
     title: String,
     /// Notes that raycl made when it read the group's scene.
@@ -58,12 +58,12 @@ pub struct View {
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
-    /// The command that shows the instructions of the fastest point; empty if there is no such
-    /// command.
+    /// The command `raycl compile` that shows the instructions of the fastest point. Empty if the report does
+    /// not know the command's arguments.
     microscope: String,
 }
 
-/// A row of a table.
+/// A point's row in the table of a view.
 pub struct Row {
     name: String,
     strategy: String,
@@ -150,16 +150,16 @@ impl Page {
     }
 }
 
-/// Returns a small version of the picture that a group's best point cast. Returns `None` if the group has no winner, or
-/// if the winner's picture is missing.
+/// Returns a small version of the picture that a group's fastest point cast. Returns `None` if no point of
+/// the group has a rank, or if the picture is missing.
 fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) -> Option<String> {
     let best = group.ranking().winners.first().copied()?;
     pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
 }
 
-/// Returns a nonce: a random number with which the page allows only its own script to run. The
-/// nonce has 128 bits, which the standard library derives from the system's random numbers, so no
-/// data in the page can contain the nonce.
+/// Returns a nonce: a random number of 128 bits. The page lets only scripts with this number run. The
+/// standard library derives the nonce from the system's random numbers. Texts in the page, such as scene
+/// names, therefore cannot contain it.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
@@ -174,7 +174,7 @@ pub fn notes(folders: &[Folder]) -> Vec<String> {
     folders.iter().zip(labels(folders)).flat_map(of).collect()
 }
 
-/// Returns the questions and expectations of the folders' configs.
+/// Returns the questions and expected answers of the folders' configs, without repetitions.
 fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     let mut questions = Vec::new();
     for folder in folders {
@@ -186,7 +186,7 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     questions
 }
 
-/// Returns the times of a folder's control points on each machine.
+/// Returns a row for each control point of a folder and each machine that measured it.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
     let row = |point: &str, at: &AtHost| HostRow {
         point: point.to_owned(),
@@ -256,8 +256,8 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
     views
 }
 
-/// Returns the plots and the table of one group, as the page shows them. Without their extensions, the names of the
-/// files of these plots end with `file`, which identifies the group (example: `samples-{file}`).
+/// Returns the plots and the table of one group. `file` identifies the group in the names of the plots, such
+/// as `samples-{file}`.
 fn one_view(
     index: usize,
     group: &Group<'_>,
@@ -278,7 +278,7 @@ fn one_view(
     let kernels = ranking.all().into_iter().chain(failed);
     let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
     let rows = kernels.map(|record| row(record, best, wins(record)));
-    let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
+    let host = group.baselines(groups).into_iter().map(|record| row(record, best, false));
     View {
         id: format!("view-{index}"),
         first: false,
@@ -290,8 +290,9 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // Only a report on a single folder shows the command. With several folders, a device's name in a record may end
-        // with the name of a folder, but the command needs the device's own name.
+        // The command needs the device's own name. In a report on several folders, a device's name in a
+        // record may end with the name of a folder. Only a report on a single folder therefore shows the
+        // command.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -310,19 +311,20 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
     notes
 }
 
-/// Returns a device's compute capability; `None` if the environment does not contain it.
+/// Returns the compute capability of an NVIDIA device; `None` if no folder's environment contains it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
 }
 
-/// Returns the command that writes a page with a point's instructions. The command has the device's own name, even
-/// if a text in brackets follows this name in the record.
+/// Returns the command that writes a page with a point's instructions. The record's name of the device may be
+/// the common name, or end with a text in brackets. The command has the driver's name instead.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
     microscope::command(record, name.unwrap_or(&record.device))
 }
 
-/// Returns the environment's entries for a device; `shown` is the device's name in the records.
+/// Returns a device's entries in the environments of the folders. `shown` is the device's name in the
+/// records.
 fn entries<'a>(folders: &'a [Folder], shown: &'a str) -> impl Iterator<Item = &'a Value> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     devices.filter(move |entry| entry["device"].as_str().is_some_and(|name| is_shown_as(name, shown)))
@@ -360,7 +362,7 @@ fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {
 }
 
 impl Answer {
-    /// Returns the image size as text.
+    /// Returns the image size as text, such as "800 x 500".
     pub fn size(&self) -> String {
         by(self.image_size)
     }

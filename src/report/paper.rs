@@ -1,10 +1,10 @@
-//! The run times in milliseconds that the paper published; the authors of raycl read these times off the plots in the
-//! paper's Figures 6 to 8. This module also contains the configs that repeat the paper's experiments. The configs are
-//! built in, so that `raycl reproduce` needs no other files.
+//! The run times in milliseconds that the paper published, and the configs that repeat the paper's
+//! experiments. The authors of raycl read the times off the plots in the paper's Figures 6 to 8. The configs
+//! are built in, so that `raycl reproduce` needs no other files.
 
 use include_dir::{Dir, include_dir};
 
-/// The paper's configs, in the order of its figures.
+/// The name and the TOML text of each config that repeats experiments of the paper.
 pub const CONFIGS: [(&str, &str); 5] = [
     ("pictures", include_str!("../../configs/pictures.toml")),
     ("figure-6", include_str!("../../configs/figure-6.toml")),
@@ -30,7 +30,7 @@ pub struct Published {
     pub figure: u32,
     /// The series' name in the figure.
     pub series: String,
-    /// Width of the square block in work-items.
+    /// The side of the square work-group (the paper's *block*), in work-items.
     pub block: u32,
     /// The run time in milliseconds.
     pub ms: f64,
@@ -65,8 +65,9 @@ pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (8, "Opt2", "still-life", "local-triangles"),
 ];
 
-/// Returns the paper's curve for a scene and a preset: the number of its figure, and its points as (side of the block,
-/// milliseconds). `None` if the paper has no such curve.
+/// Returns the number of the paper's figure that has a curve for this scene and preset, and the curve's
+/// points. A point consists of the side of the square work-group in work-items, and the time in milliseconds.
+/// Returns `None` if the paper has no such curve.
 pub fn curve(scene: &str, preset: &str) -> Option<(u32, Vec<(u32, f64)>)> {
     let (figure, series, ..) =
         CURVES.iter().find(|(_, _, of_scene, of_preset)| *of_scene == scene && *of_preset == preset)?;

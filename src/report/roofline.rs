@@ -18,9 +18,9 @@ use std::collections::HashMap;
 /// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
-/// Returns a plot for every device that has points with a known number of ray-triangle tests. If the number of
-/// operations of none of these tests is known, the device has a plot only if its peak rates are known. `drivers`
-/// contains, for each common name of a device (the name that people know), the name that the driver reports.
+/// Returns a plot for every device that has points with a known number of ray-triangle tests. If the
+/// operations of a test are unknown for all of these points, the plot shows only the roofs; without known
+/// peak rates, there is no plot. `drivers` maps a device's common name to the name that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -55,19 +55,21 @@ pub fn rooflines(
     devices(groups).into_iter().enumerate().filter_map(of_device).collect()
 }
 
-/// Returns whether peak rates are those of a device. Pages show the device as `shown`: its common name or, if it has
-/// none of its own, the driver's name. The label of the folder of results may follow.
+/// Returns true if the peak rates are those of the device that the page calls `shown`. This name is the
+/// common name or, if several devices have the same common name, the driver's name. The folder's label in
+/// brackets may follow.
 fn is_of(peak: &Peak, label: &str, shown: &str, drivers: &HashMap<String, String>) -> bool {
     let without_label = shown.strip_suffix(format!(" ({label})").as_str());
     [Some(shown), without_label].into_iter().flatten().any(|name| match drivers.get(name) {
-        // Devices of other drivers, whose peak rates differ, can have the same common name.
+        // Another driver's device, which has other peak rates, may have the same common name.
         Some(driver) => *driver == peak.device,
         None => name == peak.device || name == common_name(&peak.device),
     })
 }
 
-/// Returns the plot of a device with its peak rates, if they are known; `unreadable` says which files of peak rates
-/// cannot be read.
+/// Returns the plot of a device, with roofs if `peak` is known. `unreadable` has a message for each file of
+/// peak rates that cannot be read. Returns `None` if the plot would have no marks and no roofs, or if no
+/// record has a number of tests.
 fn roofline(
     records: &[(&Group<'_>, &Record)],
     looks: &Looks,
@@ -81,21 +83,13 @@ fn roofline(
             left_out.push(record);
             continue;
         };
-        match series.iter_mut().find(|one| one.name == record.name) {
-            Some(one) => one.marks.push(mark),
-            None => series.push(Series {
-                name: record.name.clone(),
-                look: looks.look(&record.name),
-                joined: false,
-                marks: vec![mark],
-            }),
-        }
+        Series::add(&mut series, &record.name, looks.look(&record.name), false, mark);
     }
     let ends = ends(&series, peak);
     let roofs: Vec<Series> = peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)).collect();
     let has_roofs = !roofs.is_empty();
-    // If tests are counted, but the number of operations is not known for any of them, the plot has the measured roofs.
-    // Its caption then says why the plot has no marks.
+    // If tests are counted, but the operations of a test are unknown for all records, the plot has only the
+    // measured roofs. The caption then says why there are no marks.
     let are_counted = left_out.iter().any(|record| record.tests_per_s.is_some());
     if series.is_empty() && !(has_roofs && are_counted) {
         return None;
@@ -138,17 +132,18 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     })
 }
 
-/// Returns the operations of a record's ray-triangle test, as the record states them. Records of earlier versions state
-/// the operations only if the device's peak rate was known, and they state no bytes. For these records, the operations
-/// follow from the headers of the kernel files that this process has read. If a later record has no operations, the
-/// file of its ray-triangle test has a header without `operations`.
+/// Returns the number of operations of a record's ray-triangle test, as the record states it. Records of
+/// earlier versions state no bytes, and state the operations only if the device's peak rate was known. For
+/// these records, the number comes from the headers of the kernel files that this process has read. Returns
+/// `None` for other records without a number: the header of their ray-triangle test has no `operations`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();
     record.operations_per_test.or_else(by_header)
 }
 
-/// Returns the range of x that contains all marks and the corners of all roofs.
+/// Returns the range of x from half the least to twice the greatest x of all marks and of the corners of all
+/// roofs.
 fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     let corners = peak.into_iter().flat_map(|peak| {
         let fma = peak.fma_per_s.median;
@@ -200,7 +195,7 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     };
     let not_shown = not_shown(left_out);
     format!(
-        "Each mark is a point. Its height is the number of operations per second in ray-triangle tests \
+        "Each mark is a point. A mark's height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
          operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
          registers adds no bytes. If passes are fused, the time is that of the whole frame, so the rate is a \
@@ -208,8 +203,8 @@ fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> Str
     )
 }
 
-/// Says how many points have no mark, for each of the two reasons: the number of ray-triangle tests is unknown, or the
-/// number of operations of a test is unknown.
+/// Says how many points have no mark, for each of two reasons: the number of ray-triangle tests is unknown,
+/// or the operations of a test are unknown. Returns an empty text if all points have marks.
 fn not_shown(left_out: &[&Record]) -> String {
     let uncounted = left_out.iter().filter(|record| record.tests_per_s.is_none()).count();
     let reasons = [
@@ -344,8 +339,7 @@ mod tests {
             format!("The plot has no roofs: {}/peak.json does not contain", temporary.path().display());
         assert!(caption.contains(&expected) && caption.contains("; delete the file; then"), "{caption}");
         assert!(!caption.contains("were not measured"), "{caption}");
-        // A folder without records of the device has no peak rates of it, so the caption does not mention this folder's
-        // unreadable file.
+        // The caption mentions an unreadable file only if the file's folder has records of the device.
         let other = Folder { path: temporary.path().to_owned(), ..Folder::default() };
         let caption = &plots(records, &[other])[0].caption;
         assert!(caption.contains("were not measured"), "{caption}");
@@ -382,8 +376,8 @@ mod tests {
         assert!(actual.tip.ends_with(expected), "{}", actual.tip);
     }
 
-    /// The header of the user's own file of a ray-triangle test has no `operations`, but that of the built-in file of
-    /// the same name has.
+    /// The record was measured with the user's own file of a ray-triangle test, whose header has no
+    /// `operations`. The built-in file of the same name states `operations`.
     #[test]
     fn a_test_whose_header_states_no_operations_has_no_mark() {
         let own = Record {

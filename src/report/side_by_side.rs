@@ -1,5 +1,5 @@
-//! Compares devices: how fast each strategy is on each device, and how much time is lost by using
-//! one device's best strategy on another device.
+//! Compares devices: how fast each strategy is on each device, and how much time a device loses with another
+//! device's best strategy.
 
 use super::overview::devices;
 use super::plot::Plot;
@@ -14,8 +14,9 @@ const ROOM: usize = 12;
 /// A group, and its records that have a rank, fastest first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 
-/// Returns two heat maps. One shows how fast each strategy is on each device. The other shows how much time is lost on
-/// each device by using another device's best strategy. Returns no heat map if there is a single device.
+/// Returns two heat maps. The first shows how fast each strategy is on each device. The second shows how much
+/// time each device loses with another device's best strategy. Returns no heat map if there are fewer than
+/// two devices.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -26,8 +27,9 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     vec![strategies(&groups, &devices), losses(&groups, &devices)]
 }
 
-/// Shows, for each strategy and device, the mean ratio of the strategy's best time to the best time of all strategies
-/// for the same scene and size.
+/// Returns a heat map with a row per strategy and a column per device. A cell shows the strategy's best time
+/// divided by the best time of all strategies on the same device, for the same scene and image size. The
+/// value is a geometric mean over scenes and image sizes.
 fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
     let kernels = groups.iter().filter(|(group, _)| group.device != HOST);
@@ -53,7 +55,7 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
-        same scene, size and device: it shows the ratio of their times, as a geometric mean over scenes and sizes. The \
+        same scene, size and device. The cell shows the ratio of the two times, as a geometric mean over scenes and sizes. The \
         value 1 means that the strategy is the best for all scenes and sizes on this device.";
     plot(
         "strategies-by-device",
@@ -64,8 +66,9 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Shows, for each pair of devices, by which factor the time grows if one device uses the other device's best strategy
-/// instead of its own.
+/// Returns a heat map with a row and a column per device. A cell shows the factor by which the time on the
+/// column's device grows if this device uses the best strategy of the row's device instead of its own best
+/// strategy.
 fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -98,8 +101,8 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Returns the ratio of a record's time to the best time of its group, and the names of the scene and the point; `None`
-/// if the record has too few samples, or if no record of the group has a rank.
+/// Returns the ratio of a record's time to the best time of the record's group, and the names of the scene
+/// and the point. Returns `None` if the record has too few samples, or if no record of the group has a rank.
 fn over_best((group, ranked): &Ranked<'_, '_>, record: &Record) -> Option<(f64, String)> {
     let best = *ranked.first()?;
     Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))

@@ -1,4 +1,4 @@
-//! Draws the plots of one group: a scene at an image size on a device.
+//! Draws the plots of one group of points: a scene at an image size on a device.
 
 use super::paper;
 use super::plot::Plot;
@@ -11,14 +11,17 @@ use super::words::{Looks, group_title, size_name, tip, title};
 use crate::measure::Ranking;
 use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, ratio, word};
 
-/// The image size in the paper's figures; the paper's times are shown only in plots of images of this size.
+/// The image size in the paper's figures, in pixels across and down. Only plots for this image size show the
+/// paper's times.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// The largest number of characters of a word in a cell of a heat map.
+/// A cell of a heat map shows a word for a missing resource only if the word has at most this number of
+/// characters.
 const LONGEST_CODE: usize = 8;
 /// The largest number of rows in the plot of samples.
 const STRIPS: usize = 14;
 
-/// Returns the local sizes of some records, smallest first.
+/// Returns the different local sizes of the records, ordered by their number of work-items and then by their
+/// width.
 pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
     let mut sizes: Vec<_> = records.filter_map(|record| record.local_size).collect();
     sizes.sort_by_key(|[across, down]| (across * down, *across));
@@ -31,7 +34,7 @@ fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
     sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect()
 }
 
-/// Returns the names of a group's strategies, in the group's order.
+/// Returns the names of a group's strategies in the order of the group's records, each name once.
 pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in &group.records {
@@ -42,8 +45,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Plots time over local size, with a line per strategy. If `paper` is true, the plot also shows
-/// the points that the paper published, if there are any.
+/// Plots time over local size, with a line per strategy. Returns `None` if no point with a local size has a
+/// time. If `paper` is true, the plot also shows the times that the paper published.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let x_of = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|index| index as f64);
@@ -90,7 +93,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     Some(Plot::of(name, caption, &chart))
 }
 
-/// Returns the paper's curves for a group's scene and strategies.
+/// Returns the paper's curves for a group's scene and strategies; none if the image size is not the paper's.
 fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
     if group.image_size != PAPER_SIZE {
         return Vec::new();
@@ -107,8 +110,9 @@ fn published(group: &Group<'_>, looks: &Looks, x_of: &dyn Fn([u32; 2]) -> Option
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Draws a heat map of strategies by local sizes, coloured by the ratio to the fastest point's time. Cells without a
-/// time show the reason. The time of a point with too few samples has no colour.
+/// Draws a heat map with a row per strategy and a column per local size. A cell's colour shows the ratio of
+/// the point's time to the fastest point's time. A cell without a time shows the reason. A point with too few
+/// samples has no colour.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let Ranking { winners, ranked, .. } = group.ranking();
@@ -140,12 +144,13 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells have no time, or not enough samples to be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
+    let caption = "Light is fast, and dark is slow, on a logarithmic scale. Hatched cells have no time, or not enough samples to be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
-/// Returns a record's cell; `slower` is the ratio of its time to the fastest point's time, if there are enough samples.
+/// Returns a record's cell. `slower` is the ratio of the record's time to the fastest point's time; `None` if
+/// there are too few samples.
 fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
     let tip = tip(record);
     match (median(record), slower) {
@@ -155,14 +160,14 @@ fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
     }
 }
 
-/// Returns the reason for a missing time, short enough for a cell.
+/// Returns a word for the reason why a time is missing. The word is short enough for a cell.
 fn code(record: &Record) -> String {
     match record.outcome {
         Outcome::Measured => "?".into(),
         Outcome::Infeasible => {
             let word = word(record);
-            // The last part of the word is used: in "work-group" and "largest buffer", the last part says more than the
-            // first part.
+            // In "work-group" and "largest buffer", the last part says more than the first part, so the last
+            // part is used.
             let last = word.rsplit([' ', '-']).next().unwrap_or_default();
             if (1..=LONGEST_CODE).contains(&last.chars().count()) {
                 last.to_owned()
@@ -179,7 +184,8 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// Returns the meaning of the code that a cell without a time shows, with an example.
+/// Returns the meaning of the word ([`code`]) that a cell without a time shows. The record is named as an
+/// example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
@@ -193,7 +199,8 @@ fn meaning(record: &Record) -> String {
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// Plots the samples of the fastest points, to show the noise of their times. Returns `None` if no point has samples.
+/// Plots the samples of the fastest points, to show the noise of their times. Returns `None` if no point has
+/// a median above 0.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
@@ -207,7 +214,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Samples: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
+        "Each dot is a sample; within a row, earlier samples are further up. The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

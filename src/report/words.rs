@@ -1,4 +1,4 @@
-//! Formats texts about a record, for several parts of the report.
+//! Formats texts about records, and assigns colours to strategies, for several parts of the report.
 
 use super::plot::look::Look;
 use super::view::PAPER_SIZE;
@@ -13,7 +13,7 @@ use crate::record::{
 pub struct Looks(Vec<String>);
 
 impl Looks {
-    /// Assigns a colour and a marker to every strategy, in the order of the groups, then to the baselines.
+    /// Assigns looks to the strategies in the order of the groups, and last to the baselines.
     pub fn of(groups: &[Group<'_>]) -> Self {
         let mut names: Vec<String> = Vec::new();
         let (baselines, kernels): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.device == HOST);
@@ -26,23 +26,23 @@ impl Looks {
         Self(names)
     }
 
-    /// Returns the colour and marker of a series.
+    /// Returns the colour and marker of the series with this name. All unknown names get the same look.
     pub fn look(&self, name: &str) -> Look {
         Look::of(self.0.iter().position(|known| known == name).unwrap_or(self.0.len()))
     }
 }
 
-/// Returns the name of a record's strategy in a legend.
+/// Returns a record's name in a legend: the strategy's name. For a baseline, " (host)" follows.
 pub fn series_name(record: &Record) -> String {
     if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
 }
 
-/// Formats a local size: "16x16".
+/// Returns a record's local size, such as "16x16", or "-" if the record has none.
 pub fn size_name(record: &Record) -> String {
     record.local_size.map_or("-".to_owned(), |[across, down]| format!("{across}x{down}"))
 }
 
-/// Returns a record's title, such as "naive at 16 x 16".
+/// Returns a record's title, such as "naive at 16 x 16". Without a local size, the title is [`series_name`].
 pub fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", record.name, by(size)),
@@ -50,14 +50,14 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// Formats an image size that is not the paper's: "200 x 125". If a page about the paper names no image size, the size
-/// is that of the paper's figures.
+/// Returns an image size as text, such as "200 x 125", or `None` if it is [`PAPER_SIZE`]. Pages about the
+/// paper do not mention the paper's size.
 pub fn other_size(image_size: [u32; 2]) -> Option<String> {
     (image_size != PAPER_SIZE).then(|| by(image_size))
 }
 
-/// Adds the image size, if it is not the paper's, to a text that ends with a scene: "on teapot", "on teapot at 200 x
-/// 125".
+/// Adds the image size to `text`, which ends with a scene's name: "on teapot at 200 x 125". Adds nothing if
+/// the size is the paper's.
 pub fn at_size(text: &str, image_size: [u32; 2]) -> String {
     other_size(image_size).map_or(text.to_owned(), |size| format!("{text} at {size}"))
 }
@@ -67,9 +67,9 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// Returns the tooltip of a record. It consists of the strategy, the local size, the median with its interval and n (or
-/// the reason for a missing time), the machine, the properties of the compiled kernel, the fraction of the peak rate,
-/// and warnings.
+/// Returns the tooltip of a record. The tooltip has the strategy, the local size, and the median with its
+/// interval and n, or the reason for a missing time. It also has the machine, the properties of the compiled
+/// kernel, the fraction of the peak rate, and warnings, if they are known.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {
@@ -91,8 +91,8 @@ pub fn tip(record: &Record) -> String {
     lines.join("\n")
 }
 
-/// Returns the known properties of a record's main kernel: "168 registers, 12 B spilled, occupancy
-/// 19%". Returns `None` if no property is known.
+/// Returns the known properties of a record's main kernel (the kernel that casts primary rays), such as "168
+/// registers, 12 B spilled, occupancy 19%". Returns `None` if no property is known.
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));
@@ -110,19 +110,19 @@ fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }
 
-/// Returns "95% interval 1.2 to 1.4 ms", or a note that there are too few samples for an interval;
-/// `None` if there is no time.
+/// Returns a text such as "95% interval 1.2 to 1.4 ms". If there is no interval, returns a note on the
+/// reason: too few samples, or times of 0. Returns `None` if the record has no time.
 fn sureness(record: &Record) -> Option<String> {
     let known = || Some(format!("95% interval {}", duration_range(interval(record)?, median(record)?)));
     not_enough(record).or_else(known)
 }
 
-/// Formats milliseconds as "1.2 to 1.4".
+/// Formats an interval in milliseconds, such as "1.2 to 1.4".
 pub fn interval_text([low, high]: [f64; 2]) -> String {
     format!("{} to {}", ms(low), ms(high))
 }
 
-/// Returns the ratio of `slow` to `fast` as "4.35×".
+/// Returns the ratio `slow / fast` as text, such as "4.35×".
 pub fn times(slow: f64, fast: f64) -> String {
     format!("{}×", significant(slow / fast, 3))
 }

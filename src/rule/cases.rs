@@ -1,6 +1,6 @@
-//! Cases for testing the rule by which `render` chooses a strategy: on each case, the rule's choice
-//! is compared with measurements. A case states a scene, an image size, and whether rays may slip
-//! between triangles.
+//! Cases for testing the rule by which `render` chooses a strategy. For each case, the rule's choice is
+//! compared with measurements. A case states a scene, an image size, and whether rays may slip between
+//! triangles.
 
 use crate::config::have_one_shape;
 use crate::error::{Error, Result};
@@ -45,7 +45,7 @@ pub struct Case {
     pub name: String,
     /// The scene's file, relative to the folder of the file that lists the cases.
     pub scene: String,
-    /// Dotted keys in the scene file, and their new values.
+    /// Keys of the scene file, such as `object.0.triangles`, and their new values.
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
@@ -62,7 +62,8 @@ struct File {
     case: Vec<Entry>,
 }
 
-/// A `[[case]]` of a file: one case, with a `size`, or a case for each of several `sizes`.
+/// An entry `[[case]]` of a file. An entry with the key `size` is one case; an entry with `sizes` is one case
+/// per size.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
@@ -102,7 +103,7 @@ impl Entry {
     }
 }
 
-/// Reads the cases of a file.
+/// Reads the cases of a file. The error names the file and the mistake.
 pub fn cases(path: &Path) -> Result<Vec<Case>> {
     let wrong = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the cases of '{}': {why}", path.display()))
@@ -142,8 +143,9 @@ impl Case {
         load_scene_for(&path, &set, Shot { aspect: width / height, ..Shot::SQUARE })
     }
 
-    /// Returns whether the scene that was loaded for `other` is also this case's scene. If `is_framed` is true, raycl
-    /// placed the scene's camera for the shape of the images of `other`.
+    /// Returns true if the scene that was loaded for `other` is also this case's scene. If `is_framed` is
+    /// true, raycl placed the scene's camera for the shape of the images of `other`, so the images must have
+    /// the same shape.
     fn has_scene_of(&self, other: &Self, is_framed: bool) -> bool {
         let is_same = (&self.scene, &self.set) == (&other.scene, &other.set);
         is_same && (!is_framed || have_one_shape(self.size, other.size))
@@ -154,8 +156,8 @@ impl Case {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Returns whether the kinds that the case states are exactly the kinds that follow from the task. The kind
-    /// `Watertight` is not checked, since the task takes this kind from the case.
+    /// Returns true if the case states exactly the kinds that follow from the task. The kind `Watertight` is
+    /// not checked, since the task takes this kind from the case.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
             (Kind::Few, task.triangles < FEW),
@@ -166,8 +168,9 @@ impl Case {
     }
 }
 
-/// The scene that was loaded last. The cases of a scene in several sizes follow each other in the file, so that their
-/// scene is loaded only once, unless raycl places its camera for the shape of the images and their shapes differ.
+/// The scene that was loaded last. The cases of a scene in several image sizes follow each other in the file,
+/// so their scene is loaded only once. It is loaded again if raycl places the camera for the shape of the
+/// images, and the shape changes.
 #[derive(Debug, Default)]
 pub struct LastScene(Option<Held>);
 
@@ -182,8 +185,8 @@ struct Held {
 }
 
 impl LastScene {
-    /// Returns the case's scene. Loads the scene only if it is not the one of the previous call. All cases are from the
-    /// same file, `cases`.
+    /// Returns the case's scene. Loads the scene only if the previous call did not return the same scene.
+    /// `cases` is the file that lists the cases, and must be the same in all calls.
     pub fn of(&mut self, case: &Case, cases: &Path) -> Result<Arc<Scene>> {
         if let Some(last) = &self.0
             && case.has_scene_of(&last.case, last.is_framed)

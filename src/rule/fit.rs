@@ -1,6 +1,6 @@
-//! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the
-//! strategies that the rule chooses lose the least time, compared with the fastest of the candidate strategies. These
-//! steps are repeated until no constant changes, but at most `ROUNDS` times.
+//! Fits the rule's constants to sweeps. A choice of the rule loses time if another candidate is faster. Each
+//! constant in turn is set to the value with which the rule's choices lose the least time. This is repeated
+//! until no constant changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
@@ -8,17 +8,18 @@ use crate::strategy::{Class, Constants, Task};
 /// The largest ratio of a choice's time to the best time. Greater ratios, and choices that a device refused, count as
 /// this ratio.
 const REFUSED: f64 = 100.0;
-/// The smallest gain for which a constant is changed. Each choice has a ratio of its time to the
-/// best time; a gain is a decrease of the sum of the logarithms of these ratios.
+/// A constant is changed only if the sum that [`loss_of`] returns decreases by more than this number.
 const GAIN: f64 = 1e-3;
-/// Two cases count as equal if their values differ by less than this factor; no constant gets a value between the two.
+/// If the values of two cases differ by less than this factor, no constant gets a value between the two
+/// values.
 const ALIKE: f64 = 1.01;
 /// Largest number of rounds. In a round, each constant is fitted once. Several rounds are needed, since the best value
 /// of a constant depends on the other constants.
 const ROUNDS: usize = 8;
 
-/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class; `None` if the class has no
-/// constants. Constants that the sweeps do not determine stay unchanged.
+/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class. If `watertight`
+/// is true, returns the constants for watertight tests. Constants that the sweeps do not determine stay
+/// unchanged. Returns `None` if the class has no constants.
 pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
     let mut constants = class.constants(watertight)?;
     let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
@@ -42,8 +43,8 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// Returns how much longer the rule's choices take than the best candidates: the sum of the
-/// logarithms of the ratios of their times.
+/// Returns how much longer the rule's choices take than the best candidates. The result is a sum over all
+/// cases: the logarithm of the choice's time divided by the best time, at most the logarithm of `REFUSED`.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -52,8 +53,9 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the values to try for a constant: one value with few digits between the values of every two neighbouring
-/// cases, and also 0 and infinity, which are below and above the values of all cases.
+/// Returns the values to try for a constant. Each case has a value that the rule compares with the constant.
+/// The values to try are 0, infinity, and one value with few digits between every two neighbouring values of
+/// cases.
 fn values_to_try(
     sweeps: &[&Sweep],
     mut constants: Constants,
@@ -187,9 +189,8 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts as if it took a hundred times the best time. An
-    /// infinite time would be wrong: a single case in which every choice is refused would then hide
-    /// the differences between constants.
+    /// A choice that a device refused counts as if it took a hundred times the best time. With an infinite
+    /// time, a single case in which every choice is refused would hide the differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

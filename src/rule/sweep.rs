@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The time that a sample takes at least, in milliseconds, unless it has `MOST_FRAMES` frames. A sample consists
-/// of several frames if necessary, since disturbances can last longer than a single frame on a GPU.
+/// A sample has as many frames as it needs to take this time, in milliseconds, but at most `MOST_FRAMES`. On
+/// a GPU, a disturbance can last longer than a single frame.
 const SAMPLE_MS: f64 = 10.0;
 /// The largest number of triangles for which exhaustive casting is timed. For larger scenes,
 /// exhaustive casting would take minutes, and no rule would choose it.
 const MOST_TESTED: usize = 2000;
-/// Largest number of frames in a sample, even if they take less time than `SAMPLE_MS`.
+/// Largest number of frames in a sample, even if the sample then takes less time than `SAMPLE_MS`.
 const MOST_FRAMES: f64 = 200.0;
 
 /// The measurements on one device.
@@ -67,15 +67,15 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Returns the choice's time divided by the best time.
+    /// Returns the choice's time divided by the best time; infinity if the choice was not measured.
     pub fn ratio(&self) -> f64 {
         self.choice_ms.map_or(f64::INFINITY, |ms| ms / self.best.1)
     }
 }
 
 impl Measured {
-    /// Compares the rule's choice with the fastest candidate. The rule has these constants, and the device
-    /// has this many compute units. Returns `None` if no candidate has a time.
+    /// Compares the choice of a rule with the constants `constants` with the fastest candidate, on a device
+    /// with `compute_units` compute units. Returns `None` if no candidate has a time.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.choice(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -83,8 +83,8 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures every candidate on a case once in each round; every second round has the reverse order of
-    /// candidates.
+    /// Measures every candidate on a case once in each round. Every second round measures the candidates in
+    /// reverse order. Candidates that the device or the host refuses have no time.
     pub fn of(case: &Case, scene: Arc<Scene>, device: &Device, rounds: u32) -> Result<Self> {
         let task = case.task(&scene);
         let limits = &device.info.limits;
@@ -97,7 +97,7 @@ impl Measured {
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
                 Ok(caster) => casters.push((candidate, caster, f64::INFINITY)),
-                // The candidate gets no time, which shows that the device or the host refused it.
+                // The device or the host refused the candidate, so the candidate gets no time.
                 Err(Refused::Device(_) | Refused::Host(_)) => {}
                 Err(refused) => return Err(refused.into_error(&device.info)),
             }
@@ -118,7 +118,7 @@ impl Measured {
     }
 }
 
-/// Returns whether a candidate may be the fastest for a task. Other candidates are not measured.
+/// Returns true if a candidate may be the fastest for a task. Other candidates are not measured.
 fn may_be_fastest(candidate: Candidate, task: &Task) -> bool {
     candidate != Candidate::Exhaustive || task.triangles <= MOST_TESTED
 }

@@ -2,9 +2,10 @@
 //! files.
 
 use crate::reader::in_canonical_folder;
+use crate::threads::locked;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
@@ -36,7 +37,7 @@ impl Inputs {
     }
 
     fn held(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 }
 

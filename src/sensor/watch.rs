@@ -1,9 +1,10 @@
 //! A thread that reads a sensor repeatedly, and the mean readings of an interval.
 
 use super::{Reading, Sensor, SensorReading};
+use crate::threads::locked;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Time between two readings.
@@ -59,10 +60,6 @@ fn append(readings: &Mutex<Readings>, reading: (Instant, Reading)) {
     if latest.len() > MOST_READINGS {
         latest.pop_front();
     }
-}
-
-fn locked(readings: &Mutex<Readings>) -> MutexGuard<'_, Readings> {
-    readings.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {

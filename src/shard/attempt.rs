@@ -187,7 +187,7 @@ impl Attempt {
     }
 
     fn write(&self, file: &str, what: &impl Serialize) -> Result<()> {
-        let text = serde_json::to_vec(what).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_vec(what).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&self.folder.join(file), &text)
     }
 }

@@ -56,7 +56,7 @@ impl ShardPlan {
             return plan.checked(header, out);
         }
         let plan = make()?;
-        let text = serde_json::to_vec(&plan).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_vec(&plan).map_err(|error| Error::fault(error.to_string()))?;
         std::fs::create_dir_all(out)
             .map_err(|error| cannot_make(out, &error, "choose another folder with --out DIR"))?;
         if write_new(&path(out), &text)? {
@@ -90,7 +90,7 @@ impl ShardPlan {
 
     /// Returns a hash of the plan's blocks.
     pub fn hash(&self) -> Result<String> {
-        let blocks = serde_json::to_vec(&self.blocks).map_err(|error| Error::run(error.to_string()))?;
+        let blocks = serde_json::to_vec(&self.blocks).map_err(|error| Error::fault(error.to_string()))?;
         Ok(blake3::hash(&blocks).to_hex().to_string())
     }
 

@@ -86,7 +86,7 @@ impl Pulse {
                 };
                 let mut beat = Beat::default();
                 write(beat);
-                while !sleeps_through(BEAT, &ended) {
+                while !sleeps_through_beat(&ended) {
                     beat = beat.after(steps.load(Ordering::Relaxed), taken(&waits));
                     write(beat);
                 }
@@ -111,9 +111,9 @@ fn taken(waits: &AtomicBool) -> bool {
     waits.swap(false, Ordering::Relaxed)
 }
 
-/// Sleeps for `time`, or until the attempt ends. Returns true if the attempt has ended.
-fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
-    let mut left = time;
+/// Sleeps for the time [`BEAT`], or until the attempt ends. Returns true if the attempt has ended.
+fn sleeps_through_beat(ended: &AtomicBool) -> bool {
+    let mut left = BEAT;
     while !left.is_zero() && !ended.load(Ordering::Relaxed) {
         let nap = left.min(LOOK_UP);
         std::thread::sleep(nap);

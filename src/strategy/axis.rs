@@ -1,6 +1,6 @@
-//! The axes of a strategy. If a value is code, each kernel family that supports the value has a file for it under
-//! `cl/`, and the file's header describes the value. All other values have their names and descriptions in this Rust
-//! file, which is the only list of them.
+//! The axes of a strategy. If a value is code, each kernel family that supports the value has a file for the
+//! value under `cl/`, and the file's header describes the value. This Rust file lists the names and
+//! descriptions of all other values.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
@@ -36,7 +36,8 @@ pub trait Axis: Sized + Copy + Eq + 'static {
     /// Returns the value's name in configs and records.
     fn name(self) -> &'static str;
 
-    /// Returns the value with this name; the error suggests the most similar one.
+    /// Returns the value with this name. If there is none, returns an error that suggests the most similar
+    /// name.
     fn parse(name: &str) -> Result<Self> {
         Self::all().into_iter().find(|value| value.name() == name).ok_or_else(|| {
             let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
@@ -128,7 +129,7 @@ axis! {
 }
 file_axis! {
     /// The memory of a work-item's nine working vectors.
-    Vectors "vectors" "where a work-item's nine working vectors live" {
+    Vectors "vectors" "the memory that holds a work-item's nine working vectors" {
         PRIVATE "private",
         GLOBAL "global",
         HEAP "heap",
@@ -162,7 +163,7 @@ file_axis! {
     }
 }
 axis! {
-    /// Whether one kernel does a whole frame, or each pass has its own.
+    /// Whether one kernel does a whole frame, or each pass has its own kernel.
     Passes "passes" "whether one kernel does the whole frame, or each pass has its own" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays; if work-items share tiles, a second kernel shades",
         Separate "separate" "one kernel finds the nearest hits, another shades them; the kernels are timed separately",
@@ -231,7 +232,7 @@ axis! {
 }
 axis! {
     /// The size of a tile of rays that traverse a tree together.
-    TileSize "tile" "pixels of a tile that walks the tree together" {
+    TileSize "tile" "pixels of a tile whose rays walk the tree together" {
         T8x4 "8x4" "32 rays",
         T8x8 "8x8" "64 rays",
         T16x8 "16x8" "128 rays",

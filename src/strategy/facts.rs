@@ -1,4 +1,4 @@
-//! Returns properties of values of axes, which the headers of the values' kernel files state, and properties of whole
+//! Returns the properties of axis values that the headers of kernel files state, and properties of whole
 //! strategies.
 
 use super::{
@@ -64,19 +64,20 @@ impl Triangles {
         }
     }
 
-    /// Returns whether triangles are in `__constant` memory.
+    /// Returns true if triangles are in `__constant` memory.
     pub fn are_constant(self) -> bool {
         self.header().word("read_from") == "constant"
     }
 
-    /// Returns whether all triangles, or only their positions or their normals, are copied to `__local` memory in one
-    /// step.
+    /// Returns true if all triangles, or only their positions or their normals, are copied to `__local`
+    /// memory in one step.
     pub fn are_staged(self) -> bool {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
     }
 
-    /// Returns whether the ray-triangle test can read the data of each triangle from a table in global memory, either
-    /// directly or after a work-group has copied the rows of one tile of triangles to `__local` memory.
+    /// Returns true if the ray-triangle test can read the data of each triangle from a table in global
+    /// memory, either directly or after a work-group has copied the rows of one tile of triangles to
+    /// `__local` memory.
     pub fn take_tables(self) -> bool {
         !self.are_constant() && !self.are_staged()
     }
@@ -90,8 +91,8 @@ impl Layout {
 }
 
 impl Shading {
-    /// Returns whether every hit that is nearer than the best hit so far is shaded at once, not only the nearest hit
-    /// of the ray at the end.
+    /// Returns true if each hit that is nearer than all earlier hits of the ray is shaded at once. Returns
+    /// false if only the ray's nearest hit is shaded, after the search.
     pub fn is_eager(self) -> bool {
         self.header().word("shades") == "each-nearer-hit"
     }
@@ -103,20 +104,20 @@ impl Intersector {
         self.header().number("record_floats").unwrap_or(0) as usize
     }
 
-    /// Returns whether the ray-triangle test reads planes of each triangle that were prepared for the eye and each
-    /// light.
+    /// Returns true if the ray-triangle test reads planes of each triangle that were prepared for the eye and
+    /// each light.
     pub fn prepares_planes(self) -> bool {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns whether the directions of primary rays are given in pixel coordinates. If directions are in pixel
-    /// coordinates, the planes for primary rays are linear in these coordinates, and t is the depth.
+    /// Returns true if the directions of primary rays are given in pixel coordinates. In this case, the
+    /// planes for primary rays are linear in the pixel coordinates, and t is the depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }
 
-    /// Returns whether the ray-triangle test needs the exact signs of computed values, which `math = fast` does not
-    /// preserve.
+    /// Returns true if the ray-triangle test needs the exact signs of computed values, which `math = fast`
+    /// does not preserve.
     pub fn needs_exact_signs(self) -> bool {
         self.header().word("exact_signs") == "yes"
     }
@@ -140,17 +141,17 @@ impl Strategy {
         }
     }
 
-    /// Returns whether the kernel for primary rays also does as much of the rest of a frame as it can. If work-items
-    /// share tiles, this kernel can only cast shadow rays in addition. The passes of such a strategy are therefore
-    /// separate, even with `passes = fused`, if the scene has neither lights nor a sky, and thus no shadow rays.
+    /// Returns true if the kernel for primary rays also casts shadow rays and, unless work-items share tiles,
+    /// shades the hits. If work-items share tiles and the scene has neither lights nor a sky, there are no
+    /// shadow rays, and the passes are separate even with `passes = fused`.
     pub fn fuses(&self, workload: &Workload) -> bool {
         let casts_shadows = workload.lights > 0 || workload.sky;
         self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
     }
 
-    /// Returns whether the strategy has a property that the manifest (the table of kernels) uses as a condition, such
-    /// as [`Fact::Tree`]. Assumes a scene with lights but without textures or soft light, one sample per pixel, and no
-    /// rays that the caller provides.
+    /// Returns true if the strategy has the property `fact`, such as [`Fact::Tree`]. The manifest (the table
+    /// of kernels) uses these properties as conditions. The function assumes a scene with lights but without
+    /// textures or soft light, one sample per pixel, and no rays that the caller provides.
     pub fn holds(&self, fact: Fact) -> bool {
         match fact {
             Fact::Always => true,
@@ -174,8 +175,8 @@ impl Strategy {
         }
     }
 
-    /// Returns whether the strategy and the workload have a property that the manifest (the table of kernels) uses as a
-    /// condition.
+    /// Returns true if the strategy with this workload has the property `fact`. The manifest (the table of
+    /// kernels) uses these properties as conditions.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),
@@ -186,11 +187,11 @@ impl Strategy {
             Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
-            // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from the eye
-            // is cast per pixel at a time. Otherwise, a kernel of its own casts them. Pictures with soft light have one
-            // ray per pixel at a time even with many samples. So have pictures of more than 2^23 pixels (see
-            // `Workload::shared_subpixel_bits`): if they have many samples, the program contains the kernel of its own,
-            // but frames do not run it.
+            // The shading kernel casts leftover shadow rays only if the passes are fused, and if one ray from
+            // the eye is cast per pixel at a time. Otherwise, a separate kernel casts them. Even with many
+            // samples, two kinds of pictures have one ray per pixel at a time: pictures with soft light, and
+            // pictures of more than 2^23 pixels (see `Workload::shared_subpixel_bits`). For the large
+            // pictures, the program contains the separate kernel, but frames do not run it.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),

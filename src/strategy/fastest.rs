@@ -55,12 +55,13 @@ impl Task {
     }
 }
 
-/// A candidate among which the fastest strategy is chosen. The preset of a candidate depends on the kind of device.
+/// A way to cast. raycl chooses the fastest of all candidates. A candidate's preset depends on the kind of
+/// device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Candidate {
-    /// Every triangle is tested.
+    /// Every ray is tested against every triangle.
     Exhaustive,
-    /// A tree is traversed by single rays on a GPU, by packets on a CPU.
+    /// Single rays traverse a tree on a GPU; packets of rays traverse it on a CPU.
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
@@ -71,15 +72,13 @@ pub enum Candidate {
     },
 }
 
-const TILES: Candidate = Candidate::Tiles { large: false, separate: false };
-
 /// Classes of devices. Each class has its own candidates (strategies among which raycl chooses the fastest).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// A CPU whose vectors hold 16 rays, which is the vector width of tiles.
+    /// A CPU whose vectors hold at least 16 rays, the vector width of tiles.
     TilesInVectors,
-    /// Other CPUs. Compilers for CPUs with narrower vectors split the vectors of tiles.
+    /// Other CPUs. The compilers for these CPUs split the vectors of tiles.
     TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
@@ -87,8 +86,9 @@ pub enum Class {
     SingleRays,
 }
 
-/// From this number of triangles on, devices that do not support tiles traverse a tree with single rays, which is then
-/// faster than testing all triangles. An H200 was measured (`single` and `exhaustive` in docs/results/rule/h200.json).
+/// From this number of triangles on, devices that do not support tiles traverse a tree with single rays. With
+/// fewer triangles, testing all triangles is faster. The number was measured on an H200 (`single` and
+/// `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
 /// The limits at which another candidate becomes the fastest one, for one class of devices that support tiles. Some
@@ -101,24 +101,24 @@ pub struct Constants {
     /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
     /// are faster.
     pub single_triangles_a_pixel: f64,
-    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
-    /// triangles lie behind each other.
+    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye. In such
+    /// scenes, more triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
     /// This limit is compared with the number of covered pixels per compute unit, divided by the square root of the
     /// number of triangles. Below the limit, there are too few tiles to keep a unit busy until the slowest tile is
     /// finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
-    /// With fewer triangles than this limit, the rays of a tile have little work to share. Single rays are then faster
-    /// in small pictures, below `few_pixels_a_unit`.
+    /// With fewer triangles than this limit, the rays of a tile have little work to share. With so few
+    /// triangles, single rays are faster in small pictures (below `few_pixels_a_unit`).
     pub few_triangles: f64,
     /// This limit is compared with the number of pixels per compute unit, times the fourth root of the number of
     /// triangles. Below the limit, a picture of few triangles is small.
     pub few_pixels_a_unit: f64,
-    /// This limit is compared with the number of pixels per compute unit, divided by the fourth root of the number of
-    /// triangles. The number of pixels is here the geometric mean of all pixels and the covered pixels. Large tiles
-    /// share more work, but the slowest tile takes longer, in particular if there are many triangles. From the limit
-    /// on, there are enough large tiles to keep a unit busy until the slowest tile is finished, and large tiles are
-    /// faster.
+    /// This limit is compared with the number of pixels per compute unit, divided by the fourth root of the
+    /// number of triangles. For this limit, the number of pixels is the geometric mean of the number of all
+    /// pixels and the number of covered pixels. Large tiles share more work, but the slowest tile takes
+    /// longer, in particular if there are many triangles. From the limit on, there are enough large tiles to
+    /// keep a unit busy until the slowest tile is finished, and large tiles are faster.
     pub large_pixels_a_unit: f64,
     /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
@@ -127,8 +127,8 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Returns, for each limit, its name, the limit itself, and the value of the task that is compared with
-    /// it. `units` is the device's number of compute units.
+    /// Returns each limit's name, the limit itself, and the task's value that is compared with the limit.
+    /// `units` is the device's number of compute units.
     pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 9] {
         let [triangles, pixels, covered] =
             [task.triangles, task.pixels, task.covered_pixels].map(|number| number.max(1) as f64);
@@ -151,7 +151,8 @@ impl Constants {
         ]
     }
 
-    /// Returns the fastest candidate according to these limits.
+    /// Returns the candidate that is fastest according to these limits. `units` is the device's number of
+    /// compute units.
     pub fn choice(mut self, task: &Task, units: u32) -> Candidate {
         let inside = task.inside;
         let [tree, dense, dense_inside, unit, many, few_pixels, large, separate, separate_inside] =
@@ -199,9 +200,9 @@ impl Class {
     pub fn candidates(self) -> Vec<Candidate> {
         let tiles = |large, separate| Candidate::Tiles { large, separate };
         let tiles = match self {
-            Self::TilesInVectors | Self::TilesInNarrowVectors => vec![TILES],
+            Self::TilesInVectors | Self::TilesInNarrowVectors => vec![Candidate::TILES],
             Self::SharedTiles => {
-                vec![TILES, tiles(true, false), tiles(false, true), tiles(true, true)]
+                vec![Candidate::TILES, tiles(true, false), tiles(false, true), tiles(true, true)]
             }
             Self::SingleRays => Vec::new(),
         };
@@ -210,6 +211,9 @@ impl Class {
 }
 
 impl Candidate {
+    /// The candidate with a CPU's tiles, or with the smallest tiles of a GPU.
+    pub const TILES: Self = Self::Tiles { large: false, separate: false };
+
     /// Returns the candidate's name in stored sweeps.
     pub fn name(self) -> &'static str {
         match self {
@@ -222,9 +226,9 @@ impl Candidate {
         }
     }
 
-    /// Returns the fastest candidate for a task. In soft light, neighbouring shadow rays have different directions, so
-    /// that the rays of a tile share little. On a GPU, single rays are then up to 19 times as fast as tiles (measured
-    /// on an H200, docs/log.md, 2026-11-24).
+    /// Returns the fastest candidate for a task. In soft light, neighbouring shadow rays have different
+    /// directions, so that the rays of a tile share little. On a GPU with soft light, single rays are up to
+    /// 19 times as fast as tiles (measured on an H200, docs/log.md, 2026-11-24).
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
         if task.soft && !limits.is_cpu {
             return Self::Single;
@@ -240,8 +244,8 @@ impl Candidate {
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
-        // If work-items share a tile, the local size chosen here has no effect: `Strategy::local_size` returns another
-        // one.
+        // If work-items share a tile, the local size in this pair has no effect: `Strategy::local_size`
+        // returns another local size.
         let (mut strategy, local_size) = match (limits.is_cpu, self) {
             (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
             (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
@@ -266,18 +270,25 @@ impl Candidate {
 }
 
 /// Returns the fastest strategy for a task on a device with these limits, according to measurements, and its local
-/// size. Scenes with fewer triangles than [`Constants::tree_triangles`] (0 for some devices) are cast exhaustively. A
-/// CPU then casts as many rays per work-item as its vectors hold. A GPU casts a few rays per work-item, and streams
-/// triangles through `__local` memory. Larger scenes use a tree that tiles of rays traverse together. On a CPU, the
-/// rays of a tile are in vectors. On a GPU, 32 work-items share a tile by means of PTX's lane operations, with which
-/// tiles have been measured; a GPU without these operations casts single rays. If triangles are much smaller than
-/// pixels, single rays are faster, since the rays of a tile take different paths. On a GPU, single rays are also faster
-/// in small pictures, in which there are too few tiles to keep the device busy.
+/// size.
+///
+/// Scenes with fewer triangles than [`Constants::tree_triangles`] (0 for some devices) are cast exhaustively.
+/// For such a scene, a CPU casts as many rays per work-item as its vectors hold. A GPU casts a few rays per
+/// work-item, and streams triangles through `__local` memory.
+///
+/// In larger scenes, tiles of rays traverse a tree together. On a CPU, the rays of a tile are in vectors. On
+/// a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU without these
+/// operations casts single rays, because tiles have not been measured there; scenes with fewer than
+/// `TREE_TRIANGLES` triangles are cast exhaustively on such a GPU. In soft light, every GPU casts single
+/// rays. If triangles are much smaller than pixels, single rays are faster, since the rays of a tile take
+/// different paths. On a GPU, single rays are also faster in small pictures, which have too few tiles to keep
+/// the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }
 
-/// Returns the largest width that the hardware's vectors support.
+/// Returns the largest width whose rays fit into one vector of the hardware. `native` is the number of rays
+/// that such a vector holds.
 fn widest(native: u32) -> Width {
     let holds = |width: &Width| width.rays() <= native.max(1) as usize;
     Width::all().into_iter().rfind(holds).unwrap_or(Width::W1)
@@ -291,8 +302,9 @@ mod tests {
     use std::path::Path;
 
     const PIXELS: usize = 1920 * 1080;
+    const TILES: Candidate = Candidate::TILES;
 
-    /// Constants that are independent of the sweeps, so that new sweeps do not break these tests.
+    /// Constants that do not come from sweeps, so that new sweeps do not break these tests.
     const EXAMPLE: Constants = Constants {
         tree_triangles: 50.0,
         few_triangles: 100.0,
@@ -332,7 +344,7 @@ mod tests {
         let of = |triangles, pixels| EXAMPLE.choice(&Task::covering(triangles, pixels), 10);
         assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Candidate::Exhaustive, TILES]);
         assert_eq!([of(1_999_999, 1_000_000), of(2_000_000, 1_000_000)], [TILES, Candidate::Single]);
-        // The fourth root of 81 is 3, and that of 625 is 5.
+        // The fourth root of 81 is 3, and the fourth root of 625 is 5.
         assert_eq!([of(81, 99_999), of(81, 100_000), of(100, 90_000)], [Candidate::Single, TILES, TILES]);
         assert_eq!([of(625, 9_999), of(625, 10_000)], [Candidate::Single, TILES]);
         let large = Candidate::Tiles { large: true, separate: false };

@@ -77,8 +77,8 @@ pub(super) struct Reader<'a> {
     pub included_at: &'a dyn Fn() -> Option<String>,
 }
 
-/// The entries of a header that have been read so far. Entries that may occur only once have the numbers of their
-/// lines.
+/// The entries of a header that have been read so far. Each entry that may occur only once is stored with the
+/// number of its line.
 #[derive(Default)]
 struct Entries {
     meaning: Option<(usize, String)>,
@@ -107,8 +107,8 @@ impl Reader<'_> {
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: parsed.contradicts, facts })
     }
 
-    /// Checks another file of the same value. The comment at its start must contain no key of a header, because raycl
-    /// reads only the header of the value's first file.
+    /// Checks another file of the same value. The comment at the file's start must contain no key of a
+    /// header, because raycl reads only the header of the value's first file.
     pub fn refuse_another(&self, path: &str, text: &str) -> Result<()> {
         match entries(text).find(|(_, key, _)| self.key_names().any(|own| own == *key)) {
             Some((line, key, _)) => Err(Error::input(format!(
@@ -122,8 +122,9 @@ impl Reader<'_> {
         }
     }
 
-    /// Returns the error for a file whose header does not state the value's meaning. Often, the header of such a file
-    /// is not at the file's start, or the file has no header because it is meant to be included by other files.
+    /// Returns the error for a file whose header does not state the value's meaning. There are two usual
+    /// reasons: the header is not at the file's start, or the file is only meant to be included by other
+    /// files.
     fn no_meaning(&self, text: &str) -> Error {
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);
@@ -147,7 +148,7 @@ impl Reader<'_> {
 
     fn lacks(&self, why: &str) -> Error {
         Error::input(format!("{}, line 1: {why}", self.path)).with_help(format!(
-            "begin the file with these lines, and one value in each: {}; docs/own-kernels.md describes headers",
+            "begin the file with these lines, and choose one value in each: {}; docs/own-kernels.md describes headers",
             self.example()
         ))
     }
@@ -246,8 +247,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Refuses a ray-triangle test whose header says that it is prepared for a tile of rays, if its file is in the
-    /// folder of the families without tiles of rays.
+    /// Refuses a header with `prepared_for: tile` (the test prepares triangles for a tile of rays) if the
+    /// file is in the folder of the families without tiles of rays.
     fn check_tile(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
         match parsed.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
             Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
@@ -304,7 +305,7 @@ fn entries(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
     })
 }
 
-/// Returns whether the text before a colon can be a key: one word of lower-case letters and underscores.
+/// Returns true if the text before a colon can be a key: one word of lower-case letters and underscores.
 fn is_key(word: &str) -> bool {
     !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_')
 }

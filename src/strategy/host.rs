@@ -8,10 +8,11 @@ use crate::accel::Bvh;
 use crate::memory::Available;
 use crate::scene::{Mapped, Material, Mesh};
 
-/// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1, 258 to 305 MB
-/// were measured on 2026-11-27 for a scene of one triangle, in runs in which LLVM 15 compiled the kernels; the preset
-/// `tile-group` needed most. The drivers of other devices do not count, although a process that lists all devices
-/// starts them too: on a machine with an NVIDIA GPU, pictures that the CPU cast took up to 84 MB more.
+/// Bytes of the program, its libraries and a driver whose device shares the host's memory. With PoCL 3.1, 258
+/// to 305 MB were measured on 2026-11-27 for a scene of one triangle, in runs in which LLVM 15 compiled the
+/// kernels; the preset `tile-group` needed most. A process that lists all devices also starts the drivers of
+/// other devices. The number leaves these drivers out: on a machine with an NVIDIA GPU, pictures that the CPU
+/// cast took up to 84 MB more.
 const PROGRAM_BYTES: u64 = 305_000_000;
 /// Bytes of the program, its libraries and the driver of a device with memory of its own. With NVIDIA's driver
 /// 580.159.04 and an H200, 432 MB were measured for a small picture (2026-11-27).
@@ -35,8 +36,8 @@ const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 /// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the hit of the pixel's
 /// ray (depth, normal and triangle, which may be missing).
 const LAYERS_COMPUTED_BYTES: u64 = 16 + 8 + 24;
-/// Bytes per pixel while layers are written: radiance and alpha of the picture, all layers, and a second copy of these,
-/// as channels of an EXR.
+/// Bytes per pixel while layers are written: radiance and alpha of the picture, all layers, and a second copy
+/// of all these numbers as channels of an EXR.
 const LAYERS_WRITTEN_BYTES: u64 = 2 * (16 + 32);
 
 /// What the host does with a picture after it has been cast.
@@ -184,18 +185,9 @@ mod tests {
             normals: triangles / 2,
             materials: 1,
             lights: 1,
-            texture_words: 0,
-            mip_levels: false,
-            cut_outs: false,
-            soft_lights: false,
-            sky: false,
-            many_samples: false,
-            half_light: false,
-            given_rays: false,
-            sky_texels: 0,
-            stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],
+            ..Workload::default()
         }
     }
 

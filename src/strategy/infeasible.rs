@@ -15,14 +15,16 @@ pub struct Infeasible {
 pub enum Cause {
     /// A size: the point exceeds a limit of a device or of the host.
     Size,
-    /// A size: the point exceeds a device's global memory. It may fit when other points hold none of this memory.
+    /// A size: the point exceeds a device's global memory. The point may fit when other points hold no global
+    /// memory.
     GlobalMemory,
     /// The local size, since the device or the strategy does not support a work-group of this shape.
     WorkGroup,
-    /// The local size: the memory of a work-group exceeds a limit, but that of a smaller work-group would not.
+    /// The local size: a work-group of this size needs more memory than a limit allows, but a smaller
+    /// work-group fits.
     LargeGroup,
-    /// The strategy, which does not support something that the scene contains; neither the device nor a size is the
-    /// cause.
+    /// The strategy: it does not support something that the scene contains. Neither the device nor a size is
+    /// the cause.
     Lacking,
 }
 
@@ -37,20 +39,20 @@ impl Infeasible {
     pub const CPU_STACK: &'static str = "a CPU thread's stack";
     /// The words by which a reason mentions memory that other points of the run hold.
     pub const BESIDE_OTHERS: &'static str = "that other points hold";
-    /// The words with which a reason ends if the limit is not the device's own, but one that the experiment's config
-    /// sets.
+    /// The words with which a reason ends if the experiment's config sets the limit, not the device itself.
     pub const EMULATED: &'static str = "the limit in [emulate]";
 
-    /// Returns whether a reason holds only for a moment: other programs use the host's memory, or other points of the
-    /// run hold memory. The point may fit at another moment.
+    /// Returns true if a reason holds only for a moment, because other programs use the host's memory, or
+    /// other points of the run hold memory. The point may fit at another moment.
     pub fn is_of_the_moment(reason: &str) -> bool {
         reason.starts_with(Self::ON_HOST) || reason.contains(Self::BESIDE_OTHERS)
     }
 
-    /// Returns whether a reason is the size of a device's global memory, of its largest buffer or of its threads'
-    /// stacks. The same device may have larger ones in another session, for example if a variable of its driver or
-    /// `ulimit -s` changes. A device's other limits cannot change in this way, since everything that determines them is
-    /// part of a point's key.
+    /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads'
+    /// stacks, and the reason does not hold only for a moment. In another session, these three limits of the
+    /// same device may be larger, for example if a variable of its driver or `ulimit -s` changes. A device's
+    /// other limits cannot change in this way, since everything that determines them is part of a point's
+    /// key.
     pub fn is_of_the_session(reason: &str) -> bool {
         let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))
@@ -71,7 +73,7 @@ impl Infeasible {
         }
     }
 
-    /// Returns this reason, with the local size as its cause if a smaller work-group fits.
+    /// Returns this reason. If a smaller work-group fits, the local size is the cause.
     #[must_use]
     pub fn of_large_group_if(self, a_smaller_one_fits: bool) -> Self {
         if a_smaller_one_fits { Self { cause: Cause::LargeGroup, ..self } } else { self }

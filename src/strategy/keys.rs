@@ -1,5 +1,5 @@
-//! The keys in the headers of kernel files, by axis. Where a value of an axis is a file, its header states the
-//! properties that the host needs.
+//! The keys in the headers of kernel files, by axis. If a value of an axis is a file, the file's header
+//! states the properties that the host needs.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -101,7 +101,7 @@ impl Takes {
         }
     }
 
-    /// Parses a value; `None` if it is not allowed.
+    /// Parses a key's value; returns `None` if the value is not allowed.
     pub fn parse(&self, text: &str) -> Option<Said> {
         match self {
             Self::Words(words) => words.iter().find(|word| **word == text).map(|word| Said::Word(word)),

@@ -24,7 +24,7 @@ pub use fastest::{Candidate, Class, Constants, Task, fastest};
 pub use header::{Contradiction, Header};
 pub use host::{Afterwards, HostNeeds};
 pub use infeasible::{Cause, Infeasible};
-pub use presets::{PRESETS, Preset, preset, preset_of};
+pub use presets::{PRESETS, Preset, preset, preset_names, preset_of};
 pub use requirements::Requirements;
 pub use values::{FOLDERS, Values};
 pub use workload::{MOST_SUBPIXEL_BITS, Workload};
@@ -33,7 +33,7 @@ use crate::device::{Builtins, DeviceLimits, LaneOperations};
 use crate::error::{Error, Result, meant};
 use crate::manifest::GROUP_LANES;
 
-/// Declares [`Strategy`] and everything else that lists its axes.
+/// Declares [`Strategy`], [`AXES`] and the functions that go through all axes.
 macro_rules! strategy {
     ($($(#[$doc:meta])* $field:ident: $type:ident,)+) => {
         /// One value of every axis.
@@ -46,7 +46,8 @@ macro_rules! strategy {
         pub const AXES: &[AxisInfo] = &[$($type::INFO),+];
 
         impl Strategy {
-            /// Changes the value of one axis by name. An unknown name or value is a mistake of the user.
+            /// Sets the axis with the name `axis` to the value with the name `value`. Returns an error about
+            /// the user's input if there is no such axis or value.
             pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
                 match axis {
                     $(stringify!($field) => self.$field = $type::parse(value)?,)+
@@ -55,7 +56,7 @@ macro_rules! strategy {
                 Ok(())
             }
 
-            /// Returns each axis's name and this strategy's value of it.
+            /// Returns the name of each axis, and the name of this strategy's value on the axis.
             pub fn axes(&self) -> Vec<(&'static str, &'static str)> {
                 vec![$((stringify!($field), self.$field.name())),+]
             }
@@ -74,7 +75,7 @@ strategy! {
     layout: Layout,
     /// When hits are shaded.
     shading: Shading,
-    /// Whether one kernel does a whole frame, or each pass has its own.
+    /// Whether one kernel does a whole frame, or each pass has its own kernel.
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
@@ -115,26 +116,26 @@ impl std::fmt::Display for Strategy {
 }
 
 impl Strategy {
-    /// Returns whether each primary ray is tested against every triangle, so that the number of tests is
+    /// Returns true if each primary ray is tested against every triangle, so that the number of tests is
     /// known.
     pub fn tests_every_triangle(&self) -> bool {
         self.traversal == Traversal::Exhaustive
     }
 
-    /// Returns whether rays traverse a tree.
+    /// Returns true if rays traverse a tree.
     pub fn needs_tree(&self) -> bool {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
-    /// Returns whether the strategy's kernels read whole triangles in the strategy's layout. Kernels for tiles read
-    /// corners only from the tree; the layout decides only where they read normals.
+    /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
+    /// tiles read corners only from the tree; the layout decides only where they read normals.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
 
-    /// Returns whether the strategy's kernels read lists of the mesh: its normals, and its triangles, which contain the
-    /// normals' indices. Only kernels that cast tiles and read indexed normals do so. A device that shares the host's
-    /// memory reads these lists in place.
+    /// Returns true if the strategy's kernels read lists of the mesh: its normals, and its triangles, which
+    /// contain the normals' indices. Only kernels that cast tiles and read indexed normals do so. A device
+    /// that shares the host's memory reads these lists in place.
     pub fn reads_lists_of_mesh(&self) -> bool {
         self.traversal == Traversal::Tile && self.layout.index_bits().is_some()
     }
@@ -153,8 +154,8 @@ impl Strategy {
         (across, self.width.rays() / across)
     }
 
-    /// Returns whether 32 work-items share a tile; otherwise one work-item casts the whole tile, with its
-    /// rays in vectors.
+    /// Returns true if 32 work-items share a tile. In other strategies with tiles, one work-item casts a
+    /// whole tile, with the tile's rays in vectors.
     pub fn shares_tiles(&self) -> bool {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
@@ -175,8 +176,9 @@ impl Strategy {
         (u32::BITS as usize - 1) / rays.max(1)
     }
 
-    /// Returns the local size of the strategy. If 32 work-items share a tile, this is the best local size on a device
-    /// with these limits; otherwise, it is `other`, or as much of `other` as the device allows.
+    /// Returns the local size of the strategy. If 32 work-items share a tile, this is the usual local size
+    /// for shared tiles on a device with these limits. Otherwise, it is `other`, or as much of `other` as the
+    /// device allows.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
         let groups = limits.lane_operations.usual_groups();
         if self.shares_tiles() { [GROUP_LANES, groups] } else { limits.fitting(other) }

@@ -1,4 +1,4 @@
-//! Named strategies: those of the paper and the fast ones.
+//! Named strategies: the paper's strategies and the fast ones.
 
 use super::{
     Culling, Epsilons, Intersector, LISTED, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading,
@@ -21,7 +21,8 @@ pub struct Preset {
     pub meant_for: Option<DeviceKind>,
 }
 
-/// The strategy of the paper's first kernel, from which the presets of the paper's other kernels differ in a few axes.
+/// The strategy of the paper's first kernel. The presets of the paper's other kernels differ from this
+/// strategy in a few axes.
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
     vectors: Vectors::HEAP,
@@ -40,7 +41,8 @@ const PAPER: Strategy = Strategy {
     math: Math::Strict,
 };
 
-/// The strategy from which presets that are not the paper's differ in a few axes.
+/// The base of the presets that are not the paper's. Each of these presets differs from this base in a few
+/// axes.
 const MODERN: Strategy = Strategy {
     vectors: Vectors::PRIVATE,
     shading: Shading::DEFERRED,
@@ -49,8 +51,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// The base of presets that cast tiles of rays in wide vectors. There is a single pass, since a tile's hits are best
-/// shaded while its triangles are in the caches.
+/// The base of presets that cast tiles of rays in wide vectors. There is a single pass, since a tile's hits
+/// are best shaded while the tile's triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -249,16 +251,21 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// Returns the preset with this name; the error suggests the most similar one.
+/// Returns the preset with this name. If there is none, returns an error that suggests the most similar name.
 pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
-        let names: Vec<_> = PRESETS.iter().map(|preset| preset.name).collect();
+        let names = preset_names();
         let error = Error::input(format!("'{name}' is not a preset; the presets are {}", names.join(", ")));
         error.with_help(meant(name, names).unwrap_or_else(|| LISTED.to_owned()))
     })
 }
 
-/// Returns the preset that a strategy equals, if any.
+/// Returns the names of all presets.
+pub fn preset_names() -> Vec<&'static str> {
+    PRESETS.iter().map(|preset| preset.name).collect()
+}
+
+/// Returns the name of the preset whose strategy equals `strategy`; `None` if there is none.
 pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
     PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
 }

@@ -38,8 +38,8 @@ const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
 /// device has no faster way.
 const BOARD_BYTES: u64 = 2 * 4 * GROUP_LANES as u64;
-/// Bytes of a triangle of a leaf that the rays of a tile have to be tested against, and of the number of the lane that
-/// prepared the triangle.
+/// Bytes of a leaf's triangle against which the rays of a tile are to be tested, with the number of the lane
+/// that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
 const QUEUE_ENTRY_BYTES: u64 = 8;
@@ -118,13 +118,9 @@ impl Requirements {
         sum.recorded()
     }
 
-    /// Returns the needs of `strategy` for `workload`. Returns an error if the needs exceed these limits, or if the
-    /// strategy does not support the local size or the scene.
-    pub fn check(
-        strategy: &Strategy,
-        workload: &Workload,
-        limits: &DeviceLimits,
-    ) -> Result<Self, Infeasible> {
+    /// Returns an error if the needs of `strategy` for `workload` exceed these limits, or if the strategy
+    /// does not support the local size or the scene.
+    pub fn check(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
         shape(workload, limits)?;
         groups(strategy, workload, limits)?;
         textures(strategy, workload)?;
@@ -148,11 +144,10 @@ impl Requirements {
             })?;
         }
         let all = buffers(strategy, workload);
-        all.each_within(Infeasible::LARGEST_BUFFER, limits.allocation_bytes)?;
+        all.each_within(limits.allocation_bytes)?;
         all.within(Infeasible::GLOBAL_MEMORY, limits.global_bytes)
             .map_err(|refused| Infeasible { cause: Cause::GlobalMemory, ..refused })?;
-        counters(strategy, workload)?;
-        Ok(Self::of(strategy, workload, lanes))
+        counters(strategy, workload)
     }
 }
 
@@ -166,20 +161,20 @@ fn index_bytes(layout: Layout) -> u64 {
 }
 
 fn add_vertices(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    if strategy.layout.index_bits().is_none() {
-        sum.add("corners", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
-    } else {
-        sum.add("positions", &[(POINT_BYTES, " B"), (w.positions as u64, "")]);
-        let index = index_bytes(strategy.layout);
-        sum.add("their indices", &[(3 * index, " B"), (w.triangles as u64, " triangles")]);
-    }
+    add_corners(sum, strategy, w, ["corners", "positions"], w.positions);
 }
 
 fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    add_corners(sum, strategy, w, ["normals"; 2], w.normals);
+}
+
+/// Adds a point or a normal for each corner of the triangles: with the name `own`, if each triangle has its
+/// own; with the name `shared` and indices, if the triangles share `count` of them.
+fn add_corners(sum: &mut Sum, strategy: &Strategy, w: &Workload, [own, shared]: [&str; 2], count: usize) {
     if strategy.layout.index_bits().is_none() {
-        sum.add("normals", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        sum.add(own, &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
     } else {
-        sum.add("normals", &[(POINT_BYTES, " B"), (w.normals as u64, "")]);
+        sum.add(shared, &[(POINT_BYTES, " B"), (count as u64, "")]);
         let index = index_bytes(strategy.layout);
         sum.add("their indices", &[(3 * index, " B"), (w.triangles as u64, " triangles")]);
     }
@@ -253,7 +248,7 @@ pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the workloads of the two half pictures for soft light, if it is cast at half resolution.
+/// Returns the workloads of the two half pictures if soft light is cast at half resolution; otherwise none.
 fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
     std::iter::repeat_n(w.halved(), if w.half_light { 2 } else { 0 })
 }
@@ -358,7 +353,7 @@ pub(super) fn global_beside_mesh(strategy: &Strategy, w: &Workload) -> Sum {
 
 /// Adds the bytes of the buffers of one frame to the sum.
 fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
+    let pixels = w.pixels();
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
     if w.many_samples {
         let blocks = w.sampled_blocks().map(u64::from);
@@ -388,9 +383,10 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate assumes full nodes, and
-/// leaves with half as many triangles as they may have, but at least four. The function then multiplies the number of
-/// nodes by three, because leaves are usually smaller: a leaf is split if a node would otherwise have unused slots.
+/// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate starts from full
+/// nodes, and leaves that are half full but have at least four triangles. The resulting number of nodes is
+/// multiplied by three, because leaves are usually smaller: a leaf is split if a node would otherwise have
+/// unused slots.
 fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::manifest::Rule;
 
 impl Strategy {
-    /// Refuses combinations that are not allowed on any device, with the reason.
+    /// Returns an error with the reason if this combination of values is not allowed on any device.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
             Some(reason) => Err(Error::input(format!("this combination of axes is not allowed: {reason}"))
@@ -15,14 +15,15 @@ impl Strategy {
         }
     }
 
-    /// Returns why this combination is not allowed on any device: its family does not support a value, or two
-    /// values contradict each other. `None` if it is allowed.
+    /// Returns why this combination is not allowed on any device: the strategy's family does not support a
+    /// value, or two values contradict each other. `None` if the combination is allowed.
     pub fn contradiction(&self) -> Option<String> {
         let refused = self.family().rules.iter().find_map(|rule| self.refusal(rule));
         refused.or_else(|| self.conflict()).or_else(|| self.conflict_in_headers())
     }
 
-    /// Returns whether a rule of a family allows a value of the rule's axis.
+    /// Returns true if a rule of a family allows `value` on the rule's axis, together with this strategy's
+    /// other values.
     fn is_taken(&self, rule: &Rule, value: &str) -> bool {
         let mut with = *self;
         let has_file = |folder: &str| {
@@ -66,19 +67,19 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads a table with one row per triangle instead of the scene's data, so layout must be soup",
+                "intersector = {intersector} reads data that is computed in advance for each triangle instead of the triangle's corners, so layout must be soup",
             ),
             (
                 planes && !tables,
-                "intersector = {intersector} reads one table for the eye and one for each light, so it needs triangles = global or tiled",
+                "intersector = {intersector} reads data of the triangles that is computed in every frame, for the eye and for each light, and stored in global memory; tests can read it only with triangles = global or tiled (tiled: from a copy in __local memory)",
             ),
             (
                 planes && records,
-                "intersector = {intersector} prepares a row for each origin of rays (the eye and each light) in every frame, so records must be each-test",
+                "intersector = {intersector} needs new data of every triangle in every frame, for the eye and for each light; records = once computes data only once, so records must be each-test",
             ),
             (
                 records && !tables,
-                "records = once makes a table that tests read from global memory, so it needs triangles = global or tiled",
+                "records = once stores data of every triangle in global memory; tests can read it only with triangles = global or tiled (tiled: from a copy in __local memory)",
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
@@ -291,7 +292,8 @@ mod tests {
             assert_eq!(once.contradiction(), None);
             once.set("triangles", value).unwrap_or_else(|error| panic!("{error}"));
             let reason = once.contradiction().unwrap_or_default();
-            assert!(reason.contains("records = once makes a table"), "{value}: {reason}");
+            let expected = "records = once stores data of every triangle in global memory";
+            assert!(reason.contains(expected), "{value}: {reason}");
         }
     }
 

@@ -1,8 +1,8 @@
-//! Sums of bytes that keep their terms, so that messages can show the arithmetic.
+//! Sums of bytes. A sum stores its terms, so that messages can show the arithmetic.
 
 use super::infeasible::Infeasible;
 
-/// A sum of bytes with its terms. If the sum is too large for a `u128`, it is the largest `u128`.
+/// A sum of bytes with its terms. If the sum is too large for a `u128`, `bytes` is the largest `u128`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
@@ -31,7 +31,7 @@ impl Sum {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
 
-    /// Returns whether the sum is at most the limit.
+    /// Returns true if the sum is at most the limit.
     pub fn fits(&self, limit_bytes: u64) -> bool {
         self.bytes <= u128::from(limit_bytes)
     }
@@ -46,10 +46,11 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit.
-    pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term is a buffer.
+    pub fn each_within(&self, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {
+                let memory = Infeasible::LARGEST_BUFFER;
                 Err(Infeasible::beyond(format!("{memory}: {term} = {bytes} B > {limit_bytes} B")))
             }
             _ => Ok(()),

@@ -3,15 +3,17 @@
 
 use super::AXES;
 use super::header::{Header, Reader};
+use crate::entry::entry;
 use crate::error::{Error, Result, nearest};
 use crate::reader::folder_of;
 use crate::sources::{SourceLine, Sources, lines, meant_file, stem};
+use crate::threads::locked;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
 
-/// The folders of values, and the axis to which their files belong. A value may have files in several folders, which
-/// belong to different kernel families; the first of these files contains the header.
+/// The folders of values, each with the axis to which its files belong. A value may have files in several
+/// folders, for different kernel families. The first of these files contains the header.
 pub const FOLDERS: [(&str, &str); 8] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -62,7 +64,7 @@ impl Values {
 /// Stores headers for the rest of the process. Equal headers are stored once.
 fn stored(headers: Vec<Header>) -> Headers {
     static ALL: Mutex<Vec<Headers>> = Mutex::new(Vec::new());
-    let mut all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut all = locked(&ALL);
     if let Some(same) = all.iter().find(|known| **known == headers) {
         return same;
     }
@@ -75,16 +77,17 @@ pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
     known().iter().filter(move |header| header.axis == axis)
 }
 
-/// Returns the header of a value; an empty header if the value has no file, which does not happen for names that were
-/// parsed.
+/// Returns the header of a value; an empty header if the value has no file. Names that were parsed always
+/// have a file.
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
 }
 
 impl Sources {
-    /// Returns the kernel files for a command: the built-in ones, replaced or extended by those of its
-    /// `--cl-dir`. From then on, `values_of` returns the values that are files in these sources.
+    /// Returns the kernel files for a command: the built-in files, and the files in `folder` (the option
+    /// `--cl-dir`), which replace built-in files or are additional ones. From then on, `values_of` returns
+    /// the values that are files in these sources.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;
@@ -101,8 +104,8 @@ impl Sources {
     }
 }
 
-/// Replaces the known headers if any of them differs. Equal headers are not replaced, since headers
-/// are never freed.
+/// Replaces the known headers if any of them differs. Equal headers are not replaced, since the memory of
+/// replaced headers is never freed.
 fn replace(known: &mut Headers, headers: Vec<Header>) {
     if *known != headers {
         *known = headers.leak();
@@ -123,7 +126,8 @@ impl Named {
     }
 }
 
-/// Returns the name of the value for a file, if the file lies in this folder.
+/// Returns the name of the value that a file in `folder` defines; `None` if the file does not lie in
+/// `folder`.
 fn value_in(folder: &str, file: &str) -> Option<String> {
     let stem = file.strip_prefix(folder)?.strip_suffix(".cl")?;
     (!stem.contains('/')).then(|| stem.replace('_', "-"))
@@ -133,10 +137,9 @@ fn named(files: &[String]) -> Vec<Named> {
     let mut all: Vec<Named> = Vec::new();
     for (folder, axis) in FOLDERS {
         for name in files.iter().filter_map(|file| value_in(folder, file)) {
-            match all.iter_mut().find(|named| named.axis == axis && named.name == name) {
-                Some(named) => named.folders.push(folder),
-                None => all.push(Named { axis, name, folders: vec![folder] }),
-            }
+            let is_it = |named: &Named| named.axis == axis && named.name == name;
+            let new = || Named { axis, name: name.clone(), folders: Vec::new() };
+            entry(&mut all, is_it, new).folders.push(folder);
         }
     }
     let position = |axis: &str| AXES.iter().position(|info| info.name == axis);
@@ -186,8 +189,8 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     all.iter().map(read).collect()
 }
 
-/// Returns the error about a file of the user that has the name of a built-in value, and whose folder comes before the
-/// folder of the built-in header.
+/// Returns the error about a file of the user that has the name of a built-in value. In `FOLDERS`, the file's
+/// folder comes before the folder of the built-in header.
 fn taken(path: &str, name: &str, built_in: &str) -> Error {
     Error::input(format!(
         "{path}: '{name}' is the name of a built-in value, whose header is in cl/{built_in}"
@@ -218,7 +221,8 @@ fn refuse_names(sources: &Sources) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a file that nothing includes and that is not a value, since it would silently have no effect.
+/// Refuses a file that is neither a value nor included by a file with an effect. Such a file would silently
+/// have no effect.
 fn refuse_unused(sources: &Sources) -> Result<()> {
     let Sources::Folder(folder) = sources else { return Ok(()) };
     let mut unknown = sources.own_files()?;
@@ -231,8 +235,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
     let used = files_with_effect(&files, &includes, includes_file);
     unknown.retain(|file| !used.contains(&file.as_str()));
-    // The error names a file that no file includes, if there is one: such a file is the reason why the files that it
-    // includes have no effect.
+    // If possible, the error names a file that no other file includes: since this file has no effect, neither
+    // have the files that it includes.
     let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
     match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
         Some(file) => Err(unused(folder, file, &includes, is_included(file))),
@@ -240,8 +244,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     }
 }
 
-/// Returns the files that have an effect: the built-in files, values, and all files that these include, directly or
-/// through other files. `includes_file` returns whether an `#include` may include a file.
+/// Returns the files that have an effect: the built-in files, values, and all files that these files include,
+/// directly or through other files. `includes_file` returns true if an `#include` may include a file.
 fn files_with_effect<'a>(
     files: &'a [String],
     includes: &[Include],
@@ -261,7 +265,7 @@ fn files_with_effect<'a>(
     used
 }
 
-/// Returns whether a file is a value of an axis or has the path of a built-in file.
+/// Returns true if a file is a value of an axis or has the path of a built-in file.
 fn is_known(file: &str) -> bool {
     Sources::names().contains(&file) || FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some())
 }
@@ -273,13 +277,13 @@ struct Include {
     file: String,
     /// The file that has this line, and the number of the line, as messages show them.
     location: String,
-    /// False if no file has this path, and the path has no axis in braces.
+    /// True if a file has this path, or if the path contains an axis in braces.
     is_there: bool,
 }
 
 impl Include {
-    /// Returns whether the path may be that of `file`. An axis in braces stands for each of the axis's values, whose
-    /// names `names_of` returns.
+    /// Returns true if this path may be the path of `file`. An axis in braces stands for each of the axis's
+    /// values, whose names `names_of` returns.
     fn may_be_of(&self, file: &str, names_of: impl Fn(&str) -> Vec<String>) -> bool {
         let braces =
             self.path.split_once('{').and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
@@ -322,8 +326,8 @@ fn wrong_include<'a>(file: &str, includes: &'a [Include]) -> Option<&'a Include>
     wrong.find(|include| stem(&include.path) == meant)
 }
 
-/// Returns whether the last part of an include's path is the name of this file. If the last part is only similar to the
-/// file's name, another file may be meant.
+/// Returns true if the last part of an include's path is the name of this file. If the last part is only
+/// similar to the file's name, another file may be meant.
 fn has_name_of(include: &Include, file: &str) -> bool {
     stem(&include.path) == stem(file)
 }
@@ -362,8 +366,8 @@ fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) ->
 }
 
 /// Returns the folder that the user should have named with `--cl-dir` instead of `folder`. The returned
-/// folder contains `folder`, and the file's path from the returned folder is that of a value or of a built-in
-/// file. Returns `None` if there is no such folder.
+/// folder contains `folder`. Relative to the returned folder, the file's path is the path of a value or of a
+/// built-in file. Returns `None` if there is no such folder.
 fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     let (mut outer, mut inner) = (folder, file.to_owned());
     while !is_known(&inner) {
@@ -373,7 +377,8 @@ fn outer_folder<'a>(folder: &'a Path, file: &str) -> Option<&'a Path> {
     Some(outer)
 }
 
-/// Returns where a file may have to be, or how its name may have to be spelt.
+/// Returns the help for a file without effect: the path that is probably meant, if there is one, and the
+/// folders of values.
 fn elsewhere(file: &str) -> String {
     let folders = FOLDERS.map(|(folder, _)| folder);
     let expected = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));
@@ -412,7 +417,8 @@ mod tests {
         }
     }
 
-    /// Returns the headers of all values, those of raycl and those of a folder with these kernel files.
+    /// Returns the headers of all values: raycl's own headers, and the headers of a folder with these kernel
+    /// files.
     fn checked(files: &[(&str, &str)]) -> Result<Vec<Header>> {
         let folder = tempfile::tempdir().unwrap();
         for (file, text) in files {
@@ -533,7 +539,8 @@ mod tests {
         }
     }
 
-    /// Returns the message about a folder of kernel files with this additional file; `None` if the folder is accepted.
+    /// Returns the message about a folder that contains only this kernel file; `None` if the folder is
+    /// accepted.
     fn refused(file: &str, check: fn(&Sources) -> Result<()>) -> Option<String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(file);

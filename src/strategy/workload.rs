@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 /// sub-pixels (4 x 4), as many as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
-/// The largest number of rays in a frame that divides pixels into sub-pixels and in which work-items share tiles. Each
-/// ray takes 16 bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough
-/// for 16 samples of 1920 x 1080 pixels.
+/// The largest number of rays in a frame with sub-pixels in which work-items share tiles. Each ray takes 16
+/// bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough for
+/// 16 samples of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The properties of a scene, an image and a work-group that determine which program and how much memory a strategy
@@ -102,7 +102,7 @@ impl Workload {
         }
     }
 
-    /// Returns this workload with several samples per pixel.
+    /// Returns this workload with the number of samples per pixel that `sampling` states.
     #[must_use]
     pub fn sampled(self, scene: &Scene, sampling: &Sampling) -> Self {
         let many_samples = sampling.most > 1;
@@ -111,7 +111,7 @@ impl Workload {
         Self { soft_lights, many_samples, half_light, ..self }
     }
 
-    /// Returns whether triangles have textures.
+    /// Returns true if triangles have textures.
     pub fn is_textured(&self) -> bool {
         self.texture_words > 0
     }
@@ -121,7 +121,13 @@ impl Workload {
         4 * Mapped::floats(self.mip_levels) as u64
     }
 
-    /// Returns whether light is soft: each pixel samples points of lights with a radius, or directions to the sky.
+    /// Returns the number of pixels of the image.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.image_size[0]) * u64::from(self.image_size[1])
+    }
+
+    /// Returns true if light is soft: each pixel samples points of lights with a radius, or directions to the
+    /// sky.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky
     }
@@ -138,8 +144,9 @@ impl Workload {
         Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }
     }
 
-    /// Returns the number of work-items across and down: one per block of pixels or 32 per tile, rounded up
-    /// to whole work-groups.
+    /// Returns the number of work-items across and down, rounded up to whole work-groups. If work-items share
+    /// tiles, there are 32 work-items for each tile. Otherwise, there is one work-item for each block of
+    /// pixels.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
@@ -170,7 +177,7 @@ impl Workload {
             let (across, down) = strategy.tile.pixels();
             self.global_size(strategy).iter().product::<usize>() * across * down
         } else {
-            self.image_size[0] as usize * self.image_size[1] as usize
+            self.pixels() as usize
         }
     }
 
@@ -183,14 +190,13 @@ impl Workload {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;
         }
-        let pixels = u64::from(self.image_size[0]) * u64::from(self.image_size[1]);
+        let pixels = self.pixels();
         (0..=MOST_SUBPIXEL_BITS).rev().find(|bits| pixels << (2 * bits) <= MOST_SHARED_RAYS).unwrap_or(0)
     }
 
     /// Returns the largest number of rays from the eye in a frame whose tiles are each shared by 32 work-items.
     pub fn shared_rays(&self, strategy: &Strategy) -> usize {
-        let pixels = self.image_size[0] as usize * self.image_size[1] as usize;
-        pixels << (2 * self.shared_subpixel_bits(strategy))
+        (self.pixels() as usize) << (2 * self.shared_subpixel_bits(strategy))
     }
 
     /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the same time.
@@ -219,7 +225,7 @@ impl Workload {
     }
 }
 
-/// Returns the size in pixels of the block that a work-item covers.
+/// Returns the size in pixels (across, down) of the block that a work-item covers.
 fn block(strategy: &Strategy) -> (usize, usize) {
     if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.block() }
 }

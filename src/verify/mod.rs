@@ -27,11 +27,11 @@ pub struct Verdict {
     /// The largest relative difference over certain pixels and pixels that are not finite; `None` if there is no such
     /// pixel. Infinite if a pixel is not finite, or if the image has another size than the reference.
     pub max_difference: Option<f64>,
-    /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel is wrong.
-    /// Only certain pixels and pixels that are not finite are compared; `None` if none of these differs from the
-    /// reference, or if the image has another size than the reference.
+    /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel
+    /// is wrong. Only certain pixels and pixels that are not finite are compared; `None` if none of these
+    /// pixels differs from the reference, or if the image has another size than the reference.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of pixels that depend on rounding.
+    /// Number of uncertain pixels of the reference, without the nearly certain ones.
     pub uncertain_pixels: usize,
     /// Number of pixels that are not certain and lie outside their range (see the [module](self)).
     pub unexplained_pixels: usize,
@@ -43,8 +43,9 @@ pub struct Verdict {
     pub reason: Option<String>,
 }
 
-/// Verifies an image against the reference for the same scene, size and culling, on all pixels that the
-/// reference has cast. `hits`, if known, is the number of pixels that hit something.
+/// Verifies an image against the reference for the same scene, size and culling. The pixels that the
+/// reference has cast are compared; all pixels must be finite. `hits`, if known, is the number of the image's
+/// pixels that hit something.
 pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, display: Display) -> Verdict {
     let uncertain_pixels = reference.uncertain_pixels();
     let expected = &reference.radiance;
@@ -111,11 +112,12 @@ pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns the reason why a right image is hardly verified: fewer than one in ten of the judged pixels that hit
-/// something are certain or nearly certain. `None` if more of them are. If no pixel hits anything, all judged pixels
-/// count; else misses do not, because even an image with wrong surfaces shows the background where the reference does.
-/// The arguments are the numbers of uncertain pixels and of all judged pixels, and the same numbers of those that hit
-/// something.
+/// Returns the reason why a right image is hardly verified: fewer than one in ten of the judged pixels that
+/// hit something are certain or nearly certain. Returns `None` if at least one in ten is. Judged pixels that
+/// hit nothing do not count, because even an image with wrong surfaces shows the background where the
+/// reference does. If no pixel hits anything, all judged pixels count. The arguments are, first for all
+/// judged pixels and then for those that hit something, the number of uncertain pixels and the number of
+/// pixels.
 pub fn hardly_verified(
     [uncertain_pixels, judged]: [usize; 2],
     [uncertain_hits, hits]: [usize; 2],
@@ -147,7 +149,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     (apart > strays).then(|| format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"))
 }
 
-/// A certain pixel whose value is not equal to that of the reference, or a pixel that is not finite.
+/// A certain pixel whose value is not equal to the reference's value, or a pixel that is not finite.
 struct Finding {
     pixel: [u32; 2],
     difference: f64,
@@ -177,8 +179,8 @@ impl Finding {
     }
 }
 
-/// Returns all certain pixels whose value is not equal to that of the reference, also if the difference is allowed, and
-/// all pixels that are not finite.
+/// Returns all pixels that are not finite, and all certain pixels whose value is not equal to the reference's
+/// value, even if the difference is allowed.
 fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Finding> {
     let shown = [to_rgb8(image, display), to_rgb8(&reference.radiance, display)];
     let pairs = image.pixels.iter().zip(&reference.radiance.pixels).zip(&reference.certain);
@@ -198,7 +200,7 @@ fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Fi
         .collect()
 }
 
-/// Returns the largest difference of a channel as displayed.
+/// Returns the largest difference between the channels of two displayed colours, in 8-bit steps.
 fn steps([a, b]: [[u8; 3]; 2]) -> u8 {
     a.into_iter().zip(b).map(|(a, b)| a.abs_diff(b)).fold(0, u8::max)
 }
@@ -207,7 +209,7 @@ fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
     let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {judged} pixels are uncertain, and no slightly moved ray explains their colours; at most {limit} such pixels are allowed"
+            "{unexplained} of {judged} pixels are uncertain, and their colours lie outside their ranges of possible values; at most {limit} such pixels are allowed"
         )
     })
 }

@@ -80,8 +80,8 @@ fn what_is_not_finite_is_wrong_even_where_uncertain() {
     }
 }
 
-/// Without certain pixels, the largest difference is unknown (`None`), and not 0. A pixel may then have any value of
-/// its range.
+/// Without certain pixels, the largest difference is unknown (`None`), not 0. The image is right if each
+/// pixel's value lies in the pixel's range.
 #[test]
 fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     let mut reference = judged();
@@ -130,7 +130,7 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
     let reason = verdict.reason.unwrap_or_default();
     assert!(
-        reason.starts_with("17 of 4000 pixels are uncertain, and no slightly moved ray explains"),
+        reason.starts_with("17 of 4000 pixels are uncertain, and their colours lie outside their ranges"),
         "{reason}"
     );
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
@@ -290,9 +290,9 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.floor = 1e-3;
     reference.radiance.pixels[..2].fill([0.0; 3]);
     let mut image = reference.radiance.clone();
-    // The first pixel has a relative difference of nearly a thousandth, but is displayed with the same value as in the
-    // reference. The second pixel has a smaller relative difference, but is displayed with another value than in the
-    // reference, so only the second pixel is wrong.
+    // The first pixel has a relative difference of nearly a thousandth, but is displayed with the same value
+    // as in the reference. The second pixel has a smaller relative difference, but a different displayed
+    // value than in the reference. Only the second pixel is wrong.
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];

@@ -1,5 +1,5 @@
-//! The position of the eye, relative to the camera that the scene itself has. The results of all functions here depend
-//! only on their arguments.
+//! The position of the eye, relative to the camera that the scene itself has. The results of all functions in
+//! this file depend only on their arguments.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
@@ -43,13 +43,14 @@ impl Pose {
         self.tilt = (self.tilt + up).clamp(low, high);
     }
 
-    /// Moves the eye to the right and upwards, in units of its distance from the point around which it orbits.
+    /// Moves the eye to the right and upwards, in units of the eye's distance from the point around which it
+    /// orbits.
     pub fn pan(&mut self, [right, up]: [f64; 2]) {
         self.aside[0] += right;
         self.aside[1] += up;
     }
 
-    /// Moves the eye nearer for positive steps: ten steps halve the distance.
+    /// Moves the eye nearer for positive `steps`, and away for negative ones: ten steps halve the distance.
     pub fn zoom(&mut self, steps: f64) {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }
@@ -80,9 +81,10 @@ impl Pose {
     }
 }
 
-/// Returns the pivot: the eye zooms towards this point, and pans by fractions of its distance from this point. Usually,
-/// this point is the centre of the eye's orbit. If the eye itself is in this centre, as in a panorama, orbiting only
-/// turns the eye. In this case the point lies one radius of the scene ahead of the eye.
+/// Returns the pivot: the point towards which the eye zooms. The eye pans by fractions of its distance from
+/// the pivot. Usually, the pivot is the centre of the eye's orbit. If the eye itself is in this centre, as in
+/// a panorama, orbiting only turns the eye. In this case, the pivot lies one radius of the scene ahead of the
+/// eye.
 fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
     let position = camera.position.as_dvec3();
     if position.distance(orbit.centre) < CENTRAL * orbit.radius {

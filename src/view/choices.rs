@@ -28,8 +28,8 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns copies of this list, one for each value that is not chosen here; in the copy, this value is chosen. The
-    /// order of the copies is the order in which repeated steps of `step` (1 or -1) reach the values.
+    /// Returns one copy of this list for each value that is not chosen in this list. In the copy, the value
+    /// is chosen. The copies are in the order in which repeated steps of `step` (1 or -1) reach the values.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {
@@ -39,13 +39,13 @@ impl<T: Copy + PartialEq> Choices<T> {
     }
 }
 
-/// Returns the requested strategy, then the presets that are meant for the device.
+/// Returns a list of the requested strategy, which is chosen, and the presets that are meant for the device.
 pub fn strategies(first: Strategy, device: &DeviceInfo) -> Choices<Strategy> {
     let meant = PRESETS.iter().filter(|preset| preset.meant_for.is_none_or(|kind| kind == device.kind));
     Choices::of(first, meant.map(|preset| preset.strategy))
 }
 
-/// Returns the requested local size, then other usual sizes.
+/// Returns a list of the requested local size, which is chosen, and other usual local sizes.
 pub fn local_sizes(first: [u32; 2]) -> Choices<[u32; 2]> {
     Choices::of(
         first,

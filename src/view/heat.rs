@@ -39,7 +39,7 @@ impl Heat {
         Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })
     }
 
-    /// Returns whether the map is of this scene.
+    /// Returns true if the map is of this scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.of, scene)
     }
@@ -49,9 +49,10 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next map, which is finer than the last one, with this camera and these lights. Returns `None` if the
-    /// last map was the finest. If the strategy casts exhaustively, the map counts the tests of an exhaustive search;
-    /// otherwise it counts the tests in a tree. Rays miss the faces that the strategy culls.
+    /// Returns the next map for this camera and these lights. The map is finer than the last one; `None` if
+    /// the last map was the finest. If the strategy casts exhaustively, the map counts the tests of an
+    /// exhaustive search. Otherwise, it counts the tests in a tree. Rays miss the faces that the strategy
+    /// culls.
     pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
@@ -73,8 +74,8 @@ fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
     size.map(|side| side.div_ceil(block))
 }
 
-/// Returns a picture with one block of pixels for each element of `costs`. The block's colour shows the number of
-/// tests.
+/// Returns a picture with one block of pixels for each element of `costs`, and the largest number of tests.
+/// The colour of a block shows its number of tests.
 fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =

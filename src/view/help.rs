@@ -25,7 +25,8 @@ pub fn panel() -> Result<RgbImage> {
         .map_err(|error| Error::fault(format!("cannot draw the list of keys: {error}")))
 }
 
-/// Draws a panel over a picture's corner, if there is room for it. Returns whether there is room.
+/// Draws a panel over the upper left corner of a picture, and returns true. If the picture is smaller than
+/// the panel, draws nothing and returns false.
 pub fn lay(panel: &RgbImage, picture: &mut RgbImage) -> bool {
     let fits = panel.width() <= picture.width() && panel.height() <= picture.height();
     if fits {

@@ -22,9 +22,10 @@ pub enum Key {
 pub enum Action {
     /// Move the eye around the scene, by angles to the right and upwards in radians.
     Orbit([f64; 2]),
-    /// Move the eye to the right and upwards, in units of its distance from the point around which it orbits.
+    /// Move the eye to the right and upwards, in units of the eye's distance from the point around which it
+    /// orbits.
     Pan([f64; 2]),
-    /// Move the eye nearer by this number of steps; negative steps move it away.
+    /// Move the eye nearer by this number of steps; negative steps move the eye away.
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
@@ -48,7 +49,7 @@ pub enum Action {
 pub struct Row {
     /// The keys' names, as the user reads them.
     pub names: &'static str,
-    /// The description of their action.
+    /// The description of the keys' actions.
     pub about: &'static str,
     /// The keys, each with its action.
     pub keys: &'static [(Key, Action)],
@@ -56,8 +57,8 @@ pub struct Row {
 
 /// The angle by which a key press moves the eye around the scene, in radians.
 const ORBIT: f64 = 0.1;
-/// The distance by which a key press moves the eye aside, as a fraction of its distance from the point around which it
-/// orbits.
+/// The distance by which a key press moves the eye aside, as a fraction of the eye's distance from the point
+/// around which it orbits.
 const PAN: f64 = 0.05;
 
 /// All keys.
@@ -122,7 +123,7 @@ pub fn action(key: Key) -> Option<Action> {
     KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
 }
 
-/// Returns whether a key repeats its action while it is held.
+/// Returns true if a key repeats its action while it is held.
 pub fn repeats(key: Key) -> bool {
     matches!(action(key), Some(Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_)))
 }

@@ -37,6 +37,12 @@ pub struct Live {
     scene: Arc<Scene>,
     /// The size of the first picture. The scene's camera is placed so that the scene fits into a picture of this size.
     framed: [u32; 2],
+    casting: Casting,
+    sum: Sum,
+}
+
+/// A device, with the objects that cast the scene on it.
+struct Casting {
     device: Device,
     queue: Queue,
     show: Option<ShowProgram>,
@@ -45,13 +51,52 @@ pub struct Live {
     local_sizes: Choices<[u32; 2]>,
     prepared: Prepared,
     caster: Caster,
-    sum: Sum,
+}
+
+/// The scene, the kernels and the options for casting, which do not depend on the device.
+struct Wanted<'a> {
+    subject: &'a Subject,
+    sources: &'a Sources,
+    scene: &'a Arc<Scene>,
+    samples: u32,
 }
 
 /// The choices of the strategy and of the local size, which the user changes with keys.
 type Selection = (Choices<Strategy>, Choices<[u32; 2]>);
 /// The objects that cast with one strategy.
 type Ready = (Prepared, Caster);
+
+impl Casting {
+    /// Opens a device and prepares it for the first frame, with its usual strategy and local size.
+    fn usual_on(device: Device, wanted: &Wanted<'_>) -> Result<Self> {
+        let queue = Queue::open(&device)?;
+        let selection = usual(wanted.subject, &device, wanted.scene)?;
+        Self::on(device, queue, wanted, selection)
+    }
+
+    /// Prepares an open device for the first frame.
+    fn on(device: Device, queue: Queue, wanted: &Wanted<'_>, selection: Selection) -> Result<Self> {
+        let mut session = session(&queue, &device, wanted);
+        let ready =
+            ready(wanted.subject, &mut session, &selection).map_err(|no| no.into_error(&device.info))?;
+        let show = show(&queue, wanted.sources, &device.info)?;
+        let ((strategies, local_sizes), (prepared, caster)) = (selection, ready);
+        Ok(Self { device, queue, show, session, strategies, local_sizes, prepared, caster })
+    }
+
+    /// Returns the choices of the strategy and of the local size.
+    fn selection(&self) -> Selection {
+        (self.strategies.clone(), self.local_sizes.clone())
+    }
+
+    /// Changes to this strategy and local size, and to the picture's size in `subject`. If the device cannot
+    /// cast in this way, everything stays as it was.
+    fn change(&mut self, subject: &Subject, selection: Selection) -> std::result::Result<(), Refused> {
+        (self.prepared, self.caster) = ready(subject, &mut self.session, &selection)?;
+        (self.strategies, self.local_sizes) = selection;
+        Ok(())
+    }
+}
 
 impl Live {
     /// Loads the scene so that it can be seen from all around, and prepares everything for the first frame.
@@ -61,31 +106,10 @@ impl Live {
         let loaded = subject.load(true, dressed)?;
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
-        let queue = Queue::open(&device)?;
-        let show = show(&queue, &sources, &device.info)?;
-        let mut session = session(&queue, &device, &sources, &scene, samples);
-        let selection = usual(&subject, &device, &scene)?;
-        let ready = ready(&subject, &mut session, &selection).map_err(|no| no.into_error(&device.info))?;
-        let ((strategies, local_sizes), (prepared, caster)) = (selection, ready);
-        let sum = Sum::of(samples);
-        Ok(Self {
-            framed: subject.size(),
-            subject,
-            dressed,
-            samples,
-            sources,
-            loaded,
-            scene,
-            device,
-            queue,
-            show,
-            session,
-            strategies,
-            local_sizes,
-            prepared,
-            caster,
-            sum,
-        })
+        let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples };
+        let casting = Casting::usual_on(device, &wanted)?;
+        let (framed, sum) = (subject.size(), Sum::of(samples));
+        Ok(Self { subject, dressed, samples, sources, loaded, scene, framed, casting, sum })
     }
 
     /// Returns the scene.
@@ -100,28 +124,29 @@ impl Live {
 
     /// Returns the device.
     pub fn device(&self) -> &DeviceInfo {
-        &self.device.info
+        &self.casting.device.info
     }
 
     /// Returns the strategy.
     pub fn strategy(&self) -> Strategy {
-        self.strategies.taken()
+        self.casting.strategies.taken()
     }
 
     /// Returns the strategy to which [`Self::next_strategy`] changes if the device can use it; the present strategy if
     /// there is no other.
     pub fn strategy_after(&self, step: isize) -> Strategy {
-        self.strategies.others(step).next().map_or_else(|| self.strategy(), |next| next.taken())
+        self.casting.strategies.others(step).next().map_or_else(|| self.strategy(), |next| next.taken())
     }
 
-    /// Returns whether the user has named a folder of kernel files, which may change while the scene is shown.
+    /// Returns true if the user has named a folder of kernel files, which may change while the scene is
+    /// shown.
     pub fn has_own_kernels(&self) -> bool {
         self.subject.cl_dir.is_some()
     }
 
     /// Returns the local size.
     pub fn local_size(&self) -> [u32; 2] {
-        self.prepared.workload.local_size
+        self.casting.prepared.workload.local_size
     }
 
     /// Returns the picture's size: pixels across and down.
@@ -161,21 +186,21 @@ impl Live {
     pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
         let Some(sample) = self.sum.next() else { return Ok(None) };
         let frame = self.frame(pose, &sample);
-        frame.map(Some).map_err(|refused| refused.into_error(&self.device.info))
+        frame.map(Some).map_err(|refused| refused.into_error(self.device()))
     }
 
     fn frame(&mut self, pose: &Pose, sample: &Sample) -> std::result::Result<Frame, Refused> {
         let reading = Refused::at("reading the image");
         let (camera, lights) = self.view(pose);
         if self.loaded.orbit.with_lights {
-            self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
+            self.casting.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
-        let times = self.caster.cast_sample(&camera, sample).map_err(Refused::at("the launch"))?;
+        let times = self.casting.caster.cast_sample(&camera, sample).map_err(Refused::at("the launch"))?;
         self.sum.add();
         if let Some((picture, hits)) = self.shown().map_err(&reading)? {
             return Ok(self.frame_of(picture, hits, &times));
         }
-        let (mean, hits) = self.caster.read().map_err(&reading)?;
+        let (mean, hits) = self.casting.caster.read().map_err(&reading)?;
         Ok(self.frame_of(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
@@ -183,10 +208,11 @@ impl Live {
     /// is not finite.
     fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
         let display = self.scene.display;
-        let Some(program) = &self.show else { return self.caster.read_shown(display) };
+        let Casting { show, caster, .. } = &self.casting;
+        let Some(program) = show else { return caster.read_shown(display) };
         let [width, height] = self.size();
         let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
-        let hits = self.caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
+        let hits = caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
         Ok(hits.and_then(|hits| Some((RgbImage::from_raw(width, height, bytes)?, hits))))
     }
 
@@ -196,9 +222,10 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Changes to the next strategy that the device can use (for `step` 1) or to the previous one (for -1). The local
-    /// size becomes the one that the user has named on the command line. If the user has named none, or if the device
-    /// cannot use it with the new strategy, the local size becomes the usual one of the new strategy.
+    /// Changes to the next strategy that the device can use (for `step` 1) or to the previous one (for -1).
+    /// The local size becomes the one that the user has named on the command line. If the user has named no
+    /// local size, or if the device cannot use the named one with the new strategy, the local size becomes
+    /// the new strategy's usual one.
     ///
     /// # Errors
     ///
@@ -206,13 +233,10 @@ impl Live {
     /// tried.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let (first, first_local_size) = self.first()?;
-        let selections = self.strategies.others(step).flat_map(|strategies| {
+        let selections = self.casting.strategies.others(step).flat_map(|strategies| {
             let taken = strategies.taken();
-            let usual = if taken == first {
-                first_local_size
-            } else {
-                taken.usual_local_size(&self.device.info.limits)
-            };
+            let usual =
+                if taken == first { first_local_size } else { taken.usual_local_size(&self.device().limits) };
             let named = self.subject.local_size.filter(|named| *named != usual);
             let sizes = named.into_iter().chain([usual]);
             sizes.map(move |local_size| (strategies.clone(), local_sizes(local_size)))
@@ -227,24 +251,23 @@ impl Live {
     /// Fails if the device can use no other local size; the message states why it cannot use the last local size that
     /// was tried.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
-        let selections = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
+        let Casting { strategies, local_sizes, .. } = &self.casting;
+        let selections = local_sizes.others(step).map(|sizes| (strategies.clone(), sizes));
         self.take(selections.collect())
     }
 
     /// Returns the strategy and the local size with which the device casts first: those that the user has named on the
     /// command line. If the user has not named one of them, raycl chooses it.
     fn first(&self) -> Result<(Strategy, [u32; 2])> {
-        self.subject.strategy(&self.device.info, self.subject.task(&self.scene, 1))
+        self.subject.strategy(self.device(), self.subject.task(&self.scene, 1))
     }
 
     /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use.
     fn take(&mut self, selections: Vec<Selection>) -> Result<()> {
         let mut last = None;
         for selection in selections {
-            match ready(&self.subject, &mut self.session, &selection) {
-                Ok((prepared, caster)) => {
-                    (self.strategies, self.local_sizes) = selection;
-                    (self.prepared, self.caster) = (prepared, caster);
+            match self.casting.change(&self.subject, selection) {
+                Ok(()) => {
                     self.sum.restart();
                     return Ok(());
                 }
@@ -252,7 +275,7 @@ impl Live {
             }
         }
         Err(match last {
-            Some(refused) => refused.into_error(&self.device.info),
+            Some(refused) => refused.into_error(self.device()),
             None => Error::input("no other strategy or local size is available"),
         })
     }
@@ -263,39 +286,27 @@ impl Live {
     ///
     /// Fails if there is no other usable device, or if the next device cannot be opened or cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
-        let Some(mut device) = after(&self.device.info, &discover(&self.sources)?).cloned() else {
-            return Err(only(&self.device.info));
+        let Some(mut device) = after(self.device(), &discover(&self.sources)?).cloned() else {
+            return Err(only(self.device()));
         };
         device.test_lanes(&self.sources)?;
         self.move_to(device)
     }
 
     fn move_to(&mut self, device: Device) -> Result<()> {
-        let queue = Queue::open(&device)?;
-        let mut session = session(&queue, &device, &self.sources, &self.scene, self.samples);
-        let selection = usual(&self.subject, &device, &self.scene)?;
-        let ready =
-            ready(&self.subject, &mut session, &selection).map_err(|no| no.into_error(&device.info))?;
-        self.show = show(&queue, &self.sources, &device.info)?;
-        (self.queue, self.device, self.session) = (queue, device, session);
-        (self.strategies, self.local_sizes) = selection;
-        (self.prepared, self.caster) = ready;
+        let Self { subject, sources, scene, samples, .. } = &*self;
+        let wanted = Wanted { subject, sources, scene, samples: *samples };
+        self.casting = Casting::usual_on(device, &wanted)?;
         self.sum.restart();
         Ok(())
-    }
-
-    /// Returns the choices of the strategy and of the local size.
-    fn selection(&self) -> Selection {
-        (self.strategies.clone(), self.local_sizes.clone())
     }
 
     /// Casts pictures of another size from now on. Each of these pictures shows at least the part of the scene that a
     /// picture of the first size shows. If the device cannot cast pictures of this size, everything stays as it was.
     pub fn resize(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         let subject = Subject { width, height, ..self.subject.clone() };
-        let selection = self.selection();
-        let ready = ready(&subject, &mut self.session, &selection);
-        (self.prepared, self.caster) = ready.map_err(|no| no.into_error(&self.device.info))?;
+        let changed = self.casting.change(&subject, self.casting.selection());
+        changed.map_err(|no| no.into_error(self.device()))?;
         self.subject = subject;
         self.sum.restart();
         Ok(())
@@ -309,13 +320,11 @@ impl Live {
         let framed = Subject { width, height, ..self.subject.clone() };
         let loaded = framed.load(true, self.dressed)?;
         let scene = Arc::new(loaded.scene.clone());
-        let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
-        let selection = self.selection();
-        let ready =
-            ready(&self.subject, &mut session, &selection).map_err(|no| no.into_error(&self.device.info))?;
-        self.show = show(&self.queue, &sources, &self.device.info)?;
-        (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
-        (self.prepared, self.caster) = ready;
+        let wanted =
+            Wanted { subject: &self.subject, sources: &sources, scene: &scene, samples: self.samples };
+        let Casting { device, queue, .. } = &self.casting;
+        self.casting = Casting::on(device.clone(), queue.clone(), &wanted, self.casting.selection())?;
+        (self.sources, self.loaded, self.scene) = (sources, loaded, scene);
         self.sum.restart();
         Ok(())
     }
@@ -330,24 +339,25 @@ fn after<'a>(current: &DeviceInfo, devices: &'a [Device]) -> Option<&'a Device> 
     usable.get(next % usable.len().max(1)).copied().filter(|device| !same(device))
 }
 
-/// Returns the error if there is no device other than this one. The message has the name that the line beside the
-/// picture shows.
+/// Returns the error for the case that there is no other usable device. The message names the device as the
+/// line beside the picture does.
 fn only(device: &DeviceInfo) -> Error {
     Error::input(format!("{} is the only usable device", device.common_name()))
 }
 
-/// Opens a session, that is, prepares a scene to be cast on a device. If the user changes from a device to its twin (a
-/// second device with the same properties), two sessions are open for a moment, since the new session is opened before
-/// the old one is closed. The two devices therefore need programs of their own.
-fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
-    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene))
+/// Opens a session, that is, prepares a scene to be cast on a device. The new session is opened before the
+/// old one is closed. If the user changes from a device to its twin (a second device with the same
+/// properties), the sessions of both are therefore open for a moment. For this reason, the two devices need
+/// programs of their own.
+fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
+    Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
-        .with_sampling(Sampling::all(samples))
+        .with_sampling(Sampling::all(wanted.samples))
 }
 
-/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
-/// conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses raycl's own
-/// program; the host then applies the transform.
+/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma
+/// and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses
+/// raycl's own program. In both cases, the host applies the transform.
 ///
 /// # Errors
 ///
@@ -378,9 +388,10 @@ fn ready(
     Ok((prepared, caster))
 }
 
-/// Returns a camera for pictures of another size than that for which the camera was placed. If the new pictures are
-/// wider in proportion to their height, the vertical field of view stays the same; otherwise, the horizontal field of
-/// view stays the same. So everything that was visible stays visible.
+/// Returns a camera for pictures of `size`, made from `camera`, which was placed for pictures of the size
+/// `framed`. If the new pictures are wider in proportion to their height, the vertical field of view stays
+/// the same. Otherwise, the horizontal field of view stays the same. So everything that was visible stays
+/// visible.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {
@@ -545,7 +556,7 @@ mod tests {
         let chosen = (live.strategy(), live.local_size());
         assert!(chosen.0 != usual.0 && chosen.1 != usual.1);
         cast(&mut live);
-        let mut small = live.device.clone();
+        let mut small = live.casting.device.clone();
         small.info.limits.allocation_bytes = 1;
         small.info.name = "small".into();
         let error = live.move_to(small).expect_err("nothing fits into a byte");
@@ -554,7 +565,7 @@ mod tests {
             (chosen, own, [1, 2]),
             "{error}"
         );
-        let mut other = live.device.clone();
+        let mut other = live.casting.device.clone();
         other.info.name = "other".into();
         live.move_to(other).expect("it can cast");
         assert_eq!(
@@ -567,14 +578,15 @@ mod tests {
     #[test]
     fn the_twin_of_a_cpu_has_a_program_of_its_own() {
         let mut live = live(&[], 1);
-        let ordinary = live.prepared.spec.clone();
-        let mut twin = live.device.clone();
+        let spec = |live: &Live| live.casting.prepared.spec.clone();
+        let ordinary = spec(&live);
+        let mut twin = live.casting.device.clone();
         twin.info.twins_before = 1;
         live.move_to(twin).expect("it can cast");
-        assert_eq!(live.prepared.spec.source, ordinary.source);
-        assert_eq!(live.prepared.spec.options, format!("{} -D TWINS_BEFORE=1", ordinary.options));
+        assert_eq!(spec(&live).source, ordinary.source);
+        assert_eq!(spec(&live).options, format!("{} -D TWINS_BEFORE=1", ordinary.options));
         live.reload().expect("it can be read");
-        assert!(live.prepared.spec.options.ends_with(" -D TWINS_BEFORE=1"), "{}", live.prepared.spec.options);
+        assert!(spec(&live).options.ends_with(" -D TWINS_BEFORE=1"), "{}", spec(&live).options);
     }
 
     #[test]
@@ -599,7 +611,7 @@ mod tests {
         write(&own);
         let mut live = live(&["--cl-dir", folder.path().to_str().expect("UTF-8")], 2);
         // Only a device with memory of its own uses this kernel.
-        live.queue = live.queue.clone().with_separate_memory(1 << 20);
+        live.casting.queue = live.casting.queue.clone().with_separate_memory(1 << 20);
         let reds = |live: &mut Live| {
             let picture = live.cast(&Pose::START).expect("it casts").expect("a frame").picture;
             picture.pixels().filter(|pixel| pixel[0] == 77).count()

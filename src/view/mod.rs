@@ -59,7 +59,7 @@ pub struct Viewer<S: Screen> {
     heat: Option<Heat>,
     /// The largest number of tests of a pixel in the heat map.
     most_tests: u32,
-    /// The drawing of the list of keys, if it is shown.
+    /// The drawing of the list of keys; `None` if the list is hidden.
     help: Option<RgbImage>,
     /// The last picture, without the list of keys over it.
     shown: Option<RgbImage>,
@@ -68,17 +68,17 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The answer to the last key or the last change of a file, if there is something to tell: why it had no effect, or
-    /// the list of keys.
+    /// The answer to the last key or the last change of a file: the reason why the key or the change had no
+    /// effect, or the list of keys; `None` if there is nothing to tell.
     answer: Option<String>,
-    /// The first note about the scene, with the number of the other notes. It is shown in three cases: at the start,
-    /// after the scene was read again, and after the picture's size has changed.
+    /// The first note about the scene, with the number of the other notes. The note is shown in three cases:
+    /// at the start, after the scene was read again, and after the picture's size has changed.
     note: Option<String>,
     /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
     /// screen was cleared.
     redraws: bool,
-    /// True if the line of text beside the picture is out of date. Something that the line states, such as the strategy
-    /// or the number of samples, has then changed.
+    /// True if the line of text beside the picture must be shown again, because something that the line
+    /// states has changed, such as the strategy, or because the screen was cleared.
     stale: bool,
 }
 
@@ -107,8 +107,9 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends the view. Before each frame, the function calls `changed`, which
-    /// returns whether files have changed.
+    /// Shows the scene until the user or a limit ends the view. Before each frame, the function calls
+    /// `changed`, which returns true if files have changed. Returns the scene as it was last cast, and the
+    /// numbers for the report.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
         loop {
@@ -139,8 +140,8 @@ impl<S: Screen> Viewer<S> {
         Ok((self.live, total))
     }
 
-    /// Casts and shows the next frame. Returns whether there was a frame to show: if nothing has changed and all
-    /// samples are cast, there is none.
+    /// Casts and shows the next frame, and returns true. If nothing has changed and all samples are cast,
+    /// there is no next frame, and the function returns false.
     fn show_next(&mut self) -> Result<bool> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));
@@ -210,7 +211,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Carries out the actions that the user's input asks for. Returns whether the user wants to quit.
+    /// Carries out the actions that the user's input asks for. Returns true if the user wants to end the
+    /// view.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
             self.go(dragged(input));
@@ -226,8 +228,9 @@ impl<S: Screen> Viewer<S> {
         actions.any(|wanted| self.act(wanted))
     }
 
-    /// Does one action. Returns whether the view is to end.
+    /// Carries out one action. Returns true if the user wants to end the view.
     fn act(&mut self, wanted: Action) -> bool {
+        self.answer = None;
         match wanted {
             Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
             Action::Spin => self.spins = !self.spins,
@@ -266,11 +269,10 @@ impl<S: Screen> Viewer<S> {
             Some(_) => None,
             None => help::panel().ok(),
         };
-        self.answer = None;
         self.redraws = true;
     }
 
-    /// If the screen has become larger or smaller, casts pictures of its new size from now on.
+    /// If the screen has become larger or smaller, casts pictures of the screen's new size from now on.
     fn fit(&mut self, room: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.room, room);
         // A window system may clear a window that changes its size.
@@ -306,7 +308,8 @@ impl<S: Screen> Viewer<S> {
     /// Makes a change for which the program of a strategy is compiled. Until the compiler has finished, no picture is
     /// shown and no key is obeyed, so the line beside the picture first names the strategy.
     fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) {
-        // If the screen cannot show the line, it cannot show the next picture either, and that error ends the view.
+        // If the screen cannot show the line, it cannot show the next picture either. The error about the
+        // picture ends the view.
         let _ = self.screen.tell_at_once(&title::compiling(&strategy));
         self.tried(change);
     }

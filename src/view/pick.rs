@@ -32,7 +32,7 @@ impl Picked {
     }
 }
 
-/// Returns the triangle that a pixel's centre shows.
+/// Returns the triangle that the centre of the pixel `[x, y]` shows; `None` if it shows the background.
 pub fn pick(
     scene: &Scene,
     tree: &Tree,
@@ -71,7 +71,7 @@ impl Picker {
         pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts)
     }
 
-    /// Returns whether a tree is being built.
+    /// Returns true if a tree is being built.
     pub fn is_building(&self) -> bool {
         self.building.is_some()
     }

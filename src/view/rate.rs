@@ -34,8 +34,8 @@ impl Recent {
     }
 }
 
-/// The numbers that `raycl view` reports at its end. Device times and rays are those of the frames since the last
-/// switch, which is a change of the strategy, the local size, the device, the picture's size or the files. The time of
+/// The numbers that `raycl view` reports at its end. Device times and rays are counted only since the last
+/// switch: a change of the strategy, the local size, the device, the picture's size or the files. The time of
 /// one strategy is therefore not counted for another strategy.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
@@ -43,7 +43,7 @@ pub struct Total {
     pub frames: u32,
     /// The time from the first frame to the last.
     pub seconds: f64,
-    /// The number of frames after the first, divided by `seconds`; `None` if there are none.
+    /// The number of frames after the first, divided by `seconds`; `None` if `seconds` is 0.
     pub frames_per_s: Option<f64>,
     /// The number of frames that the device cast since the last switch.
     pub timed_frames: usize,
@@ -91,7 +91,8 @@ impl Rate {
         self.rays = 0.0;
     }
 
-    /// Returns frames per second, rays per second of device time, and whether these rates are new since the last call.
+    /// Returns frames per second and rays per second of device time. The last value is true if these rates
+    /// are new since the last call.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
         let is_over = elapsed >= PERIOD;

@@ -16,7 +16,7 @@ use super::keys::Key;
 use crate::error::Result;
 use image::RgbImage;
 
-/// The user's input since the last call.
+/// The user's input since the last call of [`Screen::input`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Input {
     /// The keys that were pressed or held.
@@ -52,8 +52,8 @@ pub trait Screen {
         self.tell(line)
     }
 
-    /// Writes lines of text over the picture, from its upper left corner, until the next picture is shown. Returns
-    /// false if the screen writes no text over pictures; the picture then stays as it is.
+    /// Writes lines of text over the picture, from its upper left corner, until the next picture is shown.
+    /// Returns false, and leaves the picture as it is, if the screen writes no text over pictures.
     fn write_over(&mut self, _lines: &[String]) -> Result<bool> {
         Ok(false)
     }

@@ -10,8 +10,8 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// Makes a sum for this number of samples per pixel, to which no sample has been added yet. The samples are those
-    /// that `render --samples` casts.
+    /// Makes an empty sum for this number of samples per pixel. The samples are those that `render --samples`
+    /// casts.
     pub fn of(samples: u32) -> Self {
         Self { samples: pixel_samples(samples), cast: 0 }
     }

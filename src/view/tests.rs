@@ -43,7 +43,7 @@ pub(super) fn back_face_in(folder: &Path) -> PathBuf {
     path
 }
 
-/// A screen whose user follows a script. It stores the pictures and the lines that it shows.
+/// A screen whose user follows a script. The script stores the pictures and the lines that the screen shows.
 #[derive(Default)]
 struct Script {
     /// True if the screen writes text over pictures.
@@ -275,10 +275,22 @@ fn a_change_that_fails_is_shown_until_the_next_change() {
     viewer.tell().expect("it tells");
     viewer.tried(|_| Ok(()));
     assert_eq!((&viewer.answer, &viewer.note), (&None, &None));
-    // A terminal cuts the end of the line, so the reason comes first.
+    // The line begins with the reason why the change failed, because a terminal may cut off the end of a long line.
     let [line] = &screen.lines[..] else { panic!("{:?}", screen.lines) };
     assert!(line.starts_with(&format!("it does not fit | {pointed} | triangle | naive | ")), "{line}");
     assert!(line.contains(" samples | a note | "), "{line}");
+}
+
+#[test]
+fn the_answer_to_a_key_goes_with_the_next_key() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    for key in [Key::Char('t'), Key::Char('t'), Key::Char('r'), Key::Char(' '), Key::Left] {
+        viewer.tried(|_| Err(Error::input("it is the only usable device")));
+        assert!(viewer.answer.is_some());
+        viewer.obey(&Input { keys: vec![key], ..Input::default() });
+        assert_eq!(viewer.answer, None, "{key:?}");
+    }
 }
 
 #[test]

@@ -123,7 +123,7 @@ pub fn program() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
     // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
-    // Tests keep them, so that the number of samples does not depend on the machine.
+    // Tests keep these samples, so that the number of samples does not depend on the machine.
     command.env("RAYCL_MOVED_SAMPLES", "keep");
     command
 }

@@ -96,14 +96,16 @@ pub fn closed_meshes() -> Scene {
     scene
 }
 
-/// Returns rays from one point towards points on edges, about every fifth towards a vertex, and the distances of
-/// these points. Every ray must find a triangle at its point or before it.
+/// Returns `count` rays from `origin` towards points on edges of a mesh, and the distances of these points
+/// from `origin`. About every fifth of the points is a vertex. Every ray must hit a triangle at its point or
+/// nearer.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
 }
 
-/// Returns a random ray; `None` if it meets a face at such a small angle that it may miss the edge.
+/// Returns a ray from `origin` towards a random point on an edge, and the point's distance. Returns `None` if
+/// the ray meets the surface at such a small angle that it may miss the edge.
 fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f32)> {
     let triangle = &mesh.triangles[random(state) as usize % mesh.triangles.len()];
     let corners = mesh.corners(triangle);
@@ -111,15 +113,15 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     let along = if random(state).is_multiple_of(5) { 0.0 } else { fraction(state) };
     let offset = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
     let direction = offset.normalize();
-    // The ray must cross both faces of the edge from the same side.
+    // At both ends of the edge, the ray must cross the surface from the same side, and not at a small angle.
     let normals = mesh.corner_normals(triangle);
     let crossing = [edge, (edge + 1) % 3].map(|corner| normals[corner].dot(direction));
     let crosses = crossing[0].abs() > 0.25 && crossing[1].abs() > 0.25 && crossing[0] * crossing[1] > 0.0;
     crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, offset.length()))
 }
 
-/// Returns whether a ray was stopped, because the nearest triangle that was found for it is not farther away
-/// than `target`.
+/// Returns true if `nearest`, the triangle that was found for a ray, is not farther away than `target`, and
+/// false if it is farther away or if no triangle was found.
 pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
     let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
@@ -128,10 +130,10 @@ pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> 
     t < f64::from(target) * 1.001
 }
 
-/// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. The net has a vertex on the ray of
-/// every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of the pixels meet
-/// vertices, and all others meet edges. `corner` returns the point on the ray through a pixel's centre at which the
-/// vertex lies.
+/// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. The net has a vertex on the
+/// ray of every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of
+/// the pixels meet vertices, and all others meet edges. For a position in the image, in pixels, `corner`
+/// returns the point on the ray through this position at which the vertex lies.
 fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
     let across = side / 2 + 5;
     let coordinate = |i: u32| 2.0 * f64::from(i) - 3.5;
@@ -152,7 +154,7 @@ fn add_flat(mesh: &mut Mesh, positions: [u32; 3]) {
     mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
 }
 
-/// Returns a repeatable random number from 0 to 1, computed from two numbers.
+/// Returns a number from 0 to 1 that looks random, but depends only on x and y.
 fn jitter(x: f64, y: f64) -> f64 {
     let mixed = (x * 12.9898 + y * 78.233).sin() * 43758.5453;
     mixed - mixed.floor()
@@ -169,9 +171,9 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
 }
 
 /// Returns a net in front of the paper's camera, which is at the origin, so that the vertices are as exact as
-/// possible. The net is lit from behind, so that no shadow rays are cast. If it is not flat, it is crumpled,
-/// and the boxes of the tree have depths of all sizes. If it is flat, the boxes have no depth: a ray enters
-/// and leaves a box at the same point.
+/// possible. The net is lit from behind, so that no shadow rays are cast. If `is_flat` is false, the net is
+/// crumpled, and the boxes of the tree have depths of all sizes. If `is_flat` is true, the boxes have no
+/// depth: a ray enters and leaves a box at the same point.
 pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };

@@ -161,7 +161,7 @@ pub fn execute(
 ) -> raycl::Result<Vec<Record>> {
     let mut results = Results::resume(folder, &Environment::default())?;
     // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
-    // Tests keep them, so that the number of samples does not depend on the machine.
+    // Tests keep these samples, so that the number of samples does not depend on the machine.
     with_run(text, folder, |run| {
         Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
     })

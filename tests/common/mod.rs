@@ -19,8 +19,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Returns the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names. Fails if it is
-/// missing.
+/// Returns the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names. Panics if this
+/// device is missing.
 pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
@@ -32,22 +32,23 @@ pub fn device() -> Device {
 /// The local size of all tests that work with any local size. PoCL then compiles kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
-/// Returns whether the tests run as `make test-long`, which runs all tests completely. If kernels take minutes to
-/// compile, `make test` tests only a part of them.
+/// Returns true if the tests run as `make test-long`, which runs all tests completely. `make test` leaves out
+/// a part of the tests whose kernels take minutes to compile.
 pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns the changes to kernel files that this run of the tests tries. Each change needs a program of its own, which
-/// takes PoCL seconds to compile and is in no cache of a new machine. So `make test` tries every fourth change of a
-/// list; `make test-long` and `make mutants` try all.
+/// Returns the changes to kernel files that this run of the tests tries. Each change needs a program of its
+/// own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test` therefore tries
+/// every fourth change of a list; `make test-long` and `make mutants` try all changes.
 pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     changes.into_iter().step_by(if is_long() { 1 } else { 4 })
 }
 
-/// Returns whether a strategy is tested by `make test` too. PoCL takes half a minute to compile a strategy in
-/// which work-items share tiles. `make test` tests presets with such tiles separately, and all such strategies
-/// of the pairwise cover under Oclgrind, which need not compile them.
+/// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes
+/// half a minute to compile a strategy in which work-items share tiles. `make test` tests presets with such
+/// tiles separately, and all such strategies of the pairwise cover under Oclgrind, which need not compile
+/// them.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
@@ -88,19 +89,18 @@ impl Stand {
         Self { device, session, scene, size, references: HashMap::new() }
     }
 
-    /// Returns whether the device is a CPU.
     pub fn is_cpu(&self) -> bool {
         self.device.info.limits.is_cpu
     }
 
-    /// Builds a strategy's program for the scene; if the device cannot hold it, returns the reason.
+    /// Builds a strategy's program for the scene. If the device cannot hold the strategy, returns the reason.
     pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Prepared, String> {
         let local_size = strategy.local_size(&self.device.info.limits, local_size);
         let prepared = self.session.borrow_mut().prepare(strategy, self.size, local_size);
         fits(strategy, prepared)
     }
 
-    /// Returns a strategy that is built for rays which the caller provides.
+    /// Builds a strategy's program for rays that the caller provides. Returns errors like `build`.
     pub fn build_for_rays(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Prepared, String> {
         let local_size = strategy.local_size(&self.device.info.limits, local_size);
         let prepared = self.session.borrow_mut().prepare_for_rays(strategy, self.size, local_size);

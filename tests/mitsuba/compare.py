@@ -20,7 +20,7 @@ import models
 
 SIZE = (640, 400)
 # The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have less
-# noise: if a light is too bright by one hundredth, their ratio is too low.
+# noise, so their ratio is too low even if a light is too bright by only one hundredth.
 LEAST, LEAST_OF_BLOCKS = 30, 50
 # The side of a block, in pixels.
 BLOCK = 8
@@ -113,8 +113,9 @@ def sky(sky, folder):
 
 
 def rows_from_pole_to_pole(path, finer=4):
-    """The first and last rows of Mitsuba's pictures lie at zenith and nadir, those of raycl's half a texel away.
-    Returns a finer picture that has the same values, mixed from the four nearest texels, where Mitsuba's texels lie."""
+    """Returns a finer picture for Mitsuba from a sky's picture for raycl. In Mitsuba, the centres of the first and last
+    rows of texels lie at the zenith and the nadir; in raycl, half a texel away from them. The texels of the finer
+    picture are mixed from the four nearest texels, so that both pictures have the same values in every direction."""
     texels = np.array(mi.Bitmap(str(path)), dtype=np.float32)[..., :3]
     height, width = texels.shape[:2]
     x = (np.arange(finer * width) + 0.5) / finer - 0.5

@@ -1,4 +1,4 @@
-"""Makes the meshes and pictures of courtyard.toml and studio.toml: all of them are made by formulas here."""
+"""Makes the meshes and pictures of courtyard.toml and studio.toml from formulas."""
 import math
 
 import mitsuba as mi
@@ -81,14 +81,14 @@ def square(corner, right, up, times=(1, 1)):
 
 
 def box():
-    """The unit cube on the ground, about the y axis."""
+    """A cube of side 1 that stands on the ground, around the y axis."""
     x, y, z = np.eye(3)
     for right, up in ((x, y), (-x, y), (z, y), (-z, y), (x, -z), (x, z)):
         yield square((y + np.cross(right, up) - right - up) / 2, right, up)
 
 
 def ball(rows=48, columns=96):
-    """The unit ball, its picture once around."""
+    """A ball of radius 1, with its picture once around."""
     def corner(i, j):
         polar, turn = math.pi * i / rows, 2 * math.pi * j / columns
         normal = np.array([math.sin(polar) * math.cos(turn), math.cos(polar), -math.sin(polar) * math.sin(turn)])
@@ -101,7 +101,7 @@ def ball(rows=48, columns=96):
 
 
 def tube(columns=96):
-    """A tube of radius 1 and height 2 around the y axis, its picture three times around."""
+    """A tube of radius 1 and height 2 around the y axis, with its picture three times around."""
     def corner(j, height):
         turn = 2 * math.pi * j / columns
         normal = np.array([math.sin(turn), 0, math.cos(turn)])

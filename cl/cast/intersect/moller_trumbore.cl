@@ -40,8 +40,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // between two triangles. The error grows with the distance to the corner, and with the length of the edge in the cross
 // product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
 // digit of the determinant `a` is correct after rounding, so the triangle is not hit. With PAPER_EPSILONS, the two
-// slacks of the weights and the bound of `a` are the paper's constants. Otherwise, they are proportional to the
-// rounding errors: a slack to the size of one edge (its 1-norm), the bound of `a` to the product of both edges' sizes.
+// slacks of the weights and the bound of `a` are the paper's constants. Otherwise, each slack is proportional to the
+// size of one edge (its 1-norm), and the bound of `a` to the product of both edges' sizes, like the rounding errors.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -91,8 +91,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges still misses if the triangle is seen edge-on, is nearer than t_min, or is farther than
-    // t_max.
+    // A ray within the edges still misses if the triangle is seen edge-on, or if t is not between t_min and t_max.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

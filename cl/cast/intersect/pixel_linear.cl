@@ -11,8 +11,8 @@
 
 #include "cast/planes_of_origin.cl"
 
-// Returns a plane as a function of the pixel (x, y): the coefficients of its dot product with the ray's direction,
-// corner + x step_x + y step_y.
+// Returns a plane as a function of the pixel (x, y). The plane's dot product with the ray's direction,
+// corner + x step_x + y step_y, is a linear function of x and y. The result has the coefficients of x, y and 1.
 Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
@@ -20,8 +20,8 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 }
 
 // The overlap of neighbouring triangles in this test, in units of the overlap for planes that are not functions of the
-// pixel. A plane as a function of the pixel is a sum of three rounded dot products, two of which are multiplied by a
-// coordinate. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
+// pixel. The value of a plane at a pixel is a sum of three rounded dot products, two of which are multiplied by a
+// coordinate of the pixel. The rounding error of this sum is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
 // Returns a triangle's row (its planes) as functions of the pixel, with the larger overlap that such planes need.

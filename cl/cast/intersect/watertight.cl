@@ -15,8 +15,8 @@
 #include "common/exact_signs.cl"
 
 // The shear of a ray, as the three rows of a matrix. The test is watertight for every shear that depends only on the
-// ray. Lanes may have different dominant axes (the axis of the direction's largest component). The rows also contain
-// the order of the axes, so no lane needs to permute coordinates.
+// ray. A ray's dominant axis is the axis of its direction's largest component. Lanes may have different dominant axes.
+// The matrix also puts the axes into the right order for each lane, so no lane needs to permute coordinates.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;

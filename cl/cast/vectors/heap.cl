@@ -5,7 +5,7 @@
 // Working vectors in a global pool, from which the kernel allocates each vector separately. The pool replaces the
 // paper's malloc, which OpenCL C lacks. heap_top counts the varyings that were allocated. The host sets heap_top to
 // zero before it starts the kernel, and compares heap_top with the pool's size afterwards. An allocation beyond the
-// pool's end gets the start of the pool, so that nothing is written outside; the host then rejects the image.
+// pool's end gets the start of the pool, so that nothing is written outside the pool; the host then rejects the image.
 
 typedef struct {
     volatile __global varying *vector[WORKING_VECTORS];

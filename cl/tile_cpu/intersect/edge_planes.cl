@@ -6,13 +6,13 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Triangles are prepared once for all rays, eight at a time, each in one lane. Relative to the origin, the corners P
-// and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if its
-// dot product with this normal has the right sign. The neighbouring triangle has the same plane with the opposite sign,
-// to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through.
-// Neighbouring triangles therefore overlap a little: after the planes are scaled, 1 is added to each dot product. The
-// number `a` is d.(e2 x e1), where e1 and e2 are two of the triangle's edges. The product of `a` and t is the same for
-// all rays, and is called the height. A hit lies in front of the ray's origin if `a` and the height have the same sign.
-// The planes are multiplied by the height's sign once, so that the tests need not do it.
+// and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if the
+// dot product of d and this normal has the right sign. The neighbouring triangle has the same plane with the opposite
+// sign, to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip
+// through. Neighbouring triangles therefore overlap a little: after the planes are scaled, 1 is added to each dot
+// product. The number `a` is d . (e2 x e1), where e1 and e2 are two of the triangle's edges. The product of `a` and t
+// is the same for all rays, and is called the height. A hit lies in front of the ray's origin if `a` and the height
+// have the same sign. The planes are multiplied by the height's sign when they are prepared, not at each test.
 
 #define PREPARED TOGETHER
 
@@ -21,7 +21,7 @@ typedef struct {
     float a[3][PREPARED];        // the normals whose dot product with a direction is a
     float edges[3][3][PREPARED]; // the planes of the edges
     float edge_on[PREPARED];     // the smallest a with which a ray can hit: for smaller a, the triangle is edge-on
-    float per_height[PREPARED];  // 1 / t = a per_height
+    float per_height[PREPARED];  // 1 / t is the product of a and this number
 } Prepared;
 
 // Returns eight corners relative to the origin.
@@ -31,8 +31,8 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     return lanes_difference(corner, from);
 }
 
-// Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
-// origin. Swapping p and q changes the signs of all components, and nothing else.
+// Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
+// `edge` is p - q. Swapping p and q changes the signs of all components, and nothing else.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 // Stores eight planes, multiplied by `by`.
@@ -52,7 +52,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
-    // All rays of the tile share the origin, so one subtraction is enough for all of them.
+    // All rays of the tile share the origin, so each corner is subtracted once for all rays.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
@@ -84,8 +84,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// Tests a prepared triangle against the rays of the vectors in `live`. With `any`, a ray that hits the triangle is
-// finished; otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
+// Tests a prepared triangle against the rays of the vectors in `live`. `lane` is the triangle's lane in `prepared`, and
+// `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise its nearest hit is
+// updated. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
     // The floats of the triangle are loaded into registers once, for the tests of all vectors in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];

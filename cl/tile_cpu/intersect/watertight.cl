@@ -30,15 +30,15 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear is x' = x - (d_x / d_z) z, where z is the common axis. It is computed once per ray. If rays run against
-    // the axis, x' is mirrored, so that back faces stay back faces.
+    // The shear is x' = x - (d_x / d_z) z, where z is the common axis. The factors are computed once per ray. If rays
+    // run against the axis, x' is mirrored, so that back faces stay back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
 }
 
-// Returns the rays of a vector that hit a triangle, and 1 / t of the hits. The corners a, b and c are relative to the
-// origin.
+// Returns the rays of a vector that hit a triangle. `*inv_t` receives 1 / t of the hits. The corners a, b and c are
+// relative to the origin.
 Mask intersect_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
                        varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;

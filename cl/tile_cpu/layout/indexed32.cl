@@ -1,6 +1,6 @@
 // Normals in the mesh's own order, for shading the triangles that a tile's rays hit. A triangle of the mesh consists of
-// words, three of which are the indices of its normals. So each hit takes three more loads than with normals in leaf
-// order, but a device that shares the host's memory needs no copy of the normals.
+// words, three of which are the indices of its normals. Each hit therefore takes three more loads than with normals in
+// leaf order, but a device that shares the host's memory needs no copy of the normals.
 //
 //     MESH_WORDS words per triangle:  position 0, 1, 2   normal 0, 1, 2   material
 //                                                        ^ MESH_NORMALS
@@ -9,7 +9,7 @@
 #error "MESH_WORDS: words of a triangle of the mesh"
 #endif
 #ifndef MESH_NORMALS
-#error "MESH_NORMALS: the first of a triangle's words that are indices of normals"
+#error "MESH_NORMALS: the number of the first of a triangle's words that are indices of normals"
 #endif
 
 typedef struct {

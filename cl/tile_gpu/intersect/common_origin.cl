@@ -1,9 +1,9 @@
-// Prepares a leaf's triangle for the rays of a pass (which run mainly along one axis: see entry.cl), and tests it. As
-// in edge_planes.cl, this needs the planes through the rays' origin and the triangle's edges; here, they are loaded
-// from a table. The kernel tile_prepare computes the planes of every triangle: for the eye once per frame, and for the
-// lights of a round (a batch of lights: see shadow.cl) once per round. For each origin, the table has a row of quads
-// (float4) for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes
-// and of 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass.
+// Prepares a leaf's triangle for the rays of a pass (which run mainly along one axis: see entry.cl), and tests it. The
+// test needs the planes through the rays' origin and the triangle's edges, as in edge_planes.cl, but loads them from a
+// table. The kernel tile_prepare computes the planes of every triangle: for the eye once per frame, and for the lights
+// of a round (a batch of lights: see shadow.cl) once per round. For each origin, the table has a row of quads (float4)
+// for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes and of
+// 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass.
 
 // This is the table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load
 // neighbouring quads:
@@ -16,7 +16,8 @@
 // A pass along x reads the rows in the order y, z, x. Permuting the axes therefore costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// The overlap of neighbouring triangles is half as large as in other tests, as in edge_planes.cl.
+// The overlap of neighbouring triangles, in units of the overlap for which planes_of scales the planes. As in
+// edge_planes.cl, the overlap is half as large as in other tests.
 #define OVERLAP 0.5f
 
 // Returns `rest` plus the largest value of each of four planes over an interval of slopes (x or y per unit of z). For a
@@ -31,9 +32,9 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     return most;
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`, the smallest 1/z that matters. A prepared triangle contains the planes' components along the
-// pass's axes.
+// Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst` (the smallest 1/z that matters), else 0. A prepared triangle contains the planes' components
+// along the pass's axes.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)index; // three rows have fewer than 2^32 quads
@@ -55,9 +56,9 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
-// must also be less than `ceiling`. `per_depth` receives this 1/z. Eight multiply-adds give three edge functions and
-// 1/z.
+// Returns 1 if a ray hits the triangle at a 1/z greater than `nearest`, else 0. If `any` is 0 (only the nearest hit
+// counts), 1/z must also be less than `ceiling`. `*per_depth` receives 1/z. Eight multiply-adds give the three edge
+// functions and 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
@@ -65,14 +66,14 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
+    // `outside` is negative if any of the three edge functions is negative, since the bitwise or joins their sign bits.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
 // Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
 // (second dimension). Origin 0 is the eye; the other origins are the lights of a round (see shadow.cl). Also empties
-// the round's queue of leftover shadow rays, so that no separate command has to empty it.
+// the round's queue of leftover shadow rays, which saves a separate command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int index = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

@@ -1,16 +1,18 @@
 // Prepares a leaf's triangle (computes what all rays of a pass need), and tests it. Each edge spans a plane with the
 // rays' origin; a ray that hits is on the inner side of all three planes. Neighbouring triangles share the plane of
 // their common edge, to the last bit. The edge functions and 1/z are linear in the slopes x and y of a ray. A prepared
-// triangle has a vector for each of the corners a, b and c. A vector's first three components are the plane of the
-// opposite edge, whose edge function is not negative inside; the three fourth components are the coefficients of 1/z:
+// triangle has a float4 for each of the corners a, b and c. The first three components are the plane of the edge
+// opposite to the corner; the plane's edge function is not negative inside. The fourth components of the three float4
+// are the coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
-// Returns the plane of an edge p - q. The plane is scaled so that the number to add for the overlap of neighbouring
-// triangles is 1, and this number is added. The overlap is half as large as in other tests. Apart from this added
-// number, swapping p and q changes the signs of all components, and nothing else. (This was measured on a GPU: with the
-// full overlap, one of two million pixels of a terrain is wrongly dark. With half of it, no pixel is wrongly dark, and
-// none of 60,516 rays aimed at edges and vertices slips through.)
+// Returns the plane through the origin and an edge. The edge's ends p and q are relative to the origin, and `edge` is
+// p - q. The plane is multiplied by `scale`, which makes the overlap of neighbouring triangles 1. Then 1 is added.
+// Apart from the added overlap, swapping p and q changes the signs of all components, and nothing else. The overlap is
+// half as large as in other tests. (This was measured on a GPU: with the full overlap, one of two million pixels of a
+// terrain is wrongly dark. With half the overlap, no pixel is wrongly dark, and none of 60,516 rays aimed at edges and
+// vertices slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
@@ -21,8 +23,8 @@ INLINED float per_power_of_two_below(float positive) {
     return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`, the smallest 1/z that matters.
+// Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst` (the smallest 1/z that matters), else 0.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
 // `height` is six times the volume of the tetrahedron that the origin and the triangle form. The sign of `height` shows
@@ -61,13 +63,13 @@ INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
-// must also be less than `ceiling`. `per_depth` receives this 1/z.
+// Returns 1 if a ray hits the triangle at a 1/z greater than `nearest`, else 0. If `any` is 0 (only the nearest hit
+// counts), 1/z must also be less than `ceiling`. `*per_depth` receives 1/z.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // `outside` is the bitwise or of the three edge functions, so it is negative if any of them is negative.
+    // `outside` is negative if any of the three edge functions is negative, since the bitwise or joins their sign bits.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

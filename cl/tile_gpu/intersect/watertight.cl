@@ -13,9 +13,9 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
-// greater than `worst`, the smallest 1/z that matters. The bounds allow for many times the rounding error of the test
-// itself, so that they never exclude a ray that hits.
+// Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst` (the smallest 1/z that matters), else 0. The bounds allow for many times the rounding error of
+// the test itself, so that the function never excludes a ray that hits.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -40,8 +40,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Returns whether a ray hits the triangle at a 1/z greater than `nearest`. If not any hit is enough (`any` is 0), 1/z
-// must also be less than `ceiling`. `per_depth` receives this 1/z (with `any`, 0).
+// Returns 1 if a ray hits the triangle at a 1/z greater than `nearest`, else 0. If `any` is 0 (only the nearest hit
+// counts), 1/z must also be less than `ceiling`. `*per_depth` receives 1/z or, with `any`, 0.
 INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                    float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;

@@ -4,15 +4,13 @@
 use serde_json::{Value, json};
 
 use super::{Question, items, named};
-use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
+use crate::device::occupancy::{Limiter, Occupancy, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor};
 use crate::error::Result;
 
 /// The largest number of resident work-groups per multiprocessor. [`THREADS`] is the largest number of
 /// resident threads. The paper's Figure 5 uses only these two limits.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
-/// The number of registers per thread in the paper.
-const REGISTERS: u32 = 63;
 /// The size in bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
@@ -46,8 +44,8 @@ pub(super) fn run(sizes: &[[u32; 2]], as_json: bool) -> Result<()> {
 }
 
 fn rows(sizes: &[[u32; 2]]) -> Result<Vec<Row>> {
-    let sm = multiprocessor("2.0")?;
-    let bare = Question { sm, registers: REGISTERS, local_bytes: 0, local_bytes_per_item: 0 };
+    let sm = multiprocessor(PAPER_CAPABILITY)?;
+    let bare = Question { sm, registers: PAPER_REGISTERS, local_bytes: 0, local_bytes_per_item: 0 };
     let vectors = Question { local_bytes_per_item: VECTOR_BYTES, ..bare };
     let row = |&size: &[u32; 2]| Row {
         size,
@@ -77,7 +75,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
+        "The paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {PAPER_REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", named(row.size), contradiction(row));
@@ -96,7 +94,7 @@ fn contradiction(row: &Row) -> String {
     match &row.held.limiter {
         Limiter::CannotLaunch(reason) => format!("cannot launch: {reason}."),
         _ => format!(
-            "with {REGISTERS} registers per thread, a multiprocessor holds {} threads, not {}.",
+            "with {PAPER_REGISTERS} registers per thread, a multiprocessor holds {} threads, not {}.",
             row.held.threads, row.predicted
         ),
     }
@@ -115,7 +113,7 @@ fn json(rows: &[Row]) -> Value {
     json!({
         "groups_cap": GROUPS,
         "threads_cap": THREADS,
-        "registers_per_item": REGISTERS,
+        "registers_per_item": PAPER_REGISTERS,
         "rows": rows.iter().map(row).collect::<Vec<_>>(),
     })
 }

@@ -34,6 +34,8 @@ pub struct Shows<'a> {
 pub struct Cast {
     pub hits: usize,
     pub times: FrameTimes,
+    /// True if a first frame was cast before the timed frames, and is not one of them.
+    pub has_untimed_frame: bool,
     pub records_ms: f64,
     pub read_ms: f64,
     /// Number of samples per pixel.
@@ -111,6 +113,7 @@ pub fn cast(
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();
+    let has_untimed_frame = frames.is_empty();
     while frames.len() < args.repeat as usize {
         frames.push(frame()?);
     }
@@ -130,7 +133,7 @@ pub fn cast(
     }
     let read_ms = timeline.ms("read");
     let times = medians(&frames);
-    Ok((image, Cast { hits, times, records_ms, read_ms, sampling, counts, parts }))
+    Ok((image, Cast { hits, times, has_untimed_frame, records_ms, read_ms, sampling, counts, parts }))
 }
 
 /// Reads the last frame's image, and counts the pixels whose rays hit a triangle. The image has 8 bits per
@@ -293,6 +296,7 @@ mod tests {
         let cast = Cast {
             hits: 9,
             times: FrameTimes::default(),
+            has_untimed_frame: false,
             records_ms: 0.0,
             read_ms: 0.0,
             sampling: Sampling { half_light: 2, ..Sampling::ONE },

@@ -14,7 +14,7 @@ use crate::program::{BuiltProgram, CACHE_DISABLE, ProgramCache, ProgramSpec};
 use crate::sources::Sources;
 use crate::strategy::{Strategy, preset_of};
 use serde::{Deserialize, Serialize};
-use std::io::Write as _;
+use std::io::{Read, Write as _};
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
@@ -164,13 +164,14 @@ fn background(order: &Order) -> Result<Command> {
 /// if no list is stored, and builds and stores the task's program, if it has one.
 pub fn serve() -> Result<()> {
     yield_to_others();
-    let order: Order = serde_json::from_reader(std::io::stdin())
-        .map_err(|error| Error::fault(format!("the program to store could not be read: {error}")))?;
+    let order = read_order(std::io::stdin())?;
     let cache = Cache::of_user();
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
-    let device =
-        device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
+    // A device's identity contains the version of its driver.
+    let device = device.ok_or_else(|| {
+        Error::run("no driver lists the task's device: the device has disappeared, or its driver has changed")
+    })?;
     // The test of the device may have found other lane operations than those for which the program was made.
     // In this case, the next start needs another program, so the task's program is not stored.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
@@ -185,6 +186,12 @@ pub fn serve() -> Result<()> {
     built.store();
     built.rehearse();
     Ok(())
+}
+
+/// Reads the task of the background process.
+fn read_order(input: impl Read) -> Result<Order> {
+    serde_json::from_reader(input)
+        .map_err(|error| Error::fault(format!("the task of the background process is not valid: {error}")))
 }
 
 /// Returns the program that the background process is to store. Returns `None` if the order (the task of the process)
@@ -221,6 +228,16 @@ mod tests {
         device.limits.lane_operations = LaneOperations::Barriers;
         assert!(program_for(&order, &device).is_none());
         assert!(program_for(&order_for(&device, None), &device).is_none());
+    }
+
+    #[test]
+    fn a_task_is_read_as_it_was_sent_even_if_it_has_no_program() {
+        let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        let sent = serde_json::to_vec(&order_for(&device, None)).expect("a task");
+        let read = read_order(&sent[..]).expect("a task");
+        assert!(read.device == device.identity() && read.program.is_none());
+        let error = read_order(&b"{"[..]).err().expect("half a task").to_string();
+        assert!(error.contains("the task of the background process is not valid: "), "{error}");
     }
 
     #[test]

@@ -1,28 +1,37 @@
-//! Chooses the strategy of a picture. If the mesh is large, a CPU reads the normals directly from the mesh's own list
-//! of normals, not from a copy in leaf order.
+//! Chooses the strategy of a picture. A single picture of a large mesh on a CPU gets the strategy that needs the least
+//! memory and preparation, since preparing the mesh takes longer than casting one frame.
 
 use super::Args;
 use crate::device::DeviceInfo;
 use crate::error::Result;
-use crate::strategy::{Layout, Strategy, Task, Traversal};
+use crate::strategy::{Candidate, Layout, Strategy, Task, Traversal};
 
-/// From this number of triangles on, a CPU casts a single picture with the mesh's own normals. Without a copy of the
-/// normals in leaf order, raycl needs 36 bytes per triangle less, and starts to cast earlier. A frame then takes about
-/// 5% longer. These times were measured on 2 cores of an Intel Xeon (docs/log.md, 2026-11-27). With 4 million
-/// triangles, making the buffers takes 29 ms less, and casting the frame takes 5 ms more. With 10 million triangles,
-/// making the buffers takes 0.8 s less, and casting the frame takes 14 ms more.
+/// From this number of triangles on, a CPU casts a single picture by tiles of rays that read the mesh's own list of
+/// normals.
+///
+/// Other strategies read a copy of the normals in leaf order, which takes 36 bytes per triangle. Without the copy, a
+/// frame takes about 5% longer, but raycl starts to cast earlier. On 2 cores of an Intel Xeon (docs/log.md,
+/// 2026-11-27), making the buffers of 4 million triangles takes 29 ms less, and casting the frame 5 ms more. With 10
+/// million triangles, these differences are 0.8 s and 14 ms.
+///
+/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But their buffers need 2.3
+/// GB for 10 million triangles instead of 1.3 GB. On 2 cores of an AMD EPYC (docs/log.md, 2026-11-28), making them takes
+/// 3 s longer, and casting a frame takes at most 1.3 s less.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those
-/// that raycl expects to be fastest on the device. For a single picture of a large mesh on a CPU, the layout
-/// is changed to indexed normals, unless the user has chosen a strategy or a layout.
+/// that raycl expects to be fastest on the device. For a single picture of a large mesh on a CPU, raycl
+/// chooses tiles and indexed normals, unless the user has chosen a strategy or a layout.
 pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
-    let (mut strategy, local_size) = args.subject.strategy(device, task)?;
-    if device.limits.is_cpu
-        && task.triangles >= LARGE_TRIANGLES
-        && may_be_indexed(args)
-        && is_tiled(&strategy)
-    {
+    if !device.limits.is_cpu || task.triangles < LARGE_TRIANGLES || !may_be_indexed(args) {
+        return args.subject.strategy(device, task);
+    }
+    let (mut strategy, local_size) = if args.subject.leaves_strategy_open() {
+        Candidate::TILES.strategy(&device.limits, task.watertight)?
+    } else {
+        args.subject.strategy(device, task)?
+    };
+    if is_tiled(&strategy) {
         strategy.layout = Layout::INDEXED_32;
     }
     Ok((strategy, local_size))
@@ -32,8 +41,8 @@ pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strateg
 /// layout, and raycl casts a single frame.
 fn may_be_indexed(args: &Args) -> bool {
     let subject = &args.subject;
-    let is_chosen = subject.strategy.is_none() && subject.set.iter().all(|(key, _)| key != "layout");
-    is_chosen && args.repeat == 1 && !args.motion.moves()
+    let are_open = subject.strategy.is_none() && subject.set.iter().all(|(key, _)| key != "layout");
+    are_open && args.repeat == 1 && !args.motion.moves()
 }
 
 /// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels of these tiles can
@@ -56,13 +65,17 @@ mod tests {
     }
 
     fn layout(more: &[&str], triangles: usize, kind: DeviceKind) -> Layout {
+        chosen(more, triangles, kind, [1920, 1080]).layout
+    }
+
+    fn chosen(more: &[&str], triangles: usize, kind: DeviceKind, size: [usize; 2]) -> Strategy {
         let args = Command::parse_from([&["render", "mesh.obj"], more].concat()).args;
         let is_cpu = kind == DeviceKind::Cpu;
         let limits = DeviceLimits { is_cpu, native_width: 16, ..EXAMPLE_LIMITS };
         let device = DeviceInfo { limits, ..example("PoCL", "a device", kind, 2) };
-        let pixels = 1920 * 1080;
+        let pixels = size[0] * size[1];
         let task = Task { triangles, pixels, covered_pixels: pixels, ..Task::default() };
-        strategy(&args, &device, task).unwrap().0.layout
+        strategy(&args, &device, task).unwrap().0
     }
 
     #[test]
@@ -73,6 +86,20 @@ mod tests {
             [Layout::SOUP, Layout::INDEXED_32]
         );
         assert_eq!(layout(&[], LARGE_TRIANGLES, DeviceKind::Gpu), Layout::SOUP);
+    }
+
+    #[test]
+    fn a_cpu_casts_a_single_small_picture_of_a_large_mesh_by_tiles() {
+        let of = |more: &[&str], triangles| chosen(more, triangles, DeviceKind::Cpu, [64, 64]);
+        let large = of(&[], LARGE_TRIANGLES);
+        assert!(is_tiled(&large) && large.layout == Layout::INDEXED_32, "{large:?}");
+        let packets = [
+            of(&[], LARGE_TRIANGLES - 1),
+            of(&["--repeat", "2"], LARGE_TRIANGLES),
+            of(&["--turntable", "2"], LARGE_TRIANGLES),
+            of(&["--set", "node_width=8"], LARGE_TRIANGLES),
+        ];
+        assert!(packets.iter().all(|strategy| strategy.traversal == Traversal::Bvh), "{packets:?}");
     }
 
     #[test]

@@ -8,8 +8,9 @@ mod stage;
 
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
-use super::{Args, last_notes, ms_since};
+use super::{Args, last_notes};
 use crate::cli::choice::whole;
+use crate::clock::ms_since;
 use crate::device::common_name;
 use crate::error::{Error, Result};
 use crate::measure::median_of;

@@ -81,6 +81,9 @@ pub struct Report {
     pub tests_per_s: Option<f64>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
+    /// True if a first frame was cast before the timed frames, and is not one of them.
+    #[serde(skip)]
+    pub has_untimed_frame: bool,
     /// Largest use of the host's memory, predicted.
     pub host_bytes: u64,
     /// Size of the device's buffers, predicted; on a CPU they are part of the host's memory.
@@ -203,6 +206,7 @@ impl Report {
             shadow_ms: cast.times.shadow_ms,
             shade_ms: cast.times.shade_ms,
             frame_ms: cast.times.frame_ms,
+            has_untimed_frame: cast.has_untimed_frame,
             read_ms: cast.read_ms,
             samples: cast.sampling.most,
             mean_samples: cast.mean_samples(),
@@ -266,7 +270,8 @@ impl Report {
             "kernel" => self.kernel_remark(),
             "build" if self.build_from_cache => " (from the cache)".to_owned(),
             "casting" if self.frames > 1 => {
-                format!(" ({} timed frames; a first frame of up to 1 s is not timed)", self.frames)
+                let first = if self.has_untimed_frame { " after a first one that is not timed" } else { "" };
+                format!(" ({} timed frames{first})", self.frames)
             }
             _ => String::new(),
         }
@@ -336,13 +341,17 @@ mod tests {
     #[test]
     fn a_part_says_what_is_special_about_it() {
         let plain = Report { frames: 1, ..Report::default() };
-        let cached = Report { frames: 5, build_from_cache: true, ..Report::default() };
+        let cached =
+            Report { frames: 5, has_untimed_frame: true, build_from_cache: true, ..Report::default() };
         assert_eq!(["build", "casting", "load"].map(|part| plain.remark(part)), [""; 3]);
-        let casting = " (5 timed frames; a first frame of up to 1 s is not timed)";
+        let casting = " (5 timed frames after a first one that is not timed)";
         assert_eq!(
             ["build", "casting", "load"].map(|part| cached.remark(part)),
             [" (from the cache)", casting, ""]
         );
+        // A first frame of more than 1 s is one of the timed frames.
+        let long = Report { frames: 5, ..Report::default() };
+        assert_eq!(long.remark("casting"), " (5 timed frames)");
     }
 
     #[test]

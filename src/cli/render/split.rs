@@ -3,8 +3,9 @@
 use super::casting::medians;
 use super::judge::{check, verified};
 use super::report::Verification;
-use super::{Args, last_notes, load, ms_since, target};
+use super::{Args, last_notes, load, target};
 use crate::cli::turn::hold;
+use crate::clock::ms_since;
 use crate::device::{Device, common_names, discover, select};
 use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};

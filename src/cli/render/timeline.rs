@@ -1,6 +1,7 @@
 //! Measures how long each part of a command's work takes. The parts follow one another without gaps, so that their
 //! durations add up to the whole time of the command.
 
+use crate::entry::entry;
 use crate::load::processor_time;
 use serde::Serialize;
 use std::time::Instant;
@@ -57,10 +58,7 @@ impl Timeline {
     }
 
     fn add(&mut self, part: &'static str, ms: f64) {
-        match self.parts.iter_mut().find(|known| known.part == part) {
-            Some(known) => known.ms += ms,
-            None => self.parts.push(Part { part, ms }),
-        }
+        entry(&mut self.parts, |known| known.part == part, || Part { part, ms: 0.0 }).ms += ms;
     }
 
     /// Returns the duration of a part in milliseconds; 0 if there is no such part.
@@ -78,6 +76,7 @@ impl Timeline {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::ms_since;
 
     #[test]
     fn parts_follow_each_other_and_nothing_is_lost() {
@@ -86,7 +85,7 @@ mod tests {
         timeline.ends("load");
         timeline.ends_with("buffers", &[("tree", 1e9), ("build", 5.0)]);
         timeline.ends("load");
-        let most_ms = begin.elapsed().as_secs_f64() * 1e3;
+        let most_ms = ms_since(begin);
         assert_eq!((timeline.ms("buffers"), timeline.ms("build"), timeline.ms("none")), (0.0, 0.0, 0.0));
         let (parts, total_ms) = timeline.into_parts();
         assert_eq!(

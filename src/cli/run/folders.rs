@@ -1,16 +1,40 @@
 //! Chooses the folder for results if the user names none.
 
+use crate::reader::folder_of;
 use crate::settings::results;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
-/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder.
-/// Otherwise returns the path of a new folder.
+/// The largest number of a folder. A name with a larger number probably ends with a date, and the user has chosen it:
+/// `quick-20261128`.
+const MAX_NUMBER: u32 = 9999;
+
+/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder: the one
+/// with the highest number. Otherwise returns the path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
-    let free = free_folder(name);
-    let latest =
-        (1..).map(|number| numbered_folder(name, number)).take_while(|folder| *folder != free).last();
-    latest.filter(|_| resume).unwrap_or(free)
+    let latest = if resume { latest_number(name) } else { None };
+    latest.map_or_else(|| free_folder(name), |number| numbered_folder(name, number))
+}
+
+/// Returns the highest number of a folder; `None` if there is no folder for the config `name`. The user may have
+/// deleted folders with lower numbers.
+fn latest_number(name: &str) -> Option<u32> {
+    let first = numbered_folder(name, 1);
+    let stem = first.file_name()?.to_str()?;
+    let entries = std::fs::read_dir(folder_of(&first)).ok()?.flatten();
+    let folders = entries.filter(|entry| entry.path().is_dir());
+    folders.filter_map(|entry| number_of(entry.file_name().to_str()?, stem)).max()
+}
+
+/// Returns the number in a folder's name: 1 for the name `stem`, and N for `stem-N`; `None` for all other names.
+fn number_of(folder: &str, stem: &str) -> Option<u32> {
+    let ending = folder.strip_prefix(stem)?;
+    if ending.is_empty() {
+        return Some(1);
+    }
+    let digits = ending.strip_prefix('-')?;
+    let number: u32 = digits.parse().ok()?;
+    ((2..=MAX_NUMBER).contains(&number) && number.to_string() == digits).then_some(number)
 }
 
 /// Makes the folder of a new run for the config `name`, and returns its path. Runs that begin at the same
@@ -22,14 +46,18 @@ pub fn new_folder(name: &str) -> PathBuf {
         let _ = folder.parent().map(std::fs::create_dir_all);
         std::fs::create_dir(folder).is_err_and(|error| error.kind() == ErrorKind::AlreadyExists)
     };
-    let folder = |number| numbered_folder(name, number);
-    (1..).map(folder).find(|folder| !is_taken(folder)).unwrap_or_else(|| folder(1))
+    numbered_folders(name).find(|folder| !is_taken(folder)).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns `results/NAME`, or the first of `results/NAME-2`, ... that does not exist.
+/// Returns the path of a new folder: `results/NAME`, or `results/NAME-N` with the first number N after the highest one.
 fn free_folder(name: &str) -> PathBuf {
-    let folder = |number| numbered_folder(name, number);
-    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))
+    numbered_folders(name).find(|folder| !folder.exists()).unwrap_or_else(|| numbered_folder(name, 1))
+}
+
+/// Returns the paths of folders whose numbers are higher than the highest number of a folder.
+fn numbered_folders(name: &str) -> impl Iterator<Item = PathBuf> {
+    let first = latest_number(name).map_or(1, |number| number + 1);
+    (first..).map(move |number| numbered_folder(name, number))
 }
 
 fn numbered_folder(name: &str, number: u32) -> PathBuf {
@@ -55,6 +83,18 @@ mod tests {
             std::fs::create_dir(numbered(ending)).unwrap();
         }
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
+        // The numbers of deleted folders are not used again, so that the highest number is that of the latest folder.
+        std::fs::remove_dir(numbered("-2")).unwrap();
+        assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
+        // No run of this config makes folders with these names, or files.
+        for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-20261128"] {
+            std::fs::create_dir(numbered(other)).unwrap();
+        }
+        std::fs::write(numbered("-4"), "").unwrap();
+        assert_eq!(default_folders(), [numbered("-3"), numbered("-5")]);
+        std::fs::create_dir(numbered("-12")).unwrap();
+        std::fs::remove_dir(numbered("")).unwrap();
+        assert_eq!(default_folders(), [numbered("-12"), numbered("-13")]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::experiment::{Ahead, Builder, Observer, Processes, Results, Run, Spawner};
 use crate::program::ProgramCache;
 use crate::record::Record;
+use crate::threads::cores;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -52,13 +53,12 @@ pub fn execute(
 
 /// Returns the builders of a run, as many as `builder_count` returns.
 fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let processes = || Processes::new(run.jobs(folder, None));
     let builder = |_| Builder {
         usual: Box::new(processes().using_driver_cache()),
         without_driver_cache: Box::new(processes()),
     };
-    (0..builder_count(cores, run.devices)).map(builder).collect()
+    (0..builder_count(cores(), run.devices)).map(builder).collect()
 }
 
 /// Returns the number of builders (processes that compile programs before workers need them). There is one

@@ -33,13 +33,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
         Error::input("--shard needs --out, the folder to which all shards write")
             .with_help("name a folder that every machine can reach, such as --out results/sweep")
     })?;
-    if args.cl_dir.len() > 1 {
-        return Err(Error::input(
-            "two folders of kernels can only be compared on one machine, in the same rounds",
-        )
-        .with_help("leave out --shard, or use only one --cl-dir"));
-    }
-    let sources = two_kernels::sources(args, false)?;
+    let sources = two_kernels::sources(args, true)?;
     let experiment = config::load(&args.config, &args.set)?;
     let peak = super::peak_of_file(args)?;
     let experiment = distinct_scenes(experiment)?;
@@ -262,7 +256,7 @@ mod tests {
         let plain = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[]);
         let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
         let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
-        assert!(error.to_string().contains("can only be compared on one machine"), "{error}");
+        assert!(error.to_string().contains("can only be compared on one device"), "{error}");
     }
 
     #[cfg(target_os = "linux")]

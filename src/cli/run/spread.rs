@@ -42,7 +42,7 @@ impl Spread {
 
     /// Writes the blocks into the folder of results, for the run's later sessions.
     pub fn write(&self, out: &Path) -> Result<()> {
-        let text = serde_json::to_vec(self).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_vec(self).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&out.join(FILE), &text)
     }
 }

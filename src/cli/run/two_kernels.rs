@@ -59,7 +59,7 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     }
     if folders.len() == 2 && spread {
         return Err(Error::input("two folders of kernels can only be compared on one device")
-            .with_help("leave out --spread or --sbatch, and choose one device with --device"));
+            .with_help("leave out --spread, --shard or --sbatch, and choose one device with --device"));
     }
     match folders.as_slice() {
         [] => Ok(vec![Sources::of(None)?]),
@@ -137,7 +137,11 @@ mod tests {
             [of(&[], true), of(&two[..2], true), of(&two, false)].map(|folders| folders.unwrap().len()),
             [1, 1, 2]
         );
-        assert!(of(&two, true).unwrap_err().to_string().contains("on one device"));
+        let error = of(&two, true).unwrap_err();
+        assert!(error.to_string().contains("on one device"), "{error}");
+        for option in ["--spread", "--shard", "--sbatch"] {
+            assert!(error.remedy().contains(option), "{}", error.remedy());
+        }
         let limit = ["--fail-on-regression", "5"];
         assert!(
             of(&[&two[..2], &limit].concat(), false).unwrap_err().to_string().contains("only one is named")

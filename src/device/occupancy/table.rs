@@ -71,7 +71,9 @@ pub fn capabilities() -> String {
     names.join(", ")
 }
 
-/// Returns the limits of a compute capability. The error names the nearest supported one.
+/// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If it is not supported, the error
+/// suggests a supported one: one that differs only by its dot (8.6 for "86"), otherwise the nearest number. If the
+/// text is not a number, the error only says how to write a compute capability.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
     if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
@@ -81,12 +83,21 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
         "'{compute_capability}' is not a supported compute capability; expected one of {}",
         capabilities()
     ));
-    Err(match nearest_capability(compute_capability) {
-        Some(name) => error.with_help(format!("the nearest is {name}")),
-        None => error.with_help("write the compute capability as MAJOR.MINOR, such as 8.6"),
-    })
+    Err(error.with_help(match (with_dot(wanted), nearest_capability(wanted)) {
+        (Some(name), _) => format!("write the compute capability with a dot: {name}"),
+        (None, Some(name)) => format!("the nearest is {name}"),
+        (None, None) => "write the compute capability as MAJOR.MINOR, such as 8.6".to_owned(),
+    }))
 }
 
+/// Returns the supported compute capability from which `wished` differs only because it has no dot.
+fn with_dot(wished: &str) -> Option<&'static str> {
+    let mut names = MULTIPROCESSORS.iter().map(|sm| sm.compute_capability);
+    names.find(|name| name.replace('.', "") == wished)
+}
+
+/// Returns the supported compute capability that is nearest to the number `wished`; `None` if `wished` is not a finite
+/// number.
 fn nearest_capability(wished: &str) -> Option<&'static str> {
     let wished: f64 = wished.trim().parse().ok().filter(|number: &f64| number.is_finite())?;
     let distance =
@@ -105,5 +116,17 @@ mod tests {
         assert!(format!("{:?}", miette::Report::new(error)).contains("the nearest is 8."));
         assert!(multiprocessor("volta").is_err());
         assert_eq!(nearest_capability("12.0"), Some("9.0"));
+    }
+
+    #[test]
+    fn a_capability_without_its_dot_is_answered_with_the_dot() {
+        let help = |wished: &str| {
+            let error = multiprocessor(wished).expect_err("not supported");
+            format!("{:?}", miette::Report::new(error))
+        };
+        assert!(help("86").contains("with a dot: 8.6"), "{}", help("86"));
+        assert!(help(" 90 ").contains("with a dot: 9.0"), "{}", help(" 90 "));
+        assert!(help("12").contains("the nearest is 9.0"), "{}", help("12"));
+        assert!(help("volta").contains("MAJOR.MINOR"), "{}", help("volta"));
     }
 }

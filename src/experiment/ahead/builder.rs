@@ -2,9 +2,9 @@
 
 use super::Order;
 use crate::experiment::protocol::{Built, Reply, Request};
-use crate::experiment::supervisor::{Quiet, Spawner, Wait, Worker};
+use crate::experiment::supervisor::{Spawner, Worker, reply_of};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// The two spawners from which a builder starts its child processes. A thread of the run lets these processes
@@ -76,16 +76,7 @@ impl Pool {
 impl Patience<'_> {
     /// Returns a process's reply; `None` if the process is dead or hangs, or if the user has ended the run.
     fn wait(&self, worker: &mut dyn Worker) -> Option<Reply> {
-        let mut quiet = Quiet::within(self.limit);
-        loop {
-            match quiet.wait(worker) {
-                Wait::Reply(reply) => return Some(reply),
-                Wait::Dead(_) => return None,
-                Wait::Silence if quiet.is_over() => return None,
-                Wait::Silence if self.interrupted.load(Ordering::Relaxed) => return None,
-                Wait::Silence => {}
-            }
-        }
+        reply_of(worker, self.limit, Some(self.interrupted))?.ok()
     }
 }
 
@@ -95,7 +86,7 @@ mod tests {
     use super::super::{Program, Room};
     use super::*;
     use crate::error::Result;
-    use crate::experiment::supervisor::Death;
+    use crate::experiment::supervisor::{Death, Wait};
     use std::sync::{Arc, Mutex};
 
     /// A time limit that is far longer than anything in these tests takes.
@@ -179,7 +170,7 @@ mod tests {
                 "no wait exceeds the limit"
             );
         }
-        // A process that does not open its device builds nothing.
+        // A process that cannot open its device ends without building anything, and each program gets a new process.
         let processes = Scripted { starts_with: Some(Wait::Dead(Death::default())), ..Scripted::default() };
         assert_eq!(build(&processes, &[(1, 0), (1, 3)], LIMIT), [None, None]);
         assert_eq!(*processes.jobs.lock().unwrap(), [1, 1]);

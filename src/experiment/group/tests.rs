@@ -484,7 +484,7 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
         casts: HashMap::new(),
         latency: Latency::of(true),
     };
-    let ms = || start.elapsed().as_secs_f64() * 1e3;
+    let ms = || ms_since(start);
     let before = ms();
     assert!(timed.sampled(1, 0, &FrameTimes::whole(1.0, 1.0)).unwrap(), "no smaller latency is known");
     let after = ms();

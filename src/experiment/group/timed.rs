@@ -116,8 +116,7 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     /// new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
-        let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
-        else {
+        let Some(device) = device_of(self.run, pending).filter(|_| self.run.launches() > 1) else {
             return Ok(());
         };
         let shares_device = |(index, other): &(usize, &PendingPoint)| {
@@ -152,7 +151,7 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
         self.wait_for_near_processors();
         let pending = &self.points[point];
-        let launches = self.run.experiment.timing.launches as usize;
+        let launches = self.run.launches();
         let of = match self.number {
             number if number > launches => format!(", additional launch {}", number - launches),
             number if launches > 1 => format!(", launch {number} of {launches}"),

@@ -56,8 +56,9 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // If all true variances are equal, the logarithms of the observed variances still have the variance
-        // trigamma(half). The rest of the variance is the variance of the true variances' logarithms.
+        // The observed variances differ by chance even if all true variances are equal. This chance alone gives
+        // their logarithms the variance trigamma(half), where trigamma is the second derivative of the logarithm
+        // of the gamma function. What remains is the variance of the true variances' logarithms.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
@@ -75,9 +76,9 @@ fn log_bias(half: f64) -> f64 {
     digamma(half) - half.ln()
 }
 
-/// Returns the derivative of digamma for positive `x`. For arguments below 6, the recurrence (a relation between
-/// trigamma at `x` and at `x` + 1) increases the argument; from 6 on, the asymptotic series is used (Abramowitz and
-/// Stegun 1964, 6.4.6 and 6.4.12).
+/// Returns trigamma(x), the second derivative of ln(gamma(x)), for positive `x`. For arguments below 6, the recurrence
+/// (a relation between trigamma at `x` and at `x` + 1) increases the argument; from 6 on, the asymptotic series is
+/// used (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
 fn trigamma(x: f64) -> f64 {
     let (mut at, mut sum) = (x, 0.0);
     while at < 6.0 {

@@ -101,23 +101,29 @@ impl Pooled {
 
     /// Returns the number of degrees of freedom that `prior`, the common spread of all rows, adds to an
     /// error. The result is the least of three numbers: the degrees of freedom of `prior`, [`BORROWED`], and
-    /// the degrees of freedom of the other rows. `own` is the number of the error's own rows: 1 for the error
-    /// of a row's mean, and 2 for the error of a difference between two rows.
+    /// the degrees of freedom of the other rows. `own_rows` is 1 for the error of a row's mean, and 2 for the
+    /// error of a difference between two rows. All rows but these `own_rows` are the other rows.
     ///
-    /// `own` is 2 also for a difference between a row and an anchor, although the anchor is no row of the
-    /// table. The row's values are part of both variances that are averaged: the variance of the difference,
-    /// and that of all rows. The two variances are therefore not independent, and their mean has fewer
-    /// degrees of freedom than both variances together. For a table of four rows and two columns, the mean
-    /// has 3.2 degrees of freedom, and raycl computes with 3. If `own` were 1, the mean would have 3.4
-    /// degrees of freedom, and raycl would compute with 4.
-    fn borrowed(&self, prior: Prior, own: usize) -> f64 {
-        let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
+    /// `own_rows` is 2 also for a difference between a row and an anchor, although the anchor is no row of
+    /// the table. [`Self::weighted`] averages two variances: the variance of the difference, and the common
+    /// variance of all rows. The values of the row that is compared with the anchor are part of both
+    /// variances. The two variances are therefore not independent, and their mean has fewer degrees of
+    /// freedom than both variances together.
+    ///
+    /// A simple model shows the size of this effect. In the model, all values are normally distributed, the
+    /// anchor varies as much as each row, and the effect of a column is the mean of all rows. For a table of
+    /// four rows and two columns, the mean of the two variances has 3.2 degrees of freedom, and raycl
+    /// computes with 3. If `own_rows` were 1, the mean would have 3.4 degrees of freedom, and raycl would
+    /// compute with 4.
+    fn borrowed(&self, prior: Prior, own_rows: usize) -> f64 {
+        let others = self.rows.saturating_sub(own_rows) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
     }
 
     /// Returns the mean of two variances, weighted by their degrees of freedom, and the sum of these degrees of
-    /// freedom. `own` is the variance of a row or of differences; `usual` is that of all rows, and has `borrowed`
-    /// degrees of freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]), `usual` has no part in the result.
+    /// freedom. `own` is the variance of a row or of differences. `usual` is the common variance of all rows or of
+    /// other tables, and has `borrowed` degrees of freedom. If `own` is far above `usual` ([`MOST_TIMES_USUAL`]),
+    /// `usual` has no part in the result.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> (f64, f64) {
         let columns = self.columns as f64 - 1.0;
         let borrowed = if own > MOST_TIMES_USUAL * usual { 0.0 } else { borrowed };

@@ -309,7 +309,8 @@ fn each_device_is_compared_with_its_own_anchor() {
         };
         (0..5).flat_map(each)
     };
-    // The last anchor belongs to a launch in which none of these records was measured.
+    // The last anchor was timed only in launch 9, in which no record was measured. The record of the device `tpu`
+    // therefore has no anchor.
     let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
     let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
     judge_with_anchors(&mut records, &anchors);
@@ -343,7 +344,7 @@ fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
     // Two launches leave one degree of freedom. If no processor runs the anchor, the usual spread of the four
-    // points adds two degrees of freedom: the number of points, less one for each side of the ratio.
+    // points adds two degrees of freedom: four points, less one for the point and one for the anchor.
     assert_eq!((degrees(Some(2), 1.0), degrees(None, 1.0)), (Some(1.0), Some(3.0)));
     // If the anchor's time changes far more than the points' times, the usual spread of the points says
     // nothing about the anchor.

@@ -1,5 +1,5 @@
-//! Determines with a few searches in the tree, instead of searches for every nudge, whether a pixel is certain. If a
-//! few searches are not enough, there is no result.
+//! Determines whether a pixel is certain, with a few searches in the tree instead of searches for every
+//! nudge. If a few searches are not enough, there is no result.
 
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
@@ -28,14 +28,14 @@ struct Hits {
     centre: RayHit,
     /// The hits of the nudged rays.
     nudged: [(Reach, RayHit); NUDGES],
-    /// The hit of the pixel's own ray on the triangle that [`larger_hit`] enlarges by the largest rounding error of a
-    /// device.
+    /// The hit of the pixel's own ray on the enlarged triangle. [`larger_hit`] enlarges the triangle by the
+    /// largest rounding error of a device.
     leaning: RayHit,
 }
 
 impl Hits {
     /// Returns the hits of a pixel's ray and of its nudged rays on this triangle. Returns `None` if one of
-    /// these rays misses the triangle, or if rounding may make the pixel's ray miss it.
+    /// these rays misses the triangle, or if rounding may make the pixel's ray miss the triangle.
     fn of(asked: &Asked<'_>, tree: &Tree, (ray, rays): (Ray<f64>, &Nudged), triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -53,7 +53,8 @@ impl Hits {
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
-    /// Returns the points of all these hits, including points that are moved off the triangle's plane by `offs`.
+    /// Returns the points of all these hits, as a centre and a largest distance from the centre. The centre,
+    /// moved off the triangle's plane by each of the offsets `offs`, also counts as a point.
     fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let point = |(ray, hit): &RayHit| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
@@ -65,10 +66,11 @@ impl Hits {
     }
 }
 
-/// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle first, or
-/// nothing. One search is then enough for all nudges. For each light, one more search finds out whether the packet from
-/// the light to the hits is occluded completely, or not at all. If neither is certain, shadow rays to this light are
-/// cast. Returns `None` if it is uncertain what the rays hit, or if light grazes the triangle.
+/// Computes the result of [`super::sample`] faster if the whole packet of nudged rays hits a single triangle
+/// first, or nothing. One search is then enough for all nudges. For each light, one more search finds out
+/// whether the packet from the light to the hits is occluded completely, or not at all. If the result for a
+/// light is uncertain, shadow rays to this light are cast. Returns `None` if it is uncertain what the rays
+/// hit, or if light grazes the triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
@@ -141,7 +143,7 @@ fn nudged_rays(asked: &Asked<'_>, ray: Ray<f64>) -> Nudged {
     nudged
 }
 
-/// Returns the sample of a ray that hits nothing, even if it is nudged.
+/// Returns the sample of a pixel whose ray and nudged rays hit nothing.
 fn background(asked: &Asked<'_>, ray: &Ray<f64>, nudged: &Nudged) -> PixelSample {
     let Asked { caster, bias, seen, .. } = asked;
     let mut sample = PixelSample::of(caster.radiance(seen, ray, None, *bias), false);

@@ -3,6 +3,7 @@
 use super::point::{Point, Size};
 use super::sure::Ratio;
 use super::verdict::{Data, Line};
+use crate::entry::entry;
 use crate::peak::Peak;
 use crate::record::journals::SAMPLES;
 use crate::record::{
@@ -29,15 +30,13 @@ impl<'a> Run<'a> {
     pub fn of(folder: &'a Folder, groups: Vec<Group<'a>>) -> Vec<Self> {
         let mut runs: Vec<Self> = Vec::new();
         for group in groups {
-            match runs.iter_mut().find(|run| run.image_size() == group.image_size) {
-                Some(run) => run.groups.push(group),
-                None => runs.push(Self { folder, groups: vec![group] }),
-            }
+            let is_its = |run: &Self| run.image_size() == group.image_size;
+            entry(&mut runs, is_its, || Self { folder, groups: Vec::new() }).groups.push(group);
         }
         runs
     }
 
-    /// Returns the size of the run's images; a run has at least one group.
+    /// Returns the size of the run's images in pixels, across and down.
     pub fn image_size(&self) -> [u32; 2] {
         self.groups[0].image_size
     }
@@ -47,10 +46,10 @@ impl<'a> Run<'a> {
         &self.folder.path
     }
 
-    /// Returns the command that measures the points that the page of `raycl reproduce` lacks. `more` is a text with
-    /// further options, which are added to the command. The page's folder contains the run's folder. The command
-    /// repeats the run's devices and changed values. Without them, the command would measure another list of points (a
-    /// new plan), and the page would hide those records of the run that do not belong to this list.
+    /// Returns the command that measures the points that the page of `raycl reproduce` lacks. The page is in
+    /// the folder that contains the run's folder. The command has the run's options `--device` and `--set`.
+    /// Without these options, the command would make another plan, and the page would hide the run's records
+    /// that are not in this plan. `more` is appended to the command.
     pub fn completion(&self, more: &str) -> String {
         let page = self.path().parent().filter(|folder| !folder.as_os_str().is_empty());
         let page = page.unwrap_or(Path::new(".")).display();
@@ -61,7 +60,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Returns the options `--device` in the command line of a run's environment.
+/// Returns the options `--device` with which a run was started, from the run's environment.
 fn devices(environment: &Value) -> Vec<String> {
     let words = texts(environment, "command_line");
     let given = words.iter().enumerate().filter_map(|(index, word)| match *word {
@@ -71,13 +70,14 @@ fn devices(environment: &Value) -> Vec<String> {
     given.flat_map(|name| option("--device", name)).collect()
 }
 
-/// Returns an option `--set` for each value that a run changed. The environment has these values as lines of TOML.
+/// Returns an option `--set` for each value of the config that a run changed. The environment has these
+/// values as lines of TOML.
 fn changes(environment: &Value) -> Vec<String> {
     let lines = texts(environment, "overrides");
     lines.iter().flat_map(|line| option("--set", line.replacen(" = ", "=", 1))).collect()
 }
 
-/// Returns the texts of a list in a run's environment; none if the list does not exist.
+/// Returns the texts of the list `key` in a run's environment; none if the list does not exist.
 fn texts<'a>(environment: &'a Value, key: &str) -> Vec<&'a str> {
     environment[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
@@ -97,9 +97,9 @@ pub(super) struct ClaimData<'a> {
     pub(super) device: &'a str,
 }
 
-/// Returns whether the measurement of a record's point was not completed: its process ended or took too long, the image
-/// was wrong, or memory was lacking that other programs used at the moment. Such a record does not show whether the
-/// point runs, or how fast it is.
+/// Returns true if the measurement of a record's point was not completed: the process crashed or took too
+/// long, the image was wrong, or other programs used the memory at that moment. Such a record does not show
+/// whether the point runs, or how fast the point is.
 pub(super) fn is_incomplete(record: &Record) -> bool {
     let lacked_for_a_moment = record.outcome == Outcome::Infeasible && !record.is_final();
     lacked_for_a_moment
@@ -113,8 +113,8 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the measured record of a point; if a point has several, returns the fastest of them.
-    /// The error says why no record was measured.
+    /// Returns the fastest measured record that matches a point. The error is a result line that says why
+    /// there is no measured record.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -132,7 +132,8 @@ impl<'a> ClaimData<'a> {
         })
     }
 
-    /// Returns the result line for a point that has no record, with the command that would measure this point.
+    /// Returns the result line for a missing record, with the command that would measure it. `what` names the
+    /// point or the figure that has no record.
     pub(super) fn missing(&self, what: &str) -> Line {
         let decides = format!("the missing record: `{}`", self.run.completion(""));
         Line { data: Data::NoRecord, ..Line::cannot(format!("no record of {what}"), decides) }
@@ -159,8 +160,9 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Tests whether a point runs or, if `wanted` is false, whether the point does not run. If several records match, a
-    /// point runs if one of them ran; the result line names the first record that ran.
+    /// Tests the claim that a point runs or, if `wanted` is false, that the point does not run. If several
+    /// records match the point, the point runs if one of these records has a time. The result line names the
+    /// first such record.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
@@ -182,14 +184,15 @@ impl<'a> ClaimData<'a> {
         }
     }
 
-    /// Returns the samples of a record, from the file samples.jsonl of its run.
+    /// Returns the samples of a record, from the run's file samples.jsonl; none if the file cannot be read.
     pub(super) fn samples(&self, record: &Record) -> Vec<Sample> {
         let read = read_lines::<Sample>(&self.run.path().join(SAMPLES));
         let all = read.map(|lines| lines.lines).unwrap_or_default();
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// Returns the device's peak rates. The error says why there are none; `what` names the rate that is needed.
+    /// Returns the device's peak rates, which the run stored. The error is a result line that says why there
+    /// are none; `what` names the missing rate in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
             let decides = format!("a new measurement: delete this file, then `{}`", self.run.completion(""));
@@ -201,7 +204,7 @@ impl<'a> ClaimData<'a> {
             .ok_or_else(|| self.missing(what))
     }
 
-    /// Returns whether the run's environment describes the device as a CPU.
+    /// Returns true if the run's environment describes the device as a CPU.
     pub(super) fn is_cpu(&self) -> bool {
         let devices = self.run.folder.environment["devices"].as_array();
         let is_own = |one: &&Value| one["device"].as_str().is_some_and(|name| is_shown_as(name, self.device));
@@ -209,8 +212,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of several records
-/// ([`Size::Best`]), the text says that its time is the best, and names the fastest record.
+/// Formats a point with its time, as one side of a comparison: "naive at 8 x 8 on teapot (its best, 1.2 ms)".
+/// The words "its best" appear for [`Size::Best`], where `record` is the fastest of several records.
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

@@ -37,11 +37,10 @@ pub(super) fn lines(test: &Test, data: &ClaimData<'_>) -> Vec<Line> {
     }
 }
 
-/// Tests whether every other point takes at least `by` times as long as the point that is claimed to be the fastest.
-/// For each other point, the ratio of its time to the claimed point's time has a verdict of its own. The result line
-/// shows one ratio: the smallest of those whose verdict equals the verdict of the whole test. If all ratios are large
-/// enough, but the measurement of another point was not completed, the test is unclear, since that point may be the
-/// fastest.
+/// Tests the claim that `test.is` is the fastest point: every other point takes at least `test.by` times as
+/// long. For each other point, the ratio of the two times has its own verdict. The result line shows the
+/// smallest ratio whose verdict equals the verdict of the whole test. If all ratios are large enough, but the
+/// measurement of another point was not completed, the test is unclear, since that point may be the fastest.
 fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match data.measured(&test.is) {
         Ok(best) => best,
@@ -86,8 +85,8 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     }
 }
 
-/// Names the recorded points that a test leaves out: " (left out: naive at 8 x 8 on teapot)". The text is empty if
-/// there are none.
+/// Names the points with records that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Returns an
+/// empty text if there are no such points.
 fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
     let recorded = test.except.iter().filter(|point| !data.records(point).is_empty());
     let names: Vec<String> = recorded.map(ToString::to_string).collect();
@@ -126,9 +125,10 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
-/// Returns whether a sample is one of a record's samples. `samples.jsonl` also contains the samples that the record
-/// leaves out, for example those of an incomplete launch or those that another program delayed. A record of an earlier
-/// version may not state the launches and times at which its samples were taken.
+/// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the
+/// record leaves out, such as samples of an incomplete launch and samples that another program delayed. If a
+/// record of an earlier version does not state the launches or the moments of its samples, these are not
+/// compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));
@@ -139,7 +139,8 @@ fn has(record: &Record, sample: &Sample) -> bool {
     record.samples_ms.iter().enumerate().any(is_same)
 }
 
-/// Returns the time of one pass of a timed frame in milliseconds; `None` if it was not measured.
+/// Returns the time of a sample's primary or shadow pass in milliseconds; `None` if this pass was not timed
+/// separately.
 fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
     match pass {
         Pass::Primary => sample.primary_ms,
@@ -155,23 +156,14 @@ fn fits_in(preset: &Preset, size: LocalSize, triangles: usize, local_bytes: u64,
         normals: triangles,
         materials: 1,
         lights: 1,
-        texture_words: 0,
-        mip_levels: false,
-        cut_outs: false,
-        soft_lights: false,
-        sky: false,
-        many_samples: false,
-        half_light: false,
-        given_rays: false,
-        sky_texels: 0,
-        stack_size: 0,
         image_size: crate::report::view::PAPER_SIZE,
         local_size: size.0,
+        ..Workload::default()
     };
     let needed = Requirements::of(&strategy, &workload, LaneOperations::default()).local_bytes;
     let (sign, fits) = if needed <= local_bytes { ("<=", true) } else { (">", false) };
     let text = format!(
-        "by arithmetic: {} at {} with {triangles} triangles: {needed} B of __local memory {sign} {local_bytes} B",
+        "by arithmetic, {} at {} with {triangles} triangles needs {needed} B of __local memory {sign} {local_bytes} B",
         preset.0,
         by(size.0)
     );
@@ -184,9 +176,9 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
     };
     let occupancy = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
     let text = format!(
-        "by arithmetic: {} with {registers} registers per thread: {} threads (limited by {}), published {threads}",
-        by(size.0),
+        "by arithmetic, {} threads are resident with blocks of {} and {registers} registers per thread (limited by {}); published {threads}",
         occupancy.threads,
+        by(size.0),
         occupancy.limiter
     );
     Line::decided(text, occupancy.threads == threads)

@@ -32,8 +32,8 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Returns what raycl would need to decide the claim, such as a missing record or another device, each only once;
-    /// nothing if the claim is decided.
+    /// Returns what raycl would need to decide the claim, such as a missing record or another device, without
+    /// repetitions. Returns nothing if the claim is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -57,9 +57,9 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     rows.into_iter().map(claim).collect()
 }
 
-/// Returns the result lines of a test, one per comparison. If no run has all data of a comparison, its line comes from
-/// the run that lacks the least data. If several runs lack equally little, a run of one of the claim's configs is
-/// preferred, since other configs do not measure the claim's points.
+/// Returns the result lines of a test, one per comparison. If no run has all data of a comparison, the line
+/// comes from the run that lacks the least data (see [`Data`]). Among runs that lack equally little, a run of
+/// one of the claim's configs is preferred, since other configs do not measure the claim's points.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
     let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
         let is_other = !row.configs.contains(&run.folder.label);
@@ -89,18 +89,18 @@ mod tests {
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Outcome, Record, groups};
 
-    /// Returns a claim with this test, evaluated on the records of some runs.
+    /// Returns a claim with the test `test`. Each element of `records` has the records of one run.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
         claim_in(&Folder::default(), test, records)
     }
 
-    /// Returns a claim like [`claim`], but evaluated on runs whose folder is `folder`.
+    /// Returns a claim like [`claim`]; all runs are in `folder`.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let runs: Vec<(&Folder, &[Record])> = records.iter().map(|records| (folder, *records)).collect();
         claim_of(test, &runs)
     }
 
-    /// Returns a claim like [`claim`], but evaluated on the records of these folders.
+    /// Returns a claim like [`claim`]; each run has its own folder.
     fn claim_of(test: &str, folders: &[(&Folder, &[Record])]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
@@ -245,8 +245,8 @@ mod tests {
         assert_eq!(verdict(serial, &[baseline, records[2].clone()]), Verdict::Unclear);
     }
 
-    /// Returns a test that `naive` is faster at this local size than at all other square sizes. `more` contains further
-    /// keys of the test.
+    /// Returns a test that `naive` is faster at the local size `size` than at all other square sizes. `more`
+    /// contains further keys of the test.
     fn fastest(size: &str, more: &str) -> String {
         format!("kind = 'fastest', is = 'naive {size} on teapot', of = ['naive square on teapot'], {more}")
     }
@@ -436,7 +436,7 @@ mod tests {
         assert_eq!([512, 1536, 256].map(verdict_of), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
     }
 
-    /// Returns the verdict on the built-in claim whose sentence starts with these words.
+    /// Returns the verdict on the built-in claim whose sentence starts with `start`.
     fn built_in(start: &str, records: &[Record]) -> Verdict {
         let mut rows = table().expect("it reads");
         rows.retain(|row| row.sentence.starts_with(start));
@@ -553,8 +553,8 @@ mod tests {
                 ..Default::default()
             };
             journal.append(&own).unwrap();
-            // A sample that another program delayed may have the same time on the device as a sample of the record. It
-            // is recognised by the moment at which it was taken.
+            // A left-out sample may have the same time as a sample of the record, or the same moment, but
+            // never both.
             for (at_ms, ms) in [(Some(100.0), 10.0), (own.at_ms, 11.0)] {
                 let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..own.clone() };
                 (0..3).for_each(|_| journal.append(&left_out).unwrap());

@@ -3,7 +3,7 @@
 use crate::error::meant;
 use crate::record::{HOST, Record, by};
 use crate::report::paper;
-use crate::strategy::PRESETS;
+use crate::strategy::preset_names;
 use serde::Deserialize;
 
 /// The baselines that claims may name.
@@ -45,7 +45,7 @@ impl TryFrom<String> for Point {
         let size = size_of(size)?;
         match size {
             Size::Host => known("baseline", strategy, &BASELINES)?,
-            _ => known("preset", strategy, &PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>())?,
+            _ => known("preset", strategy, &preset_names())?,
         }
         known("scene", scene, &paper::scenes())?;
         Ok(Self { strategy: strategy.to_owned(), size, scene: scene.to_owned() })
@@ -91,8 +91,8 @@ impl std::fmt::Display for Point {
 }
 
 impl Point {
-    /// Returns whether a record of `device` matches the point. For [`Size::Best`], records of every
-    /// local size match.
+    /// Returns true if a record matches the point. The record's device must be `device`, or the host if the
+    /// point is a baseline. For [`Size::Best`], records of every local size match.
     pub(super) fn is(&self, record: &Record, device: &str) -> bool {
         let own = match self.size {
             Size::Host => record.device == HOST && record.strategy == self.strategy,
@@ -157,7 +157,7 @@ mod tests {
         let square = self::point("naive square on teapot").expect("it is one");
         let oblong = Record { local_size: Some([32, 2]), ..record("naive", Some("naive")) };
         assert!(square.is(&record("naive", Some("naive")), "gpu") && !square.is(&oblong, "gpu"));
-        // This strategy has the preset's name, but its config entry changed an axis.
+        // The strategy of this record has the preset's name, but the config changed one of the preset's axes.
         assert!(!point.is(&record("naive", None), "gpu"));
     }
 }

@@ -1,4 +1,4 @@
-//! Determines how certain a comparison of two times is. If the samples do not decide a test, its verdict is "unclear".
+//! Computes the ratio of two times with its 95% interval, and the verdict on a claim about this ratio.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{BELOW_RESOLUTION, MIN_SAMPLES};
@@ -10,12 +10,12 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval, or the reason why there is none, such as "not enough samples (n = 3)".
     sure: Result<(f64, [f64; 2]), String>,
-    /// The number of samples of the record that has fewer.
+    /// The smaller of the numbers of samples of the two records.
     n: usize,
 }
 
 impl Ratio {
-    /// Returns the ratio of two measured records' times; `None` if either record has no time.
+    /// Returns the ratio of `slow`'s time to `fast`'s time; `None` if either record has no time.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         median(slow)?;
         median(fast)?;
@@ -27,9 +27,9 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)) })
     }
 
-    /// Returns the ratio of the times of two passes of a record's frames; `None` if there are no samples. `times`
-    /// contains each sample's launch number and the times of the two passes. If one of the times is 0, the ratio is not
-    /// known.
+    /// Returns the ratio of the times of two passes of a record's frames. `times` contains each sample's
+    /// launch number and the times of the two passes. If one of these times is 0, the result has a reason
+    /// instead of a ratio. Returns `None` if `times` is empty.
     pub(super) fn of_passes(record: &Record, times: &[(u32, [f64; 2])]) -> Option<Self> {
         let timed = times.iter().filter(|(_, both)| is_timed(both));
         let ratios: Vec<(u32, f64)> = timed.map(|(launch, [of, to])| (*launch, of / to)).collect();
@@ -103,10 +103,9 @@ impl Ratio {
     }
 }
 
-/// The text that says what a verdict needs if times are below the timer's resolution: not more samples, but longer
-/// frames.
+/// Says what a verdict needs if times are below the timer's resolution. More samples do not help.
 const LONGER_FRAMES: &str =
-    "longer frames, such as those of a larger image: these are shorter than a step of the device's timer";
+    "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
 /// Returns why a ratio has no interval. If both records lack an interval, the record with fewer samples in a launch
 /// gives the reason.
@@ -115,7 +114,8 @@ fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
 }
 
-/// Returns whether both passes of a sample took longer than a step of the device's timer.
+/// Returns true if both passes of a sample have a time above 0. The time is 0 if a pass is shorter than a
+/// step of the device's timer.
 fn is_timed(both: &[f64; 2]) -> bool {
     both.iter().all(|ms| *ms > 0.0)
 }
@@ -134,8 +134,8 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples only if the config limits
-/// their number to fewer (`timing.max_samples`).
+/// Says how many samples a verdict needs. A launch takes fewer samples only if `timing.max_samples` in the
+/// config is too small.
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"
@@ -156,8 +156,9 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, judged, measured, sampled};
 
-    /// Returns the ratio of two records with three launches of `n` samples each. From launch to
-    /// launch, each record's time changes in equal steps from its first given time to its second.
+    /// Returns the ratio of two records with three launches of `n` samples each. `slow` and `fast` are the
+    /// least and the greatest time of each record. A record's time changes in equal steps from launch to
+    /// launch.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
@@ -222,7 +223,7 @@ mod tests {
         assert!(of(&[]).is_none());
     }
 
-    /// In each of four launches, there are too few samples, or one of the passes sometimes takes no time.
+    /// There are four launches. Each of them has too few samples, or one of the passes has some times of 0.
     #[test]
     fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
         let record = measured("gpu", "deferred", 8, 10.0);
@@ -241,7 +242,7 @@ mod tests {
         assert!(of(9, 9).0.starts_with("2.00 times"));
     }
 
-    /// From run to run, the time of each pass changes by a factor of its own.
+    /// raycl assumes that the times of the two passes change independently of each other from run to run.
     #[test]
     fn the_ratio_of_two_passes_includes_the_differences_between_runs() {
         let steady: Vec<(u32, [f64; 2])> = (0..10).map(|index| (index / 5, [2.0, 1.0])).collect();

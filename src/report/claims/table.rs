@@ -4,7 +4,7 @@
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
-use crate::strategy::{PRESETS, Strategy};
+use crate::strategy::{PRESETS, Strategy, preset_names};
 use crate::toml_error::toml_error;
 use serde::Deserialize;
 
@@ -53,11 +53,11 @@ pub enum Test {
 pub struct FastestTest {
     /// The point that is claimed to be the fastest.
     pub is: Point,
-    /// The points with which that point is compared.
+    /// The points with which `is` is compared.
     pub of: Vec<Point>,
     /// The smallest ratio that the test accepts: every other point's time, divided by the time of `is`.
     pub by: f64,
-    /// The points in `of` that are left out of the comparison.
+    /// Points that are left out of the comparison although they match `of`.
     #[serde(default)]
     pub except: Vec<Point>,
 }
@@ -93,7 +93,7 @@ impl TryFrom<String> for Preset {
     type Error = String;
 
     fn try_from(name: String) -> std::result::Result<Self, String> {
-        known("preset", &name, &PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>())?;
+        known("preset", &name, &preset_names())?;
         Ok(Self(name))
     }
 }
@@ -144,8 +144,8 @@ pub fn table() -> Result<Vec<Row>> {
     read("claims.toml", TABLE)
 }
 
-/// Reads a table. The error states where a mistake is and, for a misspelt name, the most similar
-/// valid name.
+/// Reads a table of claims from TOML. `name` is the table's name in errors. The error states the place of the
+/// mistake and, for a misspelt name, the most similar valid name.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text).map_err(|error| {
         toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")
@@ -159,7 +159,8 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// Returns the first mistake that the crate serde does not detect when it reads the row; `None` if there is none.
+    /// Returns the row's first mistake: an empty text, no test, or an unknown config. The crate serde does
+    /// not detect these mistakes. Returns `None` if there are none.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),
@@ -206,7 +207,7 @@ mod tests {
         }
     }
 
-    /// Returns whether a config measures a point.
+    /// Returns true if a config measures a point.
     fn measures(config: &Experiment, point: &Point) -> bool {
         let sized = |sizes: &[[u32; 2]]| match point.size {
             Size::At(size) => sizes.contains(&size),
@@ -234,7 +235,7 @@ mod tests {
         }
     }
 
-    /// Returns a table of one claim with these tests.
+    /// Returns a table of one claim with the test `test`.
     fn one(test: &str) -> String {
         let rest = "place = \"p\"\npublished = \"v\"\nreading = \"r\"\nconfigs = [\"figure-8\"]\n";
         format!("[[claim]]\nsentence = \"It is so.\"\n{rest}test = [{{ {test} }}]\n")

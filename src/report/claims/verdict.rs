@@ -7,9 +7,9 @@ pub enum Verdict {
     Held,
     /// The measurement contradicts the claim.
     NotHeld,
-    /// The measurement does not decide the claim. There are too few samples, a point's measurement was not completed,
-    /// or only some of the claim's comparisons could be made. Or a bound of the claimed range lies within the 95%
-    /// interval of a ratio, or between the quartiles of a latency.
+    /// The measurement does not decide the claim. One reason is that a bound of the claimed range lies within
+    /// the 95% interval of a ratio, or between the quartiles of a latency. Other reasons are too few samples,
+    /// a measurement that was not completed, or comparisons that could not be made.
     Unclear,
     /// The claim cannot be tested with this data.
     Cannot,
@@ -57,8 +57,8 @@ impl Verdict {
     }
 }
 
-/// Whether a run has the data of a comparison. If no run has the data, the page shows the result line of the run whose
-/// value comes first in the order of these values.
+/// Says whether a run has the data of a comparison. If every run lacks data, the page prefers a result line
+/// with `Incomplete` to a result line with `NoRecord`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Data {
     /// The run has the data.
@@ -79,7 +79,7 @@ pub struct Line {
     /// What raycl would need to decide the comparison, such as a missing record or another device; empty if the
     /// comparison is decided.
     pub decides: String,
-    /// Whether the run has the data of the comparison.
+    /// Says whether the run has the data of the comparison.
     pub(super) data: Data,
 }
 

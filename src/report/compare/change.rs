@@ -1,11 +1,11 @@
-//! Computes the change of a point's time from one run to another. Since a machine's speed differs between days, each
-//! time is first divided by a reference time from the same rounds: that of the anchor (a fixed kernel), of the
-//! baselines, or of other points.
+//! Computes the change of a point's time from one run to another. A machine's speed differs between days.
+//! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
+//! fixed kernel), or the mean time of baselines or of other points.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{
-    Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean, rounds_of, unshared_delay,
+    Record, anchored, are_together, median, ratio, ratio_apart, ratio_of_means, rounds_of, unshared_delay,
 };
 use std::collections::HashMap;
 
@@ -19,18 +19,17 @@ pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Int
     let (references, against) = references.of(&[pair])?;
     let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
     let (before, after) = pair;
-    Some((ratio_to_mean(after, &second)?.over(ratio_to_mean(before, &first)?), against))
+    Some((ratio_of_means(&[after], &second)?.over(ratio_of_means(&[before], &first)?), against))
 }
 
-/// The references: points by whose mean time the times of other points are divided. The kind of reference is stored
-/// with them. The references of a point depend only on the rounds in which the two runs measured the point, so they are
-/// found once for all points of the same rounds.
+/// The references, which are points by whose mean time the times of other points are divided, and the kind of
+/// reference. A point's references depend only on the rounds in which the two runs measured the point. The
+/// key of the map therefore identifies these rounds (see [`rounds`]).
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], (Vec<Both<'a>>, Against)>);
 
 impl<'a> References<'a> {
-    /// Finds the references among `all` points: the compared points, and the control points that blocks borrowed. A
-    /// block borrows a control point if it measures the point in its rounds although the point belongs to another
-    /// block.
+    /// Finds the references among `all`: the compared points, and the control points that blocks borrowed. A
+    /// block borrows a control point if the block measures it although it belongs to another block.
     pub fn among(all: &[Both<'a>]) -> Self {
         let mut groups: HashMap<[blake3::Hash; 2], Vec<Both<'a>>> = HashMap::new();
         for &pair in all {
@@ -42,8 +41,8 @@ impl<'a> References<'a> {
         Self(groups.into_iter().filter_map(known).collect())
     }
 
-    /// Returns the references of some points of the same rounds. A point is no reference of itself. Returns `None` if
-    /// there is no reference.
+    /// Returns the references of `points`, which were measured in the same rounds, and the kind of reference.
+    /// The points themselves are left out. Returns `None` if no reference is left.
     pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
         let (references, against) = self.0.get(&rounds(*points.first()?)?)?;
         let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));
@@ -73,17 +72,17 @@ fn among_group<'a>(beside: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     }
 }
 
-/// Compares the two times of the point, each divided by the anchor's time in the same run. If other programs may have
-/// delayed the point and the anchor by different factors, the change is less certain. Returns `None` if the runs do not
-/// have the same anchor.
+/// Compares the two times of the point, each divided by the anchor's time in the same run. If other programs
+/// may have delayed the point and the anchor by different factors, the interval of the change is wider.
+/// Returns `None` if the two runs do not have the same anchor.
 fn against_anchor(pair: Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(pair.0)?, anchored(pair.1)?);
     let change = (first == second).then(|| after.over(before))?;
     Some(change.over_up_to(unshared_delay(pair.0, pair.1)))
 }
 
-/// Returns the half of the points whose changes are closest to the median change; there must be points. If a change of
-/// code made a minority of points slower, these points are in the other half, which is left out.
+/// Returns the half of the points whose changes are closest to the median change. `beside` must not be empty.
+/// If a change of code made a minority of points slower, these points are in the half that is left out.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -96,15 +95,16 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of the measured times themselves, even if the runs have a control point in common. This ratio
-/// includes every other difference between the runs, such as the machine's speed.
+/// Returns the ratio of the measured times themselves, even if the runs have a control point in common. The
+/// ratio includes every difference between the runs, such as the machine's speed. Returns `None` if there are
+/// too few samples.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
-/// Compares a point with the kernels of two folders. `raycl run --resume` may have measured the point with one folder
-/// in an earlier session. The samples of the two records are then not close in time, so the times are compared like
-/// those of two runs.
+/// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the
+/// point with one folder in an earlier session. In this case, the samples of the two records are not close in
+/// time, and the times are compared like times of two runs.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));
@@ -132,6 +132,7 @@ mod tests {
     }
 
     /// Returns the records of two groups with different launches. Each group has a kernel and a baseline.
+    /// `kernels` and `baselines` have the time in each group.
     fn two_groups([kernels, baselines]: [[f64; 2]; 2]) -> Vec<Record> {
         let of = |group: u32, record: Record| {
             let sample_launches = record.sample_launches.iter().map(|launch| launch + 2 * group).collect();

@@ -43,26 +43,27 @@ pub struct PairLine<'a> {
 /// The result of comparing two folders.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The folders' names.
+    /// The labels of the two folders.
     pub labels: [String; 2],
     /// The points that both folders measured, in the order of the first folder.
     pub pairs: Vec<Pair>,
-    /// One line for each point that only one folder has, or whose outcome changed, and for each scene whose content
-    /// differs between the folders.
+    /// The lines about points and scenes that are not compared: points that only one folder has, points whose
+    /// outcome changed, and scenes whose content differs between the folders.
     pub others: Vec<String>,
-    /// The lines of `others` for points that were measured before and fail now.
+    /// The lines of `others` for points that were measured in the first folder and have another outcome in
+    /// the second folder, such as `infeasible` or `wrong-image`.
     pub broken: Vec<String>,
     /// The names of the points that were measured in the first folder and that the second folder lacks.
     lost: Vec<String>,
-    /// True if a point that both folders have has different outcomes in them.
+    /// True if the outcome of at least one point differs between the folders.
     pub has_changed_outcomes: bool,
     /// The notes of the folders, and notes on how the folders were compared.
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
-    /// The pairs of a control point's records that were measured in the same rounds as compared points. At least one
-    /// record of each pair is from a block that borrowed the control point (that measured it although it belongs to
-    /// another block). These pairs are therefore not in `pairs`.
+    /// Pairs of records of control points that were measured in the same rounds as compared points. In each
+    /// pair, at least one record is from a block that borrowed the control point: the block measured the
+    /// control point although it belongs to another block. These pairs are not in `pairs`.
     controls: Vec<[Record; 2]>,
     /// True if a folder has several devices, so that the name of a point must include its device.
     several_devices: bool,
@@ -77,8 +78,8 @@ enum Point {
     Names(String, [u32; 2], String, String, Option<[u32; 2]>),
 }
 
-/// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other;
-/// otherwise, and if a latency is unknown, `None`.
+/// Returns a note if the core-to-core latency of one run was more than `MOVED` times that of the other run.
+/// Returns `None` if the latencies are closer to each other, or if one of them is unknown.
 fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
     let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
     let (before, after) = (before?, after?);
@@ -94,7 +95,7 @@ fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> 
 }
 
 impl Comparison {
-    /// Returns whether one of the folders has several devices. If so, the names of points include the device.
+    /// Returns true if a folder has several devices, so that the names of points include the device.
     pub fn has_several_devices(&self) -> bool {
         self.several_devices
     }
@@ -156,8 +157,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares two folders of kernels within one run. Leaves out points whose program has the same text with both
-    /// folders.
+    /// Compares two folders of kernels that one run measured. Points whose program has the same text with
+    /// both folders are not compared.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -211,8 +212,9 @@ impl Comparison {
         }
     }
 
-    /// Adds a line for each point that only one folder has. If scenes correspond by content, and both folders have a
-    /// scene of the same name with different content, adds a single line for that scene.
+    /// Adds a line to `others` for each point that only one folder has. If scenes correspond by content, and
+    /// the other folder has a scene of the same name with different content, adds a single line about the
+    /// scene instead.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2], by_content: bool) {
         let contents = only.each_ref().map(|records| contents(records));
         let changed = |record: &Record, others: &Contents<'_>| {
@@ -270,7 +272,7 @@ impl Comparison {
         }
     }
 
-    /// Returns whether the change of at least one point is relative to the measurements `against`.
+    /// Returns true if the change of at least one point is relative to measurements of the kind `against`.
     fn has_change(&self, against: Against) -> bool {
         self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, own)| own == against))
     }
@@ -310,14 +312,13 @@ impl Comparison {
         ))
     }
 
-    /// Returns the pairs of records of all points to which changes may be relative: of the compared points, and of the
-    /// control points that were measured with them.
+    /// Returns the pairs of records to which changes may be relative: the compared points, and the control
+    /// points that blocks borrowed.
     fn measured(&self) -> Vec<Both<'_>> {
         self.pairs.iter().map(Pair::both).chain(self.controls()).collect()
     }
 
-    /// Returns the pairs of records of control points that blocks borrowed (measured although the control points belong
-    /// to other blocks).
+    /// Returns the pairs of records of borrowed control points (see the field `controls`).
     fn controls(&self) -> impl Iterator<Item = Both<'_>> {
         self.controls.iter().map(|[before, after]| (before, after))
     }
@@ -352,20 +353,19 @@ impl Comparison {
         }
     }
 
-    /// Returns whether the folders have a point in common that can be compared: a point that both measured, or whose
-    /// outcome changed.
+    /// Returns true if both folders measured at least one point, or if the outcome of a point changed.
     pub fn has_points_in_common(&self) -> bool {
         !self.pairs.is_empty() || self.has_changed_outcomes
     }
 
-    /// Returns the number of points with this verdict.
+    /// Returns the number of compared points with the given verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// Returns one line for each regression of more than `limit_percent`, and for each point that
-    /// was measured before and fails now. At most one in 50 comparisons of a program with itself
-    /// reports a regression.
+    /// Returns one line for each regression of more than `limit_percent`, and for each point that was
+    /// measured in the first folder and failed in the second. At most one in 50 comparisons of a program with
+    /// itself reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }
@@ -417,7 +417,8 @@ fn with_device_of_first(record: &Record, names: &HashMap<String, String>) -> Rec
     Record { device: device.clone(), ..record.clone() }
 }
 
-/// Returns what the records of a point that was measured with two folders of kernels have in common.
+/// Returns the values that are equal in both records of a point that was measured with two folders of
+/// kernels.
 fn twin(record: &Record) -> ([&str; 3], [u32; 2], Option<[u32; 2]>) {
     ([&record.scene, &record.device, &record.strategy], record.image_size, record.local_size)
 }
@@ -440,9 +441,10 @@ fn sized(record: &Record) -> (&str, [u32; 2]) {
     (&record.scene, record.image_size)
 }
 
-/// Returns the pairs of records of the same control point that were measured in the same rounds as a pair of compared
-/// points. At least one of the two records is that of a block that borrowed the control point (measured it although it
-/// belongs to another block). `point` returns what corresponding records have in common.
+/// Returns pairs of records of the same control point, one from each folder. Each pair was measured in the
+/// same rounds as a pair of compared points. At least one record of a pair is from a block that borrowed the
+/// control point: the block measured the control point although it belongs to another block. `point` returns
+/// what corresponding records have in common.
 fn pairs_of_controls<P: Eq + Hash>(
     folders: [&Folder; 2],
     compared: &[Pair],
@@ -468,15 +470,14 @@ fn pairs_of_controls<P: Eq + Hash>(
     pairs
 }
 
-/// Returns copies of the folders in which each record also has its times relative to the times of the records and
-/// anchors that were measured together with it. These records include the control points that blocks measured only to
-/// be compared with other blocks. The intervals of the times themselves do not change: they are the same as in reports
-/// and tables.
+/// Returns copies of the folders in which each record also has relative times: its times divided by those of
+/// the records and anchors that were measured together with it. These records include the control points that
+/// blocks borrowed. The intervals of the times themselves are the same as in reports and tables.
 ///
-/// Without processor times, the preempted samples of an anchor are unknown, so all of its samples remain. If preempted
-/// samples (samples that other programs delayed) were left out in one folder only, the anchor would seem to be slower
-/// in the other one. If an anchor has samples without processor times in either folder, all of its samples therefore
-/// remain in both.
+/// Preempted samples of an anchor (samples that other programs delayed) are found by processor times, and
+/// left out. If they were left out in only one folder, the anchor would seem to be slower in the other
+/// folder. If an anchor has a sample without a processor time in either folder, all samples of this anchor
+/// therefore remain in both folders.
 fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     let samples = folders.iter().flat_map(|folder| &folder.anchors);
     let unknown = samples.filter(|sample| sample.processor_ms.is_none());
@@ -506,7 +507,7 @@ fn devices(folder: &Folder) -> Vec<&str> {
     devices
 }
 
-/// Returns whether all records of a folder have a hash of their scene's content.
+/// Returns true if every record of a folder has a hash of its scene's content.
 fn has_content(folder: &Folder) -> bool {
     folder.records.iter().all(|record| record.scene_hash.is_some())
 }

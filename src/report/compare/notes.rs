@@ -1,5 +1,5 @@
-//! Notes on a comparison: how the devices of the two folders differ, which points are not judged, and which points are
-//! not tested.
+//! Notes on a comparison: how the devices of the two folders differ, which points have the verdict "cannot
+//! tell", and which points `--fail-on-regression` does not test.
 
 use super::Comparison;
 use super::pair::Pair;
@@ -10,10 +10,11 @@ use crate::words::counted;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Returns a note for each pair of corresponding devices that differ in their names, or in properties that affect
-/// times. `devices` has the names of corresponding devices in the two folders. A property that one of the folders has
-/// not stored is not compared. Among the environment variables, the note names those of the user. A variable that raycl
-/// itself has set is marked, or left out if it only determines the number of threads, which is a property of its own.
+/// Returns a note for each pair of corresponding devices that differ in their names, or in properties that
+/// affect times. `devices` has the names of corresponding devices in the two folders. A property that one of
+/// the folders has not stored is not compared. The note names the environment variables that the user has
+/// set. A variable that raycl has set is marked. If such a variable only determines the number of threads, it
+/// is left out, because the number of threads is a separate property.
 pub(super) fn different_devices(
     folders: [&Folder; 2],
     labels: &[String; 2],
@@ -35,12 +36,13 @@ pub(super) fn different_devices(
     devices.iter().filter_map(note).collect()
 }
 
-/// Returns those parts of a property that another device's property lacks.
+/// Returns the parts of the property `own` that `other` lacks. `other` is the same property of another
+/// device.
 fn not_in<'a>(other: &'a [String], own: &'a [String]) -> impl Iterator<Item = &'a String> {
     own.iter().filter(move |part| !other.contains(part))
 }
 
-/// Returns how a note names a part of a device's property; `None` if it does not name this part.
+/// Returns how a note names a part of a device's property; `None` if the note leaves this part out.
 fn shown(part: &str, device: &Value) -> Option<String> {
     let mut by_raycl = device["set_by_raycl"].as_array().into_iter().flatten();
     match by_raycl.any(|setting| setting == part) {
@@ -107,8 +109,8 @@ impl Comparison {
     }
 }
 
-/// Returns a text with the names of some of a comparison's points. If there are more than four, the text has the first
-/// four names and the number of all these points.
+/// Returns a text with the points' names. For more than four points, the text has their number and the first
+/// four names.
 pub(super) fn which(names: &[String]) -> String {
     match names.len() {
         count if count > 4 => format!("{count} of the points ({}, ...)", names[..4].join("; ")),

@@ -48,8 +48,7 @@ impl Comparison {
              with `--times`, the times themselves are compared. The change is the second folder's quotient (or time), divided by the first folder's. \
              A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
              interval lies completely within {0}% in both directions, and unclear otherwise. At most one \
-             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch, or with a sample of the time 0, are not judged, \
-             and neither are points whose times are below the timer's resolution.",
+             point in 40 is wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five samples in a launch, or with a sample of the time 0, are not judged.",
             self.threshold_percent()
         )
     }
@@ -77,7 +76,7 @@ impl Comparison {
         pairs.iter().map(row).collect()
     }
 
-    /// Plots the second folder's times against those of the first folder.
+    /// Plots the second folder's times over the first folder's times, with one series per verdict.
     pub fn plot(&self) -> Plot {
         let [a, b] = &self.labels;
         let series = Verdict::ALL.into_iter().enumerate().filter_map(|(index, verdict)| {

@@ -34,10 +34,11 @@ pub enum Against {
     /// Points of the same rounds that changed by similar factors. A change that all points share
     /// cannot be detected.
     PointsInCommon,
-    /// No other measurement: the measured times themselves are compared, as times of different runs or sessions.
+    /// No other measurement. The measured times are compared directly, although they are from different runs
+    /// or sessions.
     BareTimes,
-    /// No other measurement is needed, since both records were measured in the same rounds of one
-    /// run.
+    /// No other measurement. Both times were measured in the same rounds of one run, so they are compared
+    /// directly.
     SameRounds,
 }
 
@@ -48,9 +49,10 @@ impl Pair {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format is "496× as long"; if
-    /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is "n =
-    /// 10 and 3". If the change cannot be computed although there are enough samples, the text is "?".
+    /// Formats the change as "+12.3% (+10.1 to +14.2)". For a factor of at least ten, the format is "496× as
+    /// long". For a factor of at most a tenth, the format is "20.0× as fast". With too few samples, the
+    /// format is "n = 10 and 3": the numbers of samples in the two folders. If the change is unknown for
+    /// another reason, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -101,7 +103,7 @@ impl Pair {
     }
 }
 
-/// Converts a ratio to a percentage of change.
+/// Converts a ratio of two times to the change in percent: 1.5 becomes 50.
 pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }

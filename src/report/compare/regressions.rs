@@ -1,10 +1,12 @@
-//! Finds regressions: slowdowns that are statistically significant. The tests cover each single point, the mean of each
-//! strategy's points, and the mean of all points. The means detect small slowdowns of many points even if no single
-//! slowdown is significant, for example after a change to a file that all strategies share.
+//! Finds regressions: slowdowns that are statistically significant. There are tests of each single point, of
+//! the mean of each strategy's points, and of the mean of all points. A mean shows a small slowdown of many
+//! points even if no single slowdown is significant, for example after a change to a file that all strategies
+//! share.
 
 use super::Comparison;
 use super::change::References;
 use super::pair::{Against, Both, Pair, percent, strategy};
+use crate::entry::entry;
 use crate::measure::{Interval, Relative, quantile};
 use crate::record::{
     Record, anchored_mean, are_together, mean_relative_to, mean_relative_to_earlier, ratio_of_means,
@@ -14,9 +16,11 @@ use crate::record::{
 /// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
 
-/// Returns one line per slowdown that surely exceeds `limit_percent`, and one line per point that was measured before
-/// and fails now. The permitted probability of a false report (`RISK`) is divided into three equal parts: for the mean
-/// of all points, for the strategies' means, and for the single points.
+/// Returns one line per slowdown that surely exceeds `limit_percent`. A single point is listed only if its
+/// fastest samples also became slower by more than `limit_percent` (see [`change_of_fastest`]). One more line
+/// follows for each point that was measured in the first folder and has another outcome in the second, such
+/// as `infeasible` or `wrong-image`. The permitted probability of a false report (`RISK`) is divided into
+/// three equal parts: for the mean of all points, for the strategies' means, and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -59,9 +63,10 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
     })
 }
 
-/// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, this
-/// factor is relative to other measurements (see [`Against`]). If a program is slower, all its samples take longer. But
-/// if only the machine was slower for most of the run, the fastest samples take as long as before.
+/// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median,
+/// this factor is relative to other measurements (see [`Against`]). If a program became slower, all samples
+/// take longer. If only the machine was slower for most of the run, the fastest samples take as long as
+/// before.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };
@@ -85,12 +90,13 @@ struct Mean<'a> {
     points: usize,
     /// Number of points that the mean includes.
     tested: usize,
-    /// The mean; `None` if no point can be included or, for a strategy, fewer than two. A strategy's single point has a
-    /// test of its own.
+    /// The mean; `None` if no point can be included or, for a strategy, only one. A single point has its own
+    /// test.
     change: Option<Interval>,
 }
 
-/// Returns the mean change of all points except baselines, and then that of each strategy that has several points.
+/// Returns the mean change of all points except baselines, followed by the mean change of each strategy with
+/// several points.
 fn means(comparison: &Comparison) -> Vec<Mean<'_>> {
     let kernels: Vec<&Pair> = comparison.pairs.iter().filter(|pair| !pair.before.is_baseline()).collect();
     let strategies = by_strategy(&kernels);
@@ -105,10 +111,7 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {
         let own = strategy(&pair.before);
-        match strategies.iter_mut().find(|(name, _)| *name == own) {
-            Some((_, pairs)) => pairs.push(pair),
-            None => strategies.push((own, vec![pair])),
-        }
+        entry(&mut strategies, |(name, _)| *name == own, || (own, Vec::new())).1.push(pair);
     }
     strategies.retain(|(_, pairs)| pairs.len() > 1);
     strategies
@@ -129,10 +132,7 @@ fn mean<'a>(
                 && are_together(&group[0].after, &pair.after)
                 && group[0].before.device == pair.before.device
         };
-        match groups.iter_mut().find(|group| is_beside(group)) {
-            Some(group) => group.push(pair),
-            None => groups.push(vec![pair]),
-        }
+        entry(&mut groups, is_beside, Vec::new).push(pair);
     }
     let is_own = |(before, _): &Both<'_>| {
         !before.is_baseline() && strategy.is_none_or(|own| own == super::pair::strategy(before))
@@ -146,10 +146,10 @@ fn mean<'a>(
     Mean { strategy, points: pairs.len(), tested, change }
 }
 
-/// Returns the mean change of points that were measured together, on one device; `None` if it is unknown. Without an
-/// anchor and without baselines, the change is relative to points that are not part of the mean, so it is unknown for
-/// the mean of all points. `controls` are the control points of the mean's strategy that a block measured only to be
-/// compared with other blocks. Like the group's own points, they are not used as references.
+/// Returns the mean change of points that were measured together, on one device; `None` if there is no
+/// reference. Without an anchor and without baselines, the references are points that are not part of the
+/// mean, so the mean of all points has none. `controls` are the borrowed control points of the mean's
+/// strategy. The control points and the group's own points are no references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],

@@ -312,8 +312,8 @@ fn devices_whose_states_differ_are_named_with_what_differs() {
     assert_eq!([note(&two, &two), note(&two, &plain)], [None, None]);
 }
 
-/// On the second machine, the device has a namesake, so its name is longer. The second config gives another name to a
-/// strategy, and the program of `wide` has changed.
+/// On the second machine, two devices have the same name, so the device has a longer name. The second config
+/// gives another name to a strategy, and the program of `wide` has changed.
 #[test]
 fn records_of_one_key_correspond_whatever_their_names_are() {
     let before = ["naive", "wide", "bvh"].map(|name| timed("cpu", name, 10.0));
@@ -362,7 +362,8 @@ fn kernels_about_which_nothing_can_be_told_are_noted_with_the_reason() {
     let is_said = |notes: &[String]| notes.iter().any(|note| note.starts_with(expected));
     assert!(is_said(&notes), "{notes:?}");
     assert!(!is_said(&Comparison::of(&two, &two, 0.02, true).notes));
-    // A single baseline cannot be compared with other baselines, which says nothing about the kernels.
+    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note is only
+    // about kernels.
     let with_host =
         |label: &str| folder(label, vec![timed("a", "naive", 10.0), timed("host", "serial", 10.0)]);
     let notes = of(&with_host("old"), &with_host("new")).notes;
@@ -399,7 +400,7 @@ fn a_control_point_that_a_block_borrowed_is_one_of_the_points_of_the_same_rounds
     assert_eq!(changed.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let tile = changed.pairs.iter().find(|pair| pair.before.name == "tile").unwrap();
     assert_eq!(tile.change_percent().map(f64::round), Some(50.0));
-    // The mean of all points is not tested: it would be relative to the control point, which is itself one of all
+    // The mean of all points is not tested, because the control point, its only reference, is one of these
     // points.
     let note = changed.left_out_of_means().unwrap();
     assert!(note.contains("all points together (without 5 of 5 points)"), "{note}");
@@ -504,8 +505,9 @@ fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_t
     assert_eq!(actual, changes(&old, &new)[..3]);
 }
 
-/// Returns a folder with the points and anchors of two folders. The second folder's points and anchors get this device,
-/// and the numbers of their launches are increased by `launches`. The second folder's points also get another scene.
+/// Returns a folder with the points and anchors of `one` and `other`. The points and anchors of `other` get
+/// the device `device`, and their launch numbers are increased by `launches`. The points of `other` also get
+/// another scene.
 fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
     let record = |record: &Record| Record {
         scene: "room".into(),
@@ -589,7 +591,8 @@ fn an_anchor_that_other_programs_delayed_makes_no_point_faster_or_slower() {
     assert!(!of(&quiet, &quiet).notes.iter().any(|note| note.contains("factors that differ")));
 }
 
-/// The delay of the anchor can explain at most a factor of 1.6, also in the means.
+/// The points seem to take 3.2 times as long: they take twice as long, and the anchor was delayed by the
+/// factor 1.6 in the first run. The delay can explain only the factor 1.6.
 #[test]
 fn a_slowdown_of_all_points_that_exceeds_the_anchors_delay_is_found_in_the_means() {
     let busy = with_delayed_anchor(anchored("busy", 1.0, |_| 1.0), 1.6);

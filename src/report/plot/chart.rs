@@ -139,19 +139,19 @@ impl Chart {
         }
     }
 
-    /// Returns whether names are slanted because they would overlap otherwise.
+    /// Returns true if the names along x are slanted, because horizontal names would overlap.
     fn names_are_slanted(&self, layout: Layout) -> bool {
         let Across::Names(names) = &self.across else { return false };
         names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > layout.width
     }
 
-    /// Returns the additional height that the names along x need.
+    /// Returns the additional height in pixels that the names along x need.
     fn names_height(&self, layout: Layout) -> f64 {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
-    /// Returns the ticks along x with their labels. If even slanted names would overlap, only every
-    /// second, third, ... name is shown.
+    /// Returns the ticks along x with their labels. If even slanted names would overlap, only every second,
+    /// third, ... name has a tick.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {

@@ -93,7 +93,8 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
-    /// Defines the hatching for one form of the map, wide or narrow, and returns a reference to it.
+    /// Defines the hatching pattern for one form of the map ("wide" or "narrow"). Returns the value of `fill`
+    /// that refers to the pattern.
     pub(super) fn hatch(&self, svg: &mut Svg, form: &str) -> String {
         let id = format!("hatch-{}-{form}", self.id);
         svg.open("defs", &[]);
@@ -117,7 +118,8 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of their lower end.
+    /// Draws the colour scale and the meanings of the codes. Returns the y coordinate of the legend's lower
+    /// end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
@@ -155,7 +157,7 @@ pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     svg.text_in("faint small", FAINT, [left + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
 }
 
-/// Draws a hatched cell with a code, for the legend; returns its width.
+/// Draws a hatched cell with a code, for the legend. Returns the cell's width.
 pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
     let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
     svg.element(
@@ -172,7 +174,7 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
         Cell::Empty => {}
         Cell::Nothing { code, tip } => {
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, [x, y], [width, ROW], "cell", hatch);
+            rect(svg, [x, y], [width, ROW], hatch);
             svg.text("label", middle, Anchor::Middle, code);
             svg.close("g");
         }
@@ -180,7 +182,7 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
             let position = 1.0 - slower.max(1.0).ln() / worst.ln();
             let colour = viridis(position);
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, [x, y], [width, ROW], "cell", &hex(colour));
+            rect(svg, [x, y], [width, ROW], &hex(colour));
             svg.text_in("", ink_on(colour), middle, Anchor::Middle, text);
             if *wins {
                 ring(svg, [x, y], [width, ROW]);
@@ -190,11 +192,12 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
     }
 }
 
-pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], class: &str, fill: &str) {
+/// Draws a cell's background.
+pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], fill: &str) {
     svg.element(
         "rect",
         &[
-            ("class", &class),
+            ("class", &"cell"),
             ("x", &number(x + 1.0)),
             ("y", &number(y + 1.0)),
             ("width", &number(width - 2.0)),

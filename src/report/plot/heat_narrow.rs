@@ -40,8 +40,8 @@ impl HeatMap {
         (((NARROW.whole_width() - 2.0 * LEFT) / cell) as usize).clamp(1, MOST_ACROSS)
     }
 
-    /// Draws a row's name and cells from `y` downwards; returns the y coordinate of their lower
-    /// end.
+    /// Draws a row's name and cells from `y` downwards. Returns the y coordinate at which the next row
+    /// begins.
     fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
         let names = NARROW.lines(name);
         svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
@@ -55,8 +55,8 @@ impl HeatMap {
         top + cells.len().div_ceil(across) as f64 * HEIGHT + GAP
     }
 
-    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of their
-    /// lower end.
+    /// Draws the colour scale and the meanings of the codes. Returns the y coordinate of the legend's lower
+    /// end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let mut y = top + 24.0 + LINE;
@@ -100,7 +100,7 @@ fn draw(
         Cell::Empty => {}
         Cell::Nothing { code, tip } => {
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, at, size, "cell", hatch);
+            rect(svg, at, size, hatch);
             svg.text("small label", small, Anchor::Middle, column);
             svg.text("label", large, Anchor::Middle, code);
             svg.close("g");
@@ -108,7 +108,7 @@ fn draw(
         Cell::Time { slower, text, wins, tip } => {
             let colour = viridis(1.0 - slower.max(1.0).ln() / worst.ln());
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, at, size, "cell", &hex(colour));
+            rect(svg, at, size, &hex(colour));
             svg.text_in("", ink_on(colour), small, Anchor::Middle, column);
             svg.text_in("", ink_on(colour), large, Anchor::Middle, text);
             if *wins {

@@ -36,8 +36,8 @@ impl Layout {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// Splits a title or an axis's label into as many lines as needed; on a screen, one line is usually enough. On a
-    /// screen, a title ends at the latest where the x axis does, since not every plot has a legend on the right.
+    /// Splits a title or an axis's label into lines that fit. On a screen, a line must end before the end of
+    /// the x axis, since not every plot has a legend on the right. One line is then usually enough.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;

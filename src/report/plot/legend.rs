@@ -3,12 +3,14 @@
 use super::look::Look;
 use super::svg::{Anchor, Svg};
 
+/// The distance between two entries in pixels.
 const STEP: f64 = 19.0;
 /// The largest number of characters of a name. Longer names are shortened; in a page, a tooltip
 /// shows the full name.
 const LONGEST: usize = 24;
 
-/// Draws the entries downwards from a position; returns the y coordinate of their lower end.
+/// Draws the entries below each other, the first at the position `left`, `top`. Returns the y coordinate of
+/// the legend's lower end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
     for (index, (name, look)) in entries.iter().enumerate() {
         let y = top + index as f64 * STEP;

@@ -23,7 +23,7 @@ impl Look {
         Self { number, dashed: false }
     }
 
-    /// Returns the colour on white paper.
+    /// Returns the colour in files of plots. In a page, the style sheet sets the colour instead.
     pub fn colour(self) -> &'static str {
         SERIES[self.number % SERIES.len()]
     }

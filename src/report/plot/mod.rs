@@ -1,5 +1,5 @@
-//! Draws plots as SVG. The plots can be read without a script; the page's script makes them
-//! interactive.
+//! Draws plots as SVG. A plot is a picture that can be read without a script. In a report, the page's script adds
+//! tooltips and switches.
 
 pub mod chart;
 pub mod heat;
@@ -20,9 +20,9 @@ pub struct Plot {
     pub name: String,
     /// The plot's caption, a few sentences.
     pub caption: String,
-    /// The drawing.
+    /// The drawing for a screen, as SVG.
     pub svg: String,
-    /// The drawing for a phone; empty if there is none.
+    /// The drawing for a phone, as SVG; empty if there is none.
     pub narrow: String,
 }
 

@@ -48,7 +48,8 @@ impl Scale {
         Self { kind, values, positions }
     }
 
-    /// Returns the position of a value; `None` if the scale cannot show it.
+    /// Returns the position of a value in pixels. Returns `None` for 0 and negative values on a logarithmic
+    /// scale.
     pub fn position(&self, value: f64) -> Option<f64> {
         let along = match self.kind {
             Kind::Linear => (value - self.values[0]) / (self.values[1] - self.values[0]),

@@ -54,7 +54,7 @@ const ABOVE_MARGIN: f64 = 18.0;
 /// The margin on the right of a plot on a screen.
 const BESIDE_MARGIN: f64 = 24.0;
 /// The label of the x axis. The label is centred below the axis, and must not be much longer than the axis.
-const LABEL: &str = "a frame's time minus the point's median, in %; earlier samples are further up";
+const LABEL: &str = "a sample's time minus the point's median, in % of the median";
 /// The largest number of dots in a row. If a row has more samples, only every second, third, ... sample is shown.
 const DOTS: usize = 120;
 

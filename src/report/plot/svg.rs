@@ -59,7 +59,7 @@ impl Anchor {
 }
 
 impl Svg {
-    /// Writes an empty element.
+    /// Writes an element without content.
     pub fn element(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
         self.tag(name, attributes);
         self.body.push_str("/>");
@@ -123,7 +123,7 @@ impl Svg {
         }
     }
 
-    /// Writes a text from bottom to top, centred at the position.
+    /// Writes a text that runs upwards and has its middle at the position.
     pub fn upright_text(&mut self, class: &str, [x, y]: [f64; 2], text: &str) {
         let turn = format!("translate({} {}) rotate(-90)", number(x), number(y));
         self.open("g", &[("transform", &turn)]);
@@ -139,7 +139,8 @@ impl Svg {
         self.close("g");
     }
 
-    /// Returns the drawing as a document, which a page can also embed.
+    /// Returns the drawing as an SVG document, which a page can also embed. Screen readers read `name` and
+    /// `about`.
     pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \

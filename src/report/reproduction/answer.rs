@@ -22,7 +22,7 @@ const MEMORY: [&str; 7] = [
     "compounded",
     "constant-triangles",
 ];
-/// Bytes of a ray that a ray-triangle test reads: origin and direction, three floats each.
+/// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
 /// The four lines of the answer, and plots of the times from which the answer follows.
@@ -32,18 +32,19 @@ pub struct Answer {
     pub strategy: String,
     /// The best local size.
     pub size: String,
-    /// The reason, from the records.
+    /// Why the best strategy is faster than the preset `naive`.
     pub why: String,
-    /// The certainty of the answer.
+    /// How certain the answer is.
     pub sure: String,
     /// Plots of time over local size, one for each scene.
     pub plots: Vec<Plot>,
 }
 
-/// The records of one scene for kernels that differ only in the memories that they use.
+/// The records of one scene for the presets of [`MEMORY`].
 struct Contest<'a> {
     group: &'a Group<'a>,
     ranking: Ranking<&'a Record>,
+    /// The fastest record of the preset `naive`.
     naive: Option<&'a Record>,
 }
 
@@ -52,7 +53,7 @@ impl<'a> Contest<'a> {
         let takes_part =
             |record: &&Record| record.preset.as_deref().is_some_and(|name| MEMORY.contains(&name));
         let ranking = ranking(group.records.iter().copied().filter(takes_part));
-        let naive = ranking.all().into_iter().find(|record| record.preset.as_deref() == Some("naive"));
+        let naive = ranking.all().into_iter().find(|record| record.is_naive());
         Self { group, ranking, naive }
     }
 
@@ -64,9 +65,9 @@ impl<'a> Contest<'a> {
         self.winner().zip(self.naive)
     }
 
-    /// Returns whether the kernel of the preset `naive` is the fastest or ties with the fastest.
+    /// Returns true if a point of the preset `naive` is the fastest or ties with the fastest.
     fn naive_ties(&self) -> bool {
-        self.ranking.winners.iter().any(|record| record.preset.as_deref() == Some("naive"))
+        self.ranking.winners.iter().any(|record| record.is_naive())
     }
 
     fn triangles(&self) -> u64 {
@@ -74,9 +75,9 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If no run has
-/// several of them, each line of the answer says that there is no such run. `taken` contains the names of the plots of
-/// earlier answers. The names of this answer's plots differ from these names, and are added to them.
+/// Returns the answer for a device, from a run with several memory strategies (presets of [`MEMORY`]). If
+/// there is no such run, each line of the answer says so. `taken` contains the names of the plots of earlier
+/// answers. The plots of this answer get other names, which are added to `taken`.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str, taken: &mut Vec<String>) -> Answer {
     let kinds = |run: &Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -112,7 +113,7 @@ fn unknown(runs: &[Run<'_>], device: &str) -> Answer {
     Answer { strategy: line.clone(), size: line.clone(), why: line.clone(), sure: line, plots: Vec::new() }
 }
 
-/// Joins the texts of several scenes to "on teapot, ...; on still-life, ...".
+/// Joins the texts that `say` returns for each scene: "on teapot, ...; on still-life, ...".
 fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
     let line = |contest: &Contest<'_>| {
         let Group { scene, image_size, .. } = contest.group;
@@ -135,8 +136,8 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     names
 }
 
-/// Returns the best strategy, such as "private (vectors private, triangles global): 1.887 ms", or
-/// the names of the strategies that tie.
+/// Returns the best strategy with its time, such as "private (vectors private, triangles global): 1.887 ms",
+/// or the names of the strategies that tie.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -146,7 +147,8 @@ fn strategy(contest: &Contest<'_>) -> String {
     }
 }
 
-/// Describes in which memory a preset stores its working vectors and its triangles.
+/// Returns the memories that hold a preset's working vectors and triangles: "vectors private, triangles
+/// global". Returns an empty text for an unknown preset.
 fn homes(name: &str) -> String {
     let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else { return String::new() };
     let axis = |wanted: &str| {
@@ -159,8 +161,7 @@ fn homes(name: &str) -> String {
 /// `naive`, if known. If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
-    let naive =
-        contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
+    let naive = contest.group.records.iter().copied().filter(|record| record.is_naive());
     let naive = sizes(&ranking(naive).winners);
     match (best.is_empty(), naive.is_empty()) {
         (true, _) => NO_WINNER.to_owned(),
@@ -181,9 +182,11 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains why the best kernel is faster than the kernel of the preset `naive`. The explanation is for the scene with
-/// the most triangles in which the naive kernel does not tie with the fastest kernel. The explanation states the memory
-/// traffic that the best kernel avoids, and the properties of both compiled kernels.
+/// Explains for one scene why the best kernel is faster than the kernel of the preset `naive`. The
+/// explanation states the memory traffic of the naive kernel, the memory from which the best kernel reads
+/// rays, and the properties of both compiled kernels. `contests` lists the scene with the most triangles
+/// first. The first scene in which naive does not tie with the fastest kernel is explained. If naive ties in
+/// all scenes, the text says so.
 fn why(contests: &[Contest<'_>]) -> String {
     let known = || contests.iter().filter(|contest| contest.best_and_naive().is_some());
     let explained = known().find(|contest| !contest.naive_ties()).or(known().next());
@@ -198,8 +201,7 @@ fn why(contests: &[Contest<'_>]) -> String {
             "on {scene}, no other choice of memories for vectors and triangles is surely faster than naive"
         );
     }
-    let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
-    let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
+    let moved = readable((best.pixels() * triangles as f64 * RAY_BYTES) as u64);
     format!(
         "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {scene} (calculated, not measured); {} reads the ray from {}; {}",
         best.name,
@@ -235,8 +237,8 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties that are known for both the best kernel and the kernel of the preset `naive`: "private: 62
-/// registers (naive: 67), ...".
+/// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...".
+/// `name` is the best kernel's preset. Only properties that are known for both kernels are compared.
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
@@ -249,8 +251,8 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels, and with the
-/// number of points that tie.
+/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels. The
+/// text also has the number of points that tie and, if there are any, the number of points without a rank.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

@@ -35,10 +35,10 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// Returns two plots of the paper's figure with this number, and the figure's values. One plot
-/// shows the curves' shapes, the other plot shows milliseconds. All measurements come from one run,
-/// since a curve must not be combined from several runs. Returns `None` if no point of the figure
-/// was measured.
+/// Returns two plots of the paper's figure `number`, and the rows of the figure's table (see [`rows`]). One
+/// plot shows the curves' shapes, the other plot shows milliseconds. All measurements come from one run,
+/// since times of different runs must not be joined to a curve. Returns `None` if no point of the figure was
+/// measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
@@ -48,8 +48,8 @@ pub(super) fn curves_of(
     let points = |run: &Run<'_>| {
         curves(number, &run.groups, device).iter().map(|curve| curve.ours.len()).sum::<usize>()
     };
-    // The experiment of another figure may contain a few points of this figure at the paper's image size. They are too
-    // few for a curve, so a run needs at least half as many points as the run with the most.
+    // The experiment of another figure may contain a few points of this figure at the paper's image size. So
+    // few points are no curve. A run therefore needs at least half as many points as the run with the most.
     let most = runs.iter().map(points).max().unwrap_or(0);
     let run = with_most(runs, most.div_ceil(2).max(1), points)?;
     let curves = curves(number, &run.groups, device);
@@ -70,8 +70,8 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// Draws the curves over block sizes. The times are in milliseconds or, if `as_shapes` is true,
-/// divided by the shortest time of their curve.
+/// Draws the curves over block sizes, in milliseconds. If `as_shapes` is true, each time is divided by the
+/// shortest time of its curve instead.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()
@@ -136,8 +136,9 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
 }
 
-/// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
-/// If raycl's image size is not the paper's, the times are not divided.
+/// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by
+/// raycl's time. If raycl's image size is not the paper's, or if raycl's time has too few samples, the last
+/// text says so instead.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

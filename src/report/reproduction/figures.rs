@@ -42,7 +42,8 @@ pub struct Figure {
     pub plots: Vec<Plot>,
     /// Table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
     pub rows: Vec<[String; 5]>,
-    /// The command that measures what the figure shows, if there is no record of it; otherwise empty.
+    /// The command that measures the figure's data, if raycl has neither pictures nor plots of the figure;
+    /// otherwise empty.
     pub missing: String,
 }
 
@@ -54,7 +55,8 @@ pub fn described() -> Result<Vec<Described>> {
     Ok(file.figure)
 }
 
-/// Returns a figure for a device. `suffix` makes the names of its plots unique among devices.
+/// Returns raycl's counterpart of a figure for a device. `suffix` ends the plots' names, so that the plots of
+/// different devices have different names.
 pub fn figure(
     about: Described,
     runs: &[Run<'_>],
@@ -73,15 +75,14 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// Returns the largest picture of a scene that a device cast. If several pictures have this size, the picture by the
-/// preset `naive` is preferred.
+/// Returns the widest picture of a scene that a device cast; `None` if there is no picture. Among pictures of
+/// the same size, a picture by the preset `naive` is preferred.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| run.groups.iter().map(move |group| (run.path(), group)));
     let own = groups.filter(|(_, group)| group.scene == scene && group.device == device);
     let records = own.flat_map(|(folder, group)| group.records.iter().map(move |record| (folder, *record)));
     let there = records.filter(|(folder, record)| pictures.has(folder, record.image.as_deref()));
-    let (folder, record) =
-        there.max_by_key(|(_, record)| (record.image_size, record.preset.as_deref() == Some("naive")))?;
+    let (folder, record) = there.max_by_key(|(_, record)| (record.image_size, record.is_naive()))?;
     let caption = format!("cast by {} on {device}", crate::report::words::title(record));
     Some(pictures.picture(folder, record.image.as_deref()?, scene.to_owned(), caption))
 }

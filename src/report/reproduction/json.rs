@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::HashMap;
 
 impl Reproduction {
-    /// Returns each device's answer and claims; `docs/format.md` documents every field.
+    /// Returns each device's answer and claims as JSON text; `docs/format.md` documents every field.
     pub fn json(&self) -> Result<String> {
         let devices: Vec<Value> = self.devices.iter().map(|one| device(one, &self.drivers)).collect();
         let text = serde_json::to_string_pretty(&json!({ "devices": devices }));
@@ -15,8 +15,8 @@ impl Reproduction {
     }
 }
 
-/// Returns a device's answer and claims. `drivers` has, for each common name of a device (the name that people know),
-/// the name that the driver reports.
+/// Returns a device's answer and claims. `drivers` maps a device's common name to the name that the driver
+/// reports.
 fn device(device: &Device, drivers: &HashMap<String, String>) -> Value {
     let answer = &device.answer;
     json!({

@@ -11,11 +11,12 @@ use super::claims::{Claim, Row, Run, Verdict, claims, table};
 use super::common_names::with_common_names;
 use super::gallery::Pictures;
 use super::merged::merged;
+use super::overview::devices;
 use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::plot::Plot;
 use super::view::PAPER_SIZE;
 use crate::error::{Error, Result};
-use crate::record::{Folder, HOST, by, groups};
+use crate::record::{Folder, by, groups};
 use answer::Answer;
 use askama::Template;
 use figures::{Described, Figure};
@@ -35,8 +36,8 @@ pub struct Reproduction {
     commands: Vec<String>,
     /// Names of the folders next to the page that have their own reports.
     reports: Vec<String>,
-    /// The names that drivers report, by the common names (the names that people know), for devices whose two names
-    /// differ.
+    /// Maps a device's common name to the name that the driver reports. Devices for which both names are
+    /// equal are not in the map.
     drivers: HashMap<String, String>,
 }
 
@@ -51,15 +52,15 @@ pub struct Device {
     claims: Vec<Claim>,
 }
 
-/// The paper's claims and figures.
 struct Paper {
     rows: Vec<Row>,
     figures: Vec<Described>,
 }
 
 impl Reproduction {
-    /// Collects the page's data from these folders. More claims can be tested if the folders have
-    /// results of more of the paper's configs.
+    /// Collects the page's data from the folders. The more of the paper's configs the folders have results
+    /// of, the more claims can be tested. Returns an error if raycl's table of claims or of figures is not
+    /// valid.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let (folders, drivers) = with_common_names(folders);
@@ -71,12 +72,7 @@ impl Reproduction {
             .flat_map(|(folder, records)| Run::of(folder, groups(records)))
             .collect();
         sort_by_size(&mut runs);
-        let mut names: Vec<&str> = Vec::new();
-        for group in runs.iter().flat_map(|run| &run.groups).filter(|group| group.device != HOST) {
-            if !names.contains(&group.device) {
-                names.push(group.device);
-            }
-        }
+        let names = devices(runs.iter().flat_map(|run| &run.groups));
         let (mut pictures, mut taken) = (Pictures::default(), Vec::new());
         let devices = (0..)
             .zip(&names)
@@ -123,9 +119,10 @@ fn sort_by_size(runs: &mut [Run<'_>]) {
     runs.sort_by_key(|run| sizes.iter().position(|size| *size == run.image_size()));
 }
 
-/// Returns the run for which `count` returns the largest number. Only runs with a number of at least `least` are
-/// considered, and among these only the runs of one image size: the size that comes first in `runs`. If several runs
-/// have the largest number, the last of these runs is returned.
+/// Returns the run for which `count` returns the largest number; the last one if several runs have this
+/// number. Runs for which `count` returns less than `least` are left out. If the other runs have several
+/// image sizes, only runs with the size of the first of them are considered. Returns `None` if no run is
+/// left.
 fn with_most<'r, 'a>(
     runs: &'r [Run<'a>],
     least: usize,
@@ -146,8 +143,8 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-/// Returns the results of a device. `index` is its index among the devices. `taken` contains the names of the
-/// plots of earlier devices' answers; this function adds the names of the plots of this device's answer.
+/// Returns the results of a device; `index` is the device's index on the page. `taken` contains the plots'
+/// names in the answers of earlier devices. This function adds the plots' names in this device's answer.
 fn device(
     index: usize,
     name: &str,
@@ -191,8 +188,8 @@ mod tests {
         Reproduction::of(&[folder]).expect("the tables are right").devices.remove(0)
     }
 
-    /// Returns the texts of raycl's time and of the ratio in a row of Figure 6: the row for the teapot with blocks of 4
-    /// x 4.
+    /// Returns two texts of the row for the teapot and 4 x 4 work-items in the table of Figure 6: raycl's
+    /// time and the ratio.
     fn row(device: &Device) -> [&str; 2] {
         let figure = device.figures.iter().find(|figure| figure.about.number == 6).expect("a figure");
         let is_own = |row: &&[String; 5]| row[0].starts_with("Teapot") && row[1] == "4 x 4";

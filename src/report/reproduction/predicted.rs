@@ -1,7 +1,9 @@
 //! Plots the paper's Figure 5: the predicted number of threads on a multiprocessor for each block
 //! size.
 
-use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
+use crate::device::occupancy::{
+    Multiprocessor, PAPER_CAPABILITY, PAPER_REGISTERS, multiprocessor, occupancy,
+};
 use crate::record::Record;
 use crate::report::claims::Run;
 use crate::report::plot::Plot;
@@ -9,14 +11,10 @@ use crate::report::plot::chart::{Across, Chart, Mark, Series};
 use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 
-/// The paper's table: the width of a square block, and the threads per multiprocessor.
+/// The paper's table: the side of a square block (work-group), and the threads per multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
-/// The widths of the square blocks that the plot shows.
+/// The sides of the square blocks that the plot shows.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
-/// The number of registers per thread in the paper.
-const REGISTERS: u32 = 63;
-/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
-const PAPER: &str = "2.0";
 
 /// Returns Figure 5 with three curves: the published values, the prediction for the paper's number of registers, and
 /// the prediction for the kernel of the preset `naive` on this device. The last curve is left out if the kernel's
@@ -24,8 +22,8 @@ const PAPER: &str = "2.0";
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
-    if let Ok(sm) = multiprocessor(PAPER) {
-        let name = format!("at {REGISTERS} registers");
+    if let Ok(sm) = multiprocessor(PAPER_CAPABILITY) {
+        let name = format!("at {PAPER_REGISTERS} registers");
         series.push(one(name, 1, false, BLOCKS.iter().map(|block| by_registers(sm, *block)).collect()));
     }
     let own = of_device(runs, device);
@@ -56,19 +54,17 @@ fn mark(block: u32, threads: u64, why: &str) -> Mark {
 }
 
 fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
-    let occupancy = occupancy(sm, REGISTERS, 0, block * block);
+    let occupancy = occupancy(sm, PAPER_REGISTERS, 0, block * block);
     mark(block, occupancy.threads, &format!("limited by {}", occupancy.limiter))
 }
 
-/// Returns the predicted number of resident threads of the preset `naive`'s kernel, from the number of registers that
-/// the device's compiler reported.
+/// Returns marks for the kernel of the preset `naive` on a device: the number of threads that raycl predicted
+/// to be resident on a multiprocessor. Block sizes without a prediction in the records have no mark.
 fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();
     let own = |block: &u32| {
-        let naive = |record: &&&Record| {
-            record.preset.as_deref() == Some("naive") && record.local_size == Some([*block; 2])
-        };
+        let naive = |record: &&&Record| record.is_naive() && record.local_size == Some([*block; 2]);
         let kernel = records
             .iter()
             .filter(naive)

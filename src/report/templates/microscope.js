@@ -15,7 +15,8 @@ for (const view of all(".microscope")) {
     const pane = row.closest(".pane"), top = row.offsetTop - pane.scrollTop;
     if (top < 0 || top > pane.clientHeight - row.offsetHeight) pane.scrollTop = row.offsetTop - pane.clientHeight / 3;
   };
-  // Keeps the mark of a line. Arrow keys go on from `row`, and in the other pane from the line's first row.
+  // Marks a line permanently. In the pane of `row`, the next arrow key starts at `row`; in the other pane, it starts at
+  // the line's first row.
   const keep = (line, row) => {
     pinned = line;
     mark(line);

@@ -99,8 +99,8 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
 /// memory and time.
 fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw> {
     let mut left = payload as u64;
-    // In an ASCII file, the last number needs no separator after it.
-    left += u64::from(header.encoding == Encoding::Ascii);
+    // In an ASCII file, a separator follows each number. The last number of the file needs none.
+    let unneeded = u64::from(header.encoding == Encoding::Ascii);
     for element in header.elements.values().filter(|element| element.count > 0) {
         let (name, count) = (quoted(element.name.as_bytes()), element.count as u64);
         let least: u64 = element.properties.values().map(|of| least_bytes(header, &of.data_type)).sum();
@@ -111,11 +111,15 @@ fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw>
                 format!("the header {without}"),
             ));
         }
-        left = left.checked_sub(count.saturating_mul(least)).ok_or_else(|| {
-            let what = format!("the header states {count} elements {name} of at least {least} bytes");
-            let unquoted = "the file has fewer bytes than the elements of its header need";
-            Flaw::quoting(format!("{what}, but {left} bytes are left for them"), unquoted)
-        })?;
+        let needed = count.saturating_mul(least);
+        if needed > left + unneeded {
+            let states = format!("its header states {count} elements {name} of at least {least} bytes each");
+            return Err(Flaw::quoting(
+                format!("the file is too short: {states}, but only {left} bytes are left for them"),
+                "the file is too short for the elements that its header states",
+            ));
+        }
+        left = left.saturating_sub(needed);
     }
     Ok(())
 }

@@ -248,24 +248,29 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// Returns the index, from 0, of the element that the number in `part` means. The number of the first element
-/// is one. Negative numbers count backwards: -1 means the last element before the face. Returns an error if
-/// there is no such element.
+/// Returns the index, from 0, of the element that the number in `part` means. `what` names the kind of
+/// elements, such as "vertex". The number of the first element is one. Negative numbers count backwards: -1
+/// means the last element before the face. `seen` is the number of elements before the face, and `total` that
+/// of the whole file. Returns an error if there is no such element.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
     if value != 0 && (0..total as i64).contains(&index) {
         return Ok(index as u32);
     }
-    let valid = match (value, total) {
-        (_, 0) => format!("an index of a {what}, but the file has no {what} at all"),
+    let why = match (value, total) {
+        (_, 0) => format!("the file has {}", counted(0, what)),
         (..0, _) if seen == 0 => {
-            format!("1 to {total} (no {what} precedes this line, so a negative index refers to none)")
+            format!(
+                "expected 1 to {total} (no {what} precedes this line, so a negative index refers to none)"
+            )
         }
-        (..0, _) => format!("-{seen} to -1 (elements of this kind before this line: {seen})"),
-        _ => format!("1 to {total}"),
+        (..0, _) => {
+            format!("expected -{seen} to -1 (before this line, the file has {})", counted(seen, what))
+        }
+        _ => format!("expected 1 to {total}"),
     };
-    Err(format!("{what} index {} in {} does not exist; expected {valid}", quoted(part), quoted(token)))
+    Err(format!("{what} index {} in {} does not exist; {why}", quoted(part), quoted(token)))
 }
 
 fn not_an_index(part: &[u8], token: &[u8]) -> String {

@@ -68,7 +68,11 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
             "test.obj:1: vertex index `-1` in `-1` does not exist; expected 1 to 3 (no vertex precedes this line, so a \
              negative index refers to none)",
         ),
-        (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1 (elements of this kind before this line: 3)"),
+        (
+            format!("{CORNERS}f 1 2 -9\n"),
+            "`-9` does not exist; expected -3 to -1 (before this line, the file has 3 vertices)",
+        ),
+        ("f 1 2 3\n".to_owned(), "vertex index `1` in `1` does not exist; the file has 0 vertices"),
         (
             format!("{CORNERS}fo 1 2 4\n"),
             "test.obj:4: vertex index `4` in `4` does not exist; expected 1 to 3",

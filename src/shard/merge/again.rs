@@ -1,9 +1,9 @@
 //! Reports shards that were attempted more than once, for example after a requeue. The first attempt may still have
 //! been running during the second attempt, and may have changed the second attempt's times.
 
-use super::choice::few;
 use crate::error::Result;
 use crate::shard::Attempt;
+use crate::words::few;
 use std::collections::BTreeMap;
 
 /// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there
@@ -19,7 +19,6 @@ pub fn attempted_again(attempts: &[Attempt]) -> Result<Option<String>> {
         .filter(|(_, names)| names.len() > 1)
         .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
         .collect();
-    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
     Ok((!texts.is_empty()).then(|| {
         format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&texts))
     }))

@@ -6,7 +6,7 @@ use crate::record::journals::RECORDS;
 use crate::record::{Outcome, Record, new_names};
 use crate::shard::kind::FOLDER;
 use crate::shard::{Attempt, Kind};
-use crate::words::counted;
+use crate::words::{counted, few};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
@@ -196,13 +196,6 @@ fn is_wrong_and_right(outcomes: &[(usize, Outcome)]) -> bool {
     outcomes.iter().any(|(_, outcome)| wrong(outcome)) && !outcomes.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-/// Joins names with commas. If there are more than four names, lists only the first four names, and adds the
-/// number of the other names.
-pub fn few(names: &[&str]) -> String {
-    let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
-    names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -368,7 +361,5 @@ mod tests {
         );
         assert_eq!([chosen.outcome("c"), chosen.outcome("d")].map(|known| known.is_some()), [true, false]);
         assert!(Chosen::default().notes(&[]).is_empty());
-        let names = ["a", "b", "c", "d", "e"];
-        assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);
     }
 }

@@ -1,9 +1,9 @@
 //! The environment of a merged folder: the first attempt's environment, and a list of all machines that took part.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::existing;
 use crate::record::journals::ENVIRONMENT;
-use crate::record::write_whole;
+use crate::record::write_json;
 use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -31,8 +31,7 @@ pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     }
     let Some(mut environment) = first else { return Ok(()) };
     environment["hosts"] = Value::Array(hosts);
-    let text = serde_json::to_vec_pretty(&environment).map_err(|error| Error::run(error.to_string()))?;
-    write_whole(&out.join(ENVIRONMENT), &text)
+    write_json(&out.join(ENVIRONMENT), &environment)
 }
 
 #[cfg(test)]
@@ -57,6 +56,7 @@ mod tests {
         Attempt::begin(folder.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
         write(folder.path(), &Attempt::all(folder.path()).unwrap()).unwrap();
         let text = std::fs::read(folder.path().join("environment.json")).unwrap();
+        assert!(text.ends_with(b"}\n"), "the last line has an end");
         let merged: Value = serde_json::from_slice(&text).unwrap();
         assert_eq!(merged["started"], "early");
         let host = |name: &str| {

@@ -19,7 +19,7 @@ use crate::existing;
 use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines_if_any};
-use crate::record::{remove_leftovers, write_whole, write_whole_by};
+use crate::record::{remove_leftovers, write_json, write_whole_by};
 use crate::words::counted;
 use choice::{Chosen, choose};
 use launches::Launches;
@@ -219,8 +219,7 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
         Ok(json!({ "name": attempt.name, "about": attempt.about()?, "end": attempt.end()? }))
     };
     let all = json!({ "notes": notes, "attempts": attempts.iter().map(about).collect::<Result<Vec<_>>>()? });
-    let text = serde_json::to_vec_pretty(&all).map_err(|error| Error::run(error.to_string()))?;
-    write_whole(&out.join(MERGE), &text)
+    write_json(&out.join(MERGE), &all)
 }
 
 /// Writes the samples of the chosen records, with the new numbers of their launches (of worker processes). Returns the

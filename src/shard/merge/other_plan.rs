@@ -2,11 +2,10 @@
 //! several machines, each with its own plan, were copied together. These plans may differ, since a plan
 //! depends on the times that its machine measured earlier.
 
-use super::choice::few;
 use crate::error::Result;
 use crate::record::journals::SHARDS;
 use crate::shard::{Attempt, ShardPlan};
-use crate::words::counted;
+use crate::words::{counted, few};
 
 /// Returns a note that names the attempts with another plan; `None` if there are none. Attempts of earlier versions do
 /// not say which plan they had.

@@ -16,7 +16,7 @@ fn with(name: &str, axis: &str, value: &str) -> Strategy {
 }
 
 fn refusal(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> String {
-    Requirements::check(strategy, workload, limits).map_or_else(|refused| refused.reason, |_| String::new())
+    Requirements::check(strategy, workload, limits).map_or_else(|refused| refused.reason, |()| String::new())
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn trees_alone_are_held_to_what_their_words_can_name() {
 fn a_sum_that_is_its_limit_fits() {
     let mut sum = Sum::default();
     sum.add("rows", &[(48, " B"), (10, "")]);
-    assert!(sum.within("memory", 480).is_ok() && sum.each_within("memory", 480).is_ok());
+    assert!(sum.within("memory", 480).is_ok() && sum.each_within(480).is_ok());
     assert_eq!(sum.within("memory", 479).unwrap_err().reason, "memory: rows 48 B x 10 = 480 B > 479 B");
 }
 

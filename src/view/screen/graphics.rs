@@ -45,9 +45,9 @@ impl Graphics {
         best.shown_by_tmux(std::env::var_os("TMUX").is_some())
     }
 
-    /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal into
-    /// several). Since version 3.4, tmux accepts sixels even if the terminal around it cannot draw them, and then shows
-    /// nothing or a placeholder.
+    /// Returns half blocks instead of sixels if the answer came from tmux (a program that divides a terminal
+    /// into several). Since version 3.4, tmux accepts sixels even if the terminal around tmux cannot draw
+    /// them. In that case, tmux shows nothing or a placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }

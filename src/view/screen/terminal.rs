@@ -47,11 +47,13 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Returns the terminal. When raycl first shows a picture, writes a line or looks for input, it begins to use the
-    /// whole terminal. When the returned value is dropped, raycl stops using the terminal. Until raycl uses the whole
-    /// terminal, Ctrl-C ends raycl, for example while it loads a large scene. If `graphics` is `None`, asks the
-    /// terminal in which form it can show pictures. Uses half blocks without asking if no user can press keys, or if
-    /// the terminal does not report the size of a character in pixels.
+    /// Returns the terminal. If `graphics` is `None`, asks the terminal in which form it can show pictures.
+    /// If no user can press keys, or if the terminal does not report the size of a character in pixels, uses
+    /// half blocks without asking.
+    ///
+    /// raycl begins to use the whole terminal when it first shows a picture, writes a line or looks for
+    /// input. Until then, for example while a large scene is loaded, Ctrl-C ends raycl. When the returned
+    /// value is dropped, raycl stops using the terminal.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -153,8 +155,8 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // The pointer counts as being at the pixel in the middle of the character. If there are two middle pixels, it
-        // is the first of them; for half blocks, this is the upper pixel.
+        // The pointer counts as being at the pixel in the middle of the character. If there are two middle
+        // pixels, the pointer counts as being at the first; for half blocks, at the upper pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }
@@ -188,7 +190,8 @@ impl Screen for Terminal {
     }
 
     fn write_over(&mut self, lines: &[String]) -> Result<bool> {
-        // Only half blocks are characters themselves, which the next picture replaces together with the text.
+        // Half blocks are characters, so the next picture replaces the text. A picture in pixels may leave
+        // the text.
         if !self.is_interactive || self.graphics != Graphics::Blocks {
             return Ok(false);
         }
@@ -236,8 +239,8 @@ pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
     execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
 }
 
-/// Restores the terminal if it is in raw mode, since the crate `ocl` has panicked and this process ends. The terminal's
-/// usual screen then shows the message.
+/// Restores the terminal if it is in raw mode. raycl calls this function when the crate `ocl` has panicked,
+/// before the process ends. The terminal's usual screen then shows the message.
 fn restore(_reason: &str) {
     if terminal::is_raw_mode_enabled().unwrap_or(false) {
         // If this output fails, the failure is ignored, since a message in the same terminal would fail too.

@@ -33,7 +33,7 @@ fn cut(text: &str, columns: usize) -> String {
     characters[..end].iter().chain(&['…']).collect()
 }
 
-/// Returns whether two characters, one after the other, may be parts of one number.
+/// Returns true if two characters, one after the other, may be parts of one number.
 fn are_of_a_number(first: char, second: char) -> bool {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | ',');
     is_part(second) && (is_part(first) || first == '-')

@@ -27,7 +27,7 @@ pub struct Window {
     size: [u32; 2],
     /// The keys that were typed.
     keys: Receiver<Key>,
-    /// The pixels that are shown. The bytes of each, from the highest, are 0, red, green and blue.
+    /// The pixels that are shown. The bytes of each pixel, from the highest, are 0, red, green and blue.
     pixels: Vec<u32>,
     /// The position of the pointer when the drag was last read; `None` if no button was down then.
     dragged: Option<[f64; 2]>,
@@ -208,7 +208,7 @@ fn too_few_colours(display: &str, depth: u8, bits: u8) -> Error {
     .with_help(format!("use a display with {PIXEL_BITS} bits per pixel (usual for 24-bit colours), or no window: {REMEDY}"))
 }
 
-/// Collects keys one by one as they are pressed, so that a short tap counts even if a frame takes long.
+/// Collects keys as soon as they are pressed, so that a short tap counts even if a frame takes long.
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
@@ -223,14 +223,16 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // The receiver of keys is gone only if the window is closed; then the key does not matter.
+            // The receiver of keys is gone only if the window is closed. In this case, the key does not
+            // matter.
             let _ = self.sender.send(key);
         }
     }
 }
 
 impl InputCallback for Typed {
-    /// The window calls this function after `set_key_state` for the same key, so that `is_held` is about this key.
+    /// The window calls `set_key_state` for a key first and then this function, so `is_held` is about the
+    /// same key.
     fn add_char(&mut self, code: u32) {
         if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
             self.send(Key::Char(letter));

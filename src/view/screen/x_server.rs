@@ -8,8 +8,9 @@ use x11rb::rust_connection::RustConnection;
 /// numbers, and sizes as unsigned 16-bit numbers, so a server cannot draw the pixels of a larger window.
 pub const MOST_PIXELS: u32 = i16::MAX as u32;
 
-/// A connection to an X server that has said how it stores pixels. A server without any connection may start again, and
-/// then ends new connections, so the connection must stay open until the window's connection is open.
+/// A connection to an X server, and the server's answer about how it stores pixels. Keep the connection open
+/// until the window's connection is open: a server without any connection may start again, which ends new
+/// connections.
 pub struct XServer {
     /// Bits of a pixel's colour.
     pub depth: u8,
@@ -19,8 +20,9 @@ pub struct XServer {
 }
 
 impl XServer {
-    /// Connects to the server of a display, such as `:0` or `localhost:10.0`. Returns `None` if the server does not
-    /// answer, or does not let this program in; nothing is known about its pixels then.
+    /// Connects to the server of a display, such as `:0` or `localhost:10.0`. Returns `None` if the server
+    /// does not answer, or does not let this program in. In these cases, nothing is known about the server's
+    /// pixels.
     pub fn of(display: &str) -> Option<Self> {
         let (connection, screen) = RustConnection::connect(Some(display)).ok()?;
         let setup = connection.setup();

@@ -1,6 +1,6 @@
 //! Ranges of frames, and the numbered picture files.
 
-use super::super::spare_scene;
+use super::super::refuse_scene_file;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, frame_key, save_frame};
 use crate::output::Target;
@@ -79,7 +79,7 @@ impl Numbered {
     /// (which has been loaded).
     pub fn check(&self) -> Result<()> {
         self.target(self.wanted.first).check_folder()?;
-        self.wanted.numbers().try_for_each(|number| spare_scene(&self.target(number)))
+        self.wanted.numbers().try_for_each(|number| refuse_scene_file(&self.target(number)))
     }
 
     /// Returns true if a file may be replaced: one of the files exists, and `--force` is given.

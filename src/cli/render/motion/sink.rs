@@ -1,14 +1,15 @@
 //! Where frames go: numbered pictures, one animated picture, or a stream for an encoder.
 
-use super::super::{Args, spare_scene, target};
+use super::super::{Args, refuse_scene_file, target};
 use super::frames::{Frames, Numbered};
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
 use crate::output::Target;
 use crate::scene::Display;
+use crate::threads::{cores, locked};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
-use std::sync::{Mutex, PoisonError};
 use std::thread::Builder;
 
 /// The help in the error message about a file name that moving pictures cannot have.
@@ -59,7 +60,7 @@ impl Sink {
             return Ok(Self::Movie(Movie::y4m(target, size, rate)));
         }
         if is_apng(&target) {
-            spare_scene(&target)?;
+            refuse_scene_file(&target)?;
             return Ok(Self::Movie(Movie::apng(target, size, rate, wanted.len())));
         }
         let numbered = Numbered::new(&target, args.force, wanted, count);
@@ -133,7 +134,7 @@ const CORES_OF_WRITER: usize = 4;
 /// Returns how many pictures of a size are encoded at the same time. On a machine with few cores, only one picture is
 /// encoded at a time, since casting needs the cores too.
 fn writers(size: [u32; 2]) -> usize {
-    writers_on(std::thread::available_parallelism().map_or(1, usize::from), size)
+    writers_on(cores(), size)
 }
 
 fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
@@ -164,7 +165,7 @@ fn each_of<T: Send>(
     work: impl Fn(T) -> Result<()> + Sync,
 ) -> Result<()> {
     let (received, failed) = (Mutex::new(received), AtomicBool::new(false));
-    let next = || received.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
+    let next = || locked(&received).recv().ok();
     let on_thread = || -> Result<()> {
         let _stops = StopsOthers(&failed);
         while let Some(next) = next() {

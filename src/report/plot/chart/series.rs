@@ -3,6 +3,7 @@
 use super::super::look::Look;
 use super::super::svg::{Svg, number};
 use super::Frame;
+use crate::entry::entry;
 
 /// One mark: a sign in a plot, such as a disc, at a pair of values.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,8 +33,15 @@ pub struct Series {
 }
 
 impl Series {
-    /// Draws the series; `index` is its index among the series that have a name. For a series without a name, `index`
-    /// is the index of the last named series before it.
+    /// Adds a mark to the series with the name `name`. If there is no such series, adds it with the look
+    /// `look`. If `joined` is true, a line joins the marks of the new series.
+    pub fn add(all: &mut Vec<Self>, name: &str, look: Look, joined: bool, mark: Mark) {
+        let new = || Self { name: name.to_owned(), look, joined, marks: Vec::new() };
+        entry(all, |series| series.name == name, new).marks.push(mark);
+    }
+
+    /// Draws the series. `index` is the series' index among the series that have a name. For a series without
+    /// a name, `index` is the index of the last named series before it.
     pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, index: usize) {
         let class = format!("series {}", self.look.class());
         svg.open("g", &[("class", &class), ("data-series", &index)]);

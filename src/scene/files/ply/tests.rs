@@ -243,18 +243,23 @@ fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
             for count in ["11", "100000000000", "18446744073709551615"] {
                 let message =
                     message_of(format, &format!("element vertex {count}\nproperty {property}"), data);
-                assert!(
-                    message.starts_with(&format!("a.ply: the header states {count} elements `vertex`")),
-                    "{message}"
-                );
+                let states = format!("the file is too short: its header states {count} elements `vertex`");
+                let left = format!("but only {} bytes are left for them", data.len());
+                assert!(message.starts_with(&format!("a.ply: {states}")), "{message}");
+                assert!(message.contains(&left), "{message}");
             }
         }
     }
     let two =
         "element vertex 2\nproperty double x\nelement face 3\nproperty list ushort short a\nproperty float b";
     let message = message_of("binary_little_endian", two, &"x".repeat(33));
-    let expected = "the header states 3 elements `face` of at least 6 bytes, but 17 bytes are left for them";
+    let expected = "the file is too short: its header states 3 elements `face` of at least 6 bytes each, but only 17 \
+                    bytes are left for them";
     assert_eq!(message, format!("a.ply: {expected}"));
+    // Four numbers of one digit and the three blanks between them take 7 bytes.
+    let four = "ply\nformat ascii 1.0\nelement vertex 4\nproperty uchar x\nend_header\n";
+    let header = Parser::<Skipped>::new().read_header(&mut Reader::new(four.as_bytes())).unwrap();
+    assert!(check_sizes(&header, 7).is_ok() && check_sizes(&header, 6).is_err());
 }
 
 #[test]

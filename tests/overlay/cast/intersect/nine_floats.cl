@@ -1,9 +1,9 @@
-// meaning: Moeller and Trumbore's test with a corner and two edges, and no allowance for rounding but a fixed one
+// meaning: Moeller and Trumbore's test with a corner, two edges, and a fixed allowance for rounding
 // record_floats: 9
 // prepared_for: any-ray
 // exact_signs: no
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
-// contradicts: culling=back because it asks for no sign
+// contradicts: culling=back because the test ignores the determinant's sign
 //
 // For tests: a record that is not 12 floats long is an array of numbers.
 
