@@ -5,7 +5,7 @@ mod quoted;
 
 pub use nearest::{meant, nearest, nearest_file, nearest_folder, or_meant};
 use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
-pub use quoted::{line_of, shortened};
+pub use quoted::{line_of, shortened, shortened_note};
 
 use std::path::{Path, PathBuf};
 

@@ -7,10 +7,18 @@
 //!
 //! | | |
 //! |---|---|
-//! | [`load_scene`] | reads a scene or a mesh |
-//! | [`Raycaster`] | casts a [`Picture`] of a scene on a device |
-//! | [`hits`] | finds the hit of each pixel's ray, and returns [`Layers`] |
-//! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config; the result is one [`Record`] per point |
+//! | [`load_scene`] | reads a scene or a mesh, and returns it as [`Loaded`], which contains a [`Scene`] |
+//! | [`Raycaster`] | casts a [`Picture`] of a scene on a device; the picture contains [`Radiance`] |
+//! | [`hits`] | finds the hit of each pixel's ray, and returns [`Layers`], in which [`NOTHING`] stands for no hit |
+//! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config; the result is one [`Record`] per point, with an [`Outcome`] |
+//! | [`Error`], [`InputError`], [`Result`] | what a function returns if it fails |
+//!
+//! The types of the module [`scene`] that occur in fields of [`Loaded`] and [`Scene`] are internal, and so are the
+//! functions that make an [`Error`].
+//!
+//! The text of an [`Error`] (`Display`) is its message alone. [`Error::in_a_line`] returns the message with the file
+//! and the line of a mistake, and [`Error::remedy`] a next step for the user. The crate `miette`, with its feature
+//! `fancy`, prints all of them together with the lines of the file, as the programs in `examples/` do.
 //!
 //! ```no_run
 //! # fn main() -> raycl::Result<()> {
@@ -23,8 +31,9 @@
 //!
 //! # Internals
 //!
-//! All modules are internal and change without notice. [`scene`] is public, since the stable API uses its types. Other
-//! modules that raycl's own binary and tests use are public too, but hidden in these pages; the rest is private.
+//! All modules are internal and change without notice. [`scene`] is public, since fields of the stable API have its
+//! types. Other modules that raycl's own binary and tests use are public too, but hidden in these pages; the rest is
+//! private.
 //!
 //! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
 //! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the
@@ -106,7 +115,7 @@ mod view;
 mod words;
 mod xdg;
 
-pub use error::{Error, Result};
+pub use error::{Error, InputError, Result};
 pub use image::Radiance;
 pub use library::{Picture, Raycaster, hits, run_experiment, serve_if_worker};
 pub use record::{Outcome, Record};

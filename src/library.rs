@@ -2,26 +2,40 @@
 
 use crate::cli::choice::{chosen_strategy, one_device};
 use crate::cli::{Cli, prepare_for_drivers, run};
-use crate::device::Device;
+use crate::device::{Device, DeviceInfo, guarded, report_panics};
 use crate::device_lock::check_folder;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, check_alpha, save};
+use crate::image::{Radiance, check_alpha, check_image, check_target, save};
 use crate::launch::{Refused, Session};
+use crate::memory::Available;
 use crate::output::{Choice, Target};
 use crate::own_program::is_worker;
 use crate::printer;
 use crate::program::Sources;
 use crate::record::Record;
 use crate::reference::layers::{Layers, layers};
-use crate::scene::{Display, Loaded, Scene};
+use crate::scene::{Display, Loaded, Scene, SkyPicture};
 use crate::strategy::{Culling, Task};
+use std::mem::ManuallyDrop;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The largest width or height of a picture in pixels, as for `raycl render`.
+const MAX_SIDE: u32 = 65_536;
+/// Bytes per pixel that [`hits`] needs: two counts and a hit, and the layers that are made of them.
+const LAYERS_BYTES: u64 = 8 + 24 + 32;
+/// What a caller should know about remedies that name options.
+const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
+
+/// True if this process has called [`serve_if_worker`].
+static SERVES: AtomicBool = AtomicBool::new(false);
 
 /// A scene and an open device, ready to cast pictures.
 pub struct Raycaster {
     device: Device,
-    session: Session,
+    /// `None` after the driver has failed.
+    session: Option<Session>,
     scene: Arc<Scene>,
 }
 
@@ -45,15 +59,28 @@ impl Raycaster {
     /// if there is one, else an accelerator, else a CPU. Of several such devices, the one with the most
     /// compute units is used.
     ///
+    /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls [`serve_if_worker`]
+    /// first limits them to the processors on which it may run, as `raycl render` does.
+    ///
+    /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics into errors. For
+    /// this purpose, the first call of `open` sets a panic hook, which hides these panics; all others reach the hook
+    /// that was set before. A program that sets a hook of its own should do so before the first call.
+    ///
     /// # Errors
     ///
-    /// Fails if no device matches, or none is usable.
+    /// Fails if the scene has a mistake: no triangle, an index out of bounds, or a number that is not finite or not in
+    /// its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless the program changed them.)
+    /// Also fails if no device matches, if none is usable, or if the driver fails.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
-        let sources = Sources::Embedded;
-        let device = one_device(device, &sources)?;
-        let scene = Arc::new(scene);
-        let session = Session::open(&device, &sources, Arc::clone(&scene))?;
-        Ok(Self { device, session, scene })
+        check_scene(&scene)?;
+        let (sources, scene) = (Sources::Embedded, Arc::new(scene));
+        let open = || -> Result<(Device, Session)> {
+            let device = one_device(device, &sources)?;
+            let session = Session::open(&device, &sources, Arc::clone(&scene))?;
+            Ok((device, session))
+        };
+        let (device, session) = guarded(open).flatten().map_err(for_programs)?;
+        Ok(Self { device, session: Some(session), scene })
     }
 
     /// Returns the device's name.
@@ -68,32 +95,141 @@ impl Raycaster {
     ///
     /// # Errors
     ///
-    /// Fails if the strategy has an unknown name or value, if its values contradict each other, if it needs more memory
-    /// than the device or the host has, or if the driver fails.
+    /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or value, if its
+    /// values contradict each other, if it needs more memory than the device or the host has, or if the driver fails.
+    /// After a failed launch, the `Raycaster` casts no more pictures, and its memory on the device is not freed, since
+    /// freeing could fail too: open another `Raycaster`.
+    ///
+    /// One kind of failure still ends the process: if a driver that has reported no error before refuses to free
+    /// several objects, the crate `ocl` panics while it handles a panic, and Rust aborts the process.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
-        let task = Task::of(&self.scene, size, false);
-        let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
-        let refused = |refused: Refused| refused.into_error(&self.device.info);
-        let prepared = self.session.prepare(&strategy, size, local_size).map_err(refused)?;
-        let caster = prepared.caster().map_err(refused)?;
-        let times = caster.cast().map_err(Refused::at("the launch")).map_err(refused)?;
-        let read = caster.read().map_err(Refused::at("reading the image"));
-        let (radiance, hit_pixels) = read.map_err(refused)?;
-        Ok(Picture { radiance, hit_pixels, frame_ms: times.frame_ms, display: self.scene.display })
+        check_size(size)?;
+        let Some(session) = self.session.as_mut() else { return Err(closed()) };
+        let (info, scene) = (&self.device.info, &*self.scene);
+        let error = match guarded(|| cast_once(session, info, scene, strategy, size)) {
+            Ok(Ok(picture)) => return Ok(picture),
+            Ok(Err(Failed::Refused(error))) => return Err(for_programs(error)),
+            Ok(Err(Failed::Lost(error))) | Err(error) => error,
+        };
+        // After a driver has broken down, freeing an object would panic.
+        std::mem::forget(self.session.take());
+        Err(for_programs(error))
     }
+}
+
+/// Why a picture could not be cast.
+enum Failed {
+    /// Nothing was launched; other pictures may succeed.
+    Refused(Error),
+    /// A launch, or reading its picture, failed. The driver or its device may be broken.
+    Lost(Error),
+}
+
+/// Casts a picture, as [`Raycaster::cast`] does.
+fn cast_once(
+    session: &mut Session,
+    info: &DeviceInfo,
+    scene: &Scene,
+    strategy: Option<&str>,
+    size: [u32; 2],
+) -> std::result::Result<Picture, Failed> {
+    let refused = |refused: Refused| Failed::Refused(refused.into_error(info));
+    let lost = |refused: Refused| Failed::Lost(refused.into_error(info));
+    let task = Task::of(scene, size, false);
+    let chosen = chosen_strategy(strategy, &[], &info.limits, task);
+    let (strategy, local_size) = chosen.map_err(Failed::Refused)?;
+    let prepared = session.prepare_fitting(&strategy, size, local_size).map_err(refused)?;
+    let caster = prepared.caster().map_err(refused)?;
+    // If the launch fails, the two objects are not freed: freeing an object of a broken driver would panic.
+    let (prepared, caster) = (ManuallyDrop::new(prepared), ManuallyDrop::new(caster));
+    let times = caster.cast().map_err(Refused::at("the launch")).map_err(lost)?;
+    let (radiance, hit_pixels) = caster.read().map_err(Refused::at("reading the image")).map_err(lost)?;
+    drop(ManuallyDrop::into_inner(caster));
+    drop(ManuallyDrop::into_inner(prepared));
+    Ok(Picture { radiance, hit_pixels, frame_ms: times.frame_ms, display: scene.display })
+}
+
+/// Returns the error for a picture that a caller requests after the driver has failed.
+fn closed() -> Error {
+    Error::run("the driver failed in an earlier call of `cast`, so this Raycaster casts no more pictures")
+        .with_help("open another Raycaster; if that fails too, `raycl devices` lists other devices")
+}
+
+/// Adds to a remedy that names options of the command `raycl` what stands for them in a program.
+fn for_programs(error: Error) -> Error {
+    let remedy = error.remedy();
+    if !remedy.contains("--") {
+        return error;
+    }
+    let remedy = format!("{remedy} {OPTIONS}");
+    error.with_help(remedy)
+}
+
+/// Checks a scene that a program may have made or changed. [`Scene::validate`] checks everything that a scene's file
+/// can set; this function also checks what only programs set.
+fn check_scene(scene: &Scene) -> Result<()> {
+    scene.validate()?;
+    let mistake = |what: &str, expected: &str| Err(Error::input(format!("{what}; expected {expected}")));
+    let camera = &scene.camera;
+    if !camera.shift.iter().all(|pixels| pixels.abs() <= MAX_SIDE as f32) {
+        let [across, down] = camera.shift;
+        return mistake(
+            &format!("the camera's `shift` is [{across}, {down}]"),
+            "numbers of pixels from -65,536 to 65,536; it is usually [0, 0]",
+        );
+    }
+    if !(0.0..=1.0).contains(&camera.cone_share) {
+        let share = camera.cone_share;
+        return mistake(&format!("the camera's `cone_share` is {share}"), "a number from 0 to 1");
+    }
+    if camera.covers.is_some_and(|size| size.contains(&0)) {
+        return mistake("the camera's `covers` has a side of 0 pixels", "at least 1, or None");
+    }
+    scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
+}
+
+/// Refuses a picture of the sky whose texels do not match its size, or whose middle is in no direction.
+fn check_sky_picture(SkyPicture { size: [across, down], texels, ahead, .. }: &SkyPicture) -> Result<()> {
+    let count = texels.len() as u64;
+    if count == 0 || u64::from(*across) * u64::from(*down) != count {
+        return Err(Error::input(format!(
+            "the sky's picture has {across} x {down} texels, but its list `texels` has {count}; expected one element \
+             per texel, and at least one texel"
+        )));
+    }
+    if (ahead.length() - 1.0).abs() < 1e-3 {
+        return Ok(());
+    }
+    let message = format!("the middle of the sky's picture is towards {ahead}, which is not a unit vector");
+    Err(Error::input(message))
+}
+
+/// Returns an error if a picture cannot have this size, in pixels across and down.
+fn check_size([across, down]: [u32; 2]) -> Result<()> {
+    let sides = 1..=MAX_SIDE;
+    if sides.contains(&across) && sides.contains(&down) {
+        return Ok(());
+    }
+    let message =
+        format!("a picture cannot have {across} x {down} pixels; expected 1 to 65,536 in each direction");
+    Err(Error::input(message).with_help("choose another size"))
 }
 
 impl Picture {
     /// Writes the picture in the format of the file's extension. PNG and JPEG files contain the picture after the
     /// scene's display transform; EXR and HDR files contain linear radiance. A file that raycl did not make, or that
-    /// somebody has changed, is never replaced.
+    /// somebody has changed, is never replaced. If the path is `-`, a PNG is written to standard output.
     ///
     /// # Errors
     ///
     /// Fails if the extension names no supported format, if the file cannot be written, or if a file exists that is not
-    /// replaced. Also fails if the scene's background is transparent and the format has no alpha channel.
+    /// replaced. Also fails if the format cannot hold the picture: a JPEG has at most 65,535 pixels in each direction,
+    /// an HDR has only finite numbers, and JPEG and HDR have no alpha channel, which a transparent background needs.
+    /// Also fails if the program has changed `radiance` so that its lists do not match its size.
     pub fn save(&self, path: &Path) -> Result<()> {
         let target = Target::new(path, Choice::without_force("save(OTHER_PATH)"));
+        check_target(&target, [self.radiance.width, self.radiance.height])?;
+        check_image(&self.radiance, &target)?;
         if !self.radiance.coverage.is_empty() {
             check_alpha(&target)?;
         }
@@ -102,20 +238,36 @@ impl Picture {
 }
 
 /// Returns what the ray of each pixel hits: depth, normal, triangle and object. The rays are cast on the host
-/// in double precision, without a device.
+/// in double precision, without a device. [`Raycaster::open`] takes the scene out of `loaded`, so call this function
+/// before, or clone the scene.
 ///
 /// # Errors
 ///
-/// Fails if the scene has more triangles than a tree can index (33,554,432).
+/// Fails if the scene has a mistake ([`Raycaster::open`] lists them), or more triangles than a tree can index
+/// (33,554,432). Also fails if the width or the height is not from 1 to 65,536, or if the layers do not fit into
+/// memory.
 pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
+    check_size(size)?;
+    check_scene(&loaded.scene)?;
+    check_room(size, &Available::read())?;
     layers(&loaded.scene, &loaded.object_starts, size, Culling::None)
+}
+
+/// Returns an error if the layers of a picture do not fit into memory.
+fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
+    let bytes = u64::from(across).saturating_mul(u64::from(down)).saturating_mul(LAYERS_BYTES);
+    let sum = format!("{LAYERS_BYTES} B x {across} x {down} pixels");
+    available.hold(bytes, "finding the hits of a picture", &sum)
 }
 
 /// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an interrupted
 /// run. Worker processes measure the points. Each worker process is the calling program, started again; therefore the
 /// program's `main` must begin with [`serve_if_worker`]. raycl sets the environment variable `RAYCL_WORKER` for its
 /// workers. Where this variable is set, `run_experiment` fails: otherwise, a program without `serve_if_worker` would
-/// start itself again and again.
+/// start itself again and again. For the same reason, `run_experiment` fails in a program that has not called
+/// `serve_if_worker`.
+///
+/// The function prints nothing. If another process measures on a device, the function waits until that process ends.
 ///
 /// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
 /// ends the process. A signal between two calls of this function interrupts the second call.
@@ -124,8 +276,9 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
 /// are not results, or if the environment variable `RAYCL_LOCK_DIR` is not an absolute path. Also fails if
-/// the run is interrupted, or if the calling process is a worker. A point that fails is not an error: its
-/// record states the reason.
+/// `out` is empty, if one of the two paths is not UTF-8, if the run is interrupted, if the calling process is a
+/// worker, or if it has not called `serve_if_worker`. A point that fails is not an error: its record states the
+/// reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -133,16 +286,37 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
         )
         .with_help("call raycl::serve_if_worker first in `main`: it does the work of a worker and ends it"));
     }
+    check_paths(config, out)?;
+    if !SERVES.load(Ordering::Relaxed) {
+        return Err(Error::input(
+            "run_experiment was called in a program that has not called serve_if_worker",
+        )
+        .with_help("call raycl::serve_if_worker first in `main`: raycl's workers are the same program"));
+    }
     check_folder()?;
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let mut arguments = run::Args::of(config.to_owned(), out, &devices, &[]);
     arguments.resume = resume;
-    let measured = run::measure_resumably(&arguments, &mut ());
+    let measured = printer::muted(|| run::measure_resumably(&arguments, &mut ()));
     // The caller learns of the interruption from this error, so the interruption must not end the next run as well.
     if matches!(measured, Err(Error::Interrupted { .. })) {
         run::forget_interruption();
     }
-    Ok(measured?.1)
+    Ok(measured.map_err(for_programs)?.1)
+}
+
+/// Returns an error if raycl cannot write results into the folder `out`, or cannot pass the paths to workers, which
+/// receive them as JSON.
+fn check_paths(config: &Path, out: &Path) -> Result<()> {
+    if out.as_os_str().is_empty() {
+        return Err(Error::input("the path of the folder of results is empty")
+            .with_help("name a folder, such as `results/first`; `.` is the current folder"));
+    }
+    match [config, out].into_iter().find(|path| path.to_str().is_none()) {
+        Some(path) => Err(Error::input(format!("the path {} is not UTF-8", path.display()))
+            .with_help("rename the file or folder, or use a symbolic link whose path is UTF-8")),
+        None => Ok(()),
+    }
 }
 
 /// If raycl started this process as a worker, does the worker's task and then ends the process. The task is
@@ -152,10 +326,12 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
 /// give it a folder that it can write. Call this function first in the `main` of a program that runs
 /// experiments, before the program starts a thread.
 pub fn serve_if_worker() {
+    SERVES.store(true, Ordering::Relaxed);
     if !is_worker() || std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         prepare_for_drivers(true);
         return;
     }
+    report_panics();
     let code = match Cli::read().and_then(Cli::run) {
         Ok(()) => 0,
         Err(error) => {
@@ -164,4 +340,137 @@ pub fn serve_if_worker() {
         }
     };
     std::process::exit(code);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+    use crate::scene::{Sky, load_scene};
+    use glam::Vec3;
+
+    fn loaded() -> Loaded {
+        load_scene(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml")).unwrap()
+    }
+
+    /// Returns a scene under a picture of the sky with this size, this number of texels and this direction.
+    fn under(size: [u32; 2], texels: usize, ahead: Vec3) -> Scene {
+        let picture = SkyPicture { size, texels: vec![[1.0; 3]; texels].into(), ahead, is_seen: false };
+        let [zenith, horizon, up] = [Vec3::ZERO, Vec3::ZERO, Vec3::Y];
+        let sky = Sky { zenith, horizon, up, reach: 1.0, picture: Some(Arc::new(picture)) };
+        Scene { sky: Some(sky), ..fixtures::single_triangle() }
+    }
+
+    /// Returns the message with which both `open` and `hits` refuse a scene.
+    #[track_caller]
+    fn refusal(scene: Scene) -> String {
+        let loaded = Loaded { scene: scene.clone(), ..loaded() };
+        let errors = [Raycaster::open(scene, None).err(), hits(&loaded, [8, 5]).err()];
+        let [one, other] = errors.map(Option::unwrap);
+        assert_eq!((one.exit_code(), one.to_string()), (2, other.to_string()));
+        one.to_string()
+    }
+
+    #[test]
+    fn a_scene_that_a_program_changed_is_checked_before_it_is_used() {
+        let changed = |change: fn(&mut Scene)| {
+            let mut scene = fixtures::single_triangle();
+            change(&mut scene);
+            refusal(scene)
+        };
+        let index = "a triangle names a vertex, normal or material that does not exist";
+        assert!(changed(|scene| scene.mesh_mut().triangles[0].material = 2_000_000_000).contains(index));
+        assert!(changed(|scene| scene.mesh_mut().triangles[0].positions[1] = 3_000).contains(index));
+        assert!(changed(|scene| scene.mesh_mut().triangles.clear()).contains("no triangles"));
+        assert!(changed(|scene| scene.camera.position.x = f32::NAN).contains("the camera is at"));
+        assert!(changed(|scene| scene.camera.tan_half_fov = f32::NAN).contains("tan_half_fov is NaN"));
+        assert!(changed(|scene| scene.camera.shift = [f32::NAN, 1e30]).contains("`shift` is [NaN, 1"));
+        assert!(changed(|scene| scene.camera.cone_share = f32::NAN).contains("`cone_share` is NaN"));
+        assert!(changed(|scene| scene.camera.covers = Some([0, 5])).contains("`covers`"));
+        assert!(check_scene(&fixtures::single_triangle()).is_ok());
+    }
+
+    #[test]
+    fn a_picture_of_the_sky_has_as_many_texels_as_its_size_says() {
+        assert!(check_scene(&under([4, 2], 8, Vec3::X)).is_ok());
+        for (size, texels) in [([4, 2], 7), ([4, 3], 8), ([0, 5], 0)] {
+            let message = refusal(under(size, texels, Vec3::X));
+            assert!(message.contains(&format!("its list `texels` has {texels};")), "{message}");
+        }
+        assert!(refusal(under([4, 2], 8, Vec3::NAN)).contains("not a unit vector"));
+    }
+
+    #[test]
+    fn a_picture_has_as_many_pixels_as_the_commands_allow() {
+        assert!(check_size([1, 65_536]).is_ok() && check_size([65_536, 1]).is_ok());
+        let loaded = loaded();
+        for size in [[0, 5], [5, 0], [65_537, 1], [1, 65_537], [u32::MAX; 2]] {
+            let error = hits(&loaded, size).unwrap_err();
+            let expected =
+                format!("{} x {} pixels; expected 1 to 65,536 in each direction", size[0], size[1]);
+            assert!(error.exit_code() == 2 && error.to_string().ends_with(&expected), "{error}");
+        }
+        let mut caster = Raycaster::open(loaded.scene, Some("cpu")).unwrap();
+        assert_eq!(caster.cast(Some("naive"), [0, 5]).unwrap_err().exit_code(), 2);
+        let picture = caster.cast(Some("naive"), [8, 5]).unwrap();
+        assert_eq!((picture.radiance.pixels.len(), picture.radiance.width), (40, 8));
+    }
+
+    #[test]
+    fn layers_that_do_not_fit_into_memory_are_refused() {
+        let check = |bytes| {
+            let available = Available { bytes, source: "a test".to_owned() };
+            check_room([65_536, 65_536], &available).map_err(|error| error.to_string())
+        };
+        assert_eq!(check(64 << 32), Ok(()));
+        let message = check((64 << 32) - 1).unwrap_err();
+        assert!(message.contains("(64 B x 65536 x 65536 pixels = 274877906944 B)"), "{message}");
+    }
+
+    #[test]
+    fn a_picture_that_a_program_changed_is_saved_only_if_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let radiance = Radiance::new(4, 2);
+        let mut picture = Picture { radiance, hit_pixels: 0, frame_ms: 0.0, display: Display::default() };
+        let mut save = |width, height, name: &str| {
+            (picture.radiance.width, picture.radiance.height) = (width, height);
+            let path = folder.path().join(name);
+            picture.save(&path).map_err(|error| (error.exit_code(), path.exists()))
+        };
+        for name in ["a.png", "a.jpg", "a.exr", "a.hdr"] {
+            for [width, height] in [[0, 2], [4, 0], [4, 3], [8, 2], [70_000, 1]] {
+                assert_eq!(save(width, height, name), Err((2, false)), "{name}, {width} x {height}");
+            }
+            assert_eq!(save(4, 2, name), Ok(()), "{name}");
+        }
+    }
+
+    #[test]
+    fn paths_that_no_run_can_use_are_refused_at_once() {
+        let refused = |config: &Path, out: &Path| {
+            let error = run_experiment(config, out, &[], false).unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+            error.to_string()
+        };
+        let [config, out] = ["a.toml", "out"].map(Path::new);
+        assert_eq!(refused(config, Path::new("")), "the path of the folder of results is empty");
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt as _;
+            let other = Path::new(std::ffi::OsStr::from_bytes(b"t\xff"));
+            for (config, out) in [(other, out), (config, other)] {
+                let message = refused(config, out);
+                assert!(message.ends_with(" is not UTF-8"), "{message}");
+            }
+        }
+        // The program of these tests has no workers.
+        assert!(refused(config, out).ends_with("has not called serve_if_worker"));
+    }
+
+    #[test]
+    fn a_remedy_that_names_an_option_says_that_programs_have_none() {
+        let remedy = |text: &str| for_programs(Error::run("a").with_help(text)).remedy().to_owned();
+        assert_eq!(remedy("try again"), "try again");
+        assert_eq!(remedy("give another --out"), format!("give another --out {OPTIONS}"));
+    }
 }

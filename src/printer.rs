@@ -4,6 +4,7 @@
 //! mistake. Characters of both kinds are printed as escapes such as `\u001b`, which are also valid JSON.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
@@ -91,14 +92,44 @@ pub fn markdown(text: &str) -> String {
     shown
 }
 
-/// Prints a line to standard error. If printing fails, the command continues.
+thread_local! {
+    /// True while [`tell`] prints nothing in this thread.
+    static IS_MUTED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Calls `work`. Until it returns or panics, [`tell`] prints nothing in this thread.
+pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
+    /// The value of `IS_MUTED` before the call, which is set again at the end.
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            IS_MUTED.set(self.0);
+        }
+    }
+    let _before = Before(IS_MUTED.replace(true));
+    work()
+}
+
+/// Prints a line to standard error, unless this thread is muted. If printing fails, the command continues.
 pub fn tell(text: impl std::fmt::Display) {
+    if IS_MUTED.get() {
+        return;
+    }
     let _ = writeln!(std::io::stderr(), "{}", coloured(&text.to_string()));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_thread_is_muted_until_the_work_ends_even_if_it_panics() {
+        assert!(!IS_MUTED.get());
+        assert!(muted(|| muted(|| true) && IS_MUTED.get()));
+        assert!(!IS_MUTED.get());
+        assert!(std::panic::catch_unwind(|| muted(|| -> u8 { panic!("in a test") })).is_err());
+        assert!(!IS_MUTED.get());
+    }
 
     #[test]
     fn what_steers_a_terminal_is_shown_and_not_obeyed() {

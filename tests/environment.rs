@@ -224,6 +224,35 @@ fn what_is_mirrored_from_below_a_surface_is_dark() {
     folder.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
 }
 
+/// A shiny square, seen from straight ahead. Its normal is opposite to the axis that kernels turn to a surface's normal,
+/// so that the turn is undefined.
+const OPPOSITE: &str = "[camera]
+position = [-1.08, -1.44, -2.4]
+look_at = [0, 0, 0]
+[sky]
+picture = \"sky.hdr\"
+[[object]]
+vertices = [[1.2, -0.9, 0], [0.72, 0.96, -0.9], [-1.2, 0.9, 0], [-0.72, -0.96, 0.9]]
+faces = [[0, 1, 2, 3]]
+normals = [[-0.36, -0.48, -0.8]]
+face_normals = [[0, 0, 0, 0]]
+material = { k_l = 0.6, k_g = 0.3, shininess = 60 }
+";
+
+#[test]
+fn a_shiny_surface_whose_normal_is_opposite_to_the_turned_axis_mirrors_the_sky_too() {
+    let folder = folder_with(OPPOSITE);
+    for strategy in FAMILIES {
+        render(&folder, &["--verify", "--strategy", strategy]);
+    }
+    let undefined = (
+        "common/environment.cl",
+        "max(1.0f + dot3(axis, normal), (varying)(1e-6f))",
+        "(1.0f + dot3(axis, normal))",
+    );
+    folder.notices(undefined, "bvh", &["--verify"]);
+}
+
 /// Under a picture of a sky that has the same radiance everywhere, a highlight seen from straight above reflects the
 /// integral of its lobe.
 #[test]

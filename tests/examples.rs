@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 /// Returns the command that runs an example in a folder.
-fn example(folder: &WorkFolder, name: &str, words: &[&str]) -> Command {
+pub fn example(folder: &WorkFolder, name: &str, words: &[&str]) -> Command {
     let program = Path::new(env!("CARGO_BIN_EXE_raycl")).with_file_name("examples").join(name);
     assert!(program.is_file(), "{}: `cargo build --examples` makes it", program.display());
     let mut command = Command::new(program);

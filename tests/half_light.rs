@@ -1,6 +1,6 @@
 //! Soft light at half resolution: the default look of bare meshes.
 
-use crate::binary::{WorkFolder, device};
+use crate::binary::{WorkFolder, device, has};
 use crate::common::due;
 use image::RgbImage;
 
@@ -66,6 +66,22 @@ fn a_transparent_background_keeps_its_coverage() {
         image.pixels().any(|pixel| pixel.0[3] == 255)
             && image.pixels().any(|pixel| (1..255).contains(&pixel.0[3]))
     );
+}
+
+/// The unoccluded light of a black surface is 0, so no pixel of the half picture is similar to it. The weights of these
+/// pixels must nevertheless not be 0, since the filter divides by their sum. In the changed kernel they are 0.
+#[test]
+fn a_black_mesh_is_black() {
+    let black = format!("mtllib mesh.mtl\nusemtl black\n{MESH}");
+    let folder = WorkFolder::with(&[("mesh.obj", &black), ("mesh.mtl", "newmtl black\nKd 0 0 0\n")]);
+    for family in FAMILIES {
+        let shown = picture(&folder, EVEN, &["--verify", "--strategy", family]);
+        let blacks = shown.pixels().filter(|pixel| pixel.0 == [0; 3]).count();
+        assert!(blacks > 500, "{family}: {blacks}");
+    }
+    let (device, kernels) = (device(), folder.kernels(FILTER, " + 1e-37f", ""));
+    let changed = ["--verify", "--quiet", "--strategy", "bvh", "--cl-dir", &kernels];
+    has(&folder.mistake(&options(&device, EVEN, &changed), 1), &["the picture is wrong: "]);
 }
 
 const FILTER: &str = "common/half_light.cl";

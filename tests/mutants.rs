@@ -29,12 +29,10 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 /// pictures of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
 /// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the default
 /// look of bare meshes; tests/half_light.rs changes its file. The display transform computes no radiance; a test beside
-/// its code (src/launch/show.rs) changes it. The probe, a kernel that tests a device's lane operations, needs no test,
-/// since its purpose is to find wrong results.
-const UNTOUCHED: [&str; 16] = [
+/// its code (src/launch/show.rs) changes it.
+const UNTOUCHED: [&str; 15] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
-    "probe/lanes.cl",
     "anchor/spheres.cl",
     "common/cutouts.cl",
     "common/environment.cl",

@@ -50,6 +50,11 @@ fn nothing_nearer_than_the_near_plane_is_seen() {
 }
 
 #[test]
+fn triangles_that_extend_behind_the_eye_are_seen_in_front_of_it() {
+    is_right_in_all("behind.toml");
+}
+
+#[test]
 fn shadow_rays_end_at_lights_and_meet_all_before() {
     is_right_in_all("lights.toml");
     is_right_in_all("hovering.toml");

@@ -2,10 +2,11 @@
 //! read of memory that was never written. `make test` installs Oclgrind; without it, these tests fail.
 
 use crate::binary::until;
+use crate::common::apart::MARK;
 use crate::common::cover::pairwise_cover;
 use crate::common::{is_long, scene};
 use raycl::program::Sources;
-use raycl::strategy::{Copied, PRESETS, Strategy, Traversal, Width};
+use raycl::strategy::{Copied, Culling, Intersector, PRESETS, Strategy, Traversal, Width, preset};
 use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -143,6 +144,56 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
     assert_eq!(all_clean_at(["9", "6"], TILES, &all, "4x4", RACES), all.len());
 }
 
+/// The work-groups of this picture have no work-item outside the picture. Each vector in the heap, even the last one,
+/// therefore belongs to a pixel.
+#[test]
+fn the_last_vector_in_the_heap_has_memory_of_its_own() {
+    let naive = preset("naive").expect("a preset").strategy;
+    assert_eq!(all_clean_at(["18", "12"], "pyramid-lower.toml", &[naive], "3x2", RACES), 1);
+}
+
+/// PoCL takes half a minute to compile each of these strategies, so that only `make test-long` casts this scene on PoCL
+/// with them (tests/near.rs).
+#[test]
+fn tiles_that_work_items_share_show_nothing_nearer_than_the_near_plane() {
+    let shared: Vec<_> = presets().into_iter().filter(Strategy::shares_tiles).collect();
+    assert_eq!(all_clean("../tests/data/near.toml", &shared, "32x1", RACES), 2);
+}
+
+/// Shadow rays of tiles are tested from the light, but a ray that runs towards the light must meet a front. Tiles that
+/// work-items share cast some of the shadow rays of this scene one by one.
+#[test]
+fn backs_stop_no_shadow_rays_of_tiles_if_backs_are_culled() {
+    let culled = [
+        ("tile", Intersector::WATERTIGHT),
+        ("tile-group", Intersector::WATERTIGHT),
+        ("tile-group", Intersector::EDGE_PLANES),
+        ("tile-group", Intersector::COMMON_ORIGIN),
+    ];
+    let culled = culled.map(|(name, intersector)| {
+        let usual = preset(name).expect("a preset").strategy;
+        Strategy { intersector, culling: Culling::Back, ..usual }
+    });
+    assert_eq!(all_clean("../tests/data/blinds.toml", &culled, "1x1", RACES), 4);
+}
+
+/// No command of the binary casts rays from a buffer, so Oclgrind runs a test of tests/watertight.rs that casts such
+/// rays. Some work-items of this test have no ray, and must not write behind the results.
+#[test]
+fn rays_from_a_buffer_stay_in_bounds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("log");
+    let mut command = Command::new("oclgrind");
+    command.args(["--build-options", OPTIONS, RACES, "--log"]).arg(&log);
+    command.arg(std::env::current_exe().expect("the path of this program"));
+    command.args(["watertight::rays_beside_an_edge_miss", "--exact"]).env(MARK, "1");
+    command.env("RAYCL_TEST_DEVICE", "oclgrind").env("RAYCL_CACHE_MIB", "0");
+    let output = crate::binary::run(&mut command);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("test result: ok. 1 passed"), "{said}");
+    assert_eq!(std::fs::read_to_string(&log).unwrap_or_default(), "");
+}
+
 #[test]
 fn presets_of_one_ray_read_nothing_unwritten() {
     // When Oclgrind looks for memory that was never written, it crashes on wide vectors. It also reports values that
@@ -193,7 +244,7 @@ fn spoiled(from: &str, to: &str) -> tempfile::TempDir {
 #[test]
 fn a_kernel_without_its_barriers_is_reported() {
     let cl = spoiled("barrier(CLK_LOCAL_MEM_FENCE)", "(void)0");
-    let tiled = raycl::strategy::preset("tiled").expect("a preset").strategy;
+    let tiled = preset("tiled").expect("a preset").strategy;
     let simulation = Simulation {
         size: SIZE,
         scene: "pyramid-lower.toml",
@@ -268,7 +319,7 @@ fn each_barrier_is_needed() {
             "cast/scene.cl" => "tiled",
             _ => "tile-group",
         };
-        let strategy = raycl::strategy::preset(name).expect("a preset").strategy;
+        let strategy = preset(name).expect("a preset").strategy;
         if strategy.shares_tiles() && !is_long() {
             continue;
         }

@@ -35,8 +35,14 @@ fn seen_along_the_triangle() -> Scene {
     scene
 }
 
+/// Returns a line for each strategy that casts the scene wrong.
 fn wrong(name: &str, scene: Scene) -> Vec<String> {
-    let mut stand = Stand::new(scene, SIZE);
+    wrong_at(SIZE, name, scene)
+}
+
+/// Like `wrong`, but for pictures of another size.
+fn wrong_at(size: [u32; 2], name: &str, scene: Scene) -> Vec<String> {
+    let mut stand = Stand::new(scene, size);
     let check = |strategy: Strategy| {
         let local_size = if strategy.traversal == Traversal::Tile { [1, 1] } else { COMMON_LOCAL_SIZE };
         let verdict = stand.check(&strategy, local_size).unwrap_or_else(|why| panic!("{strategy}: {why}"));
@@ -81,31 +87,31 @@ fn thin_triangles(seed: u64) -> Scene {
         }
         let _ = writeln!(faces, "f {first} {} {}", first + 1, first + 2);
     }
-    with_mesh(&text, &(mesh + &faces), "")
+    with_mesh(&text, &(mesh + &faces))
 }
 
-/// Returns a scene with the text `text` and with one more object, an OBJ. `material` is further text of this object's
-/// table.
-fn with_mesh(text: &str, obj: &str, material: &str) -> Scene {
+/// Returns a scene with the text `text` and with one more object, an OBJ.
+fn with_mesh(text: &str, obj: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
     write("mesh.obj", obj);
-    write("scene.toml", &format!("{text}[[object]]\nobj = \"mesh.obj\"\n{material}"));
+    write("scene.toml", &format!("{text}[[object]]\nobj = \"mesh.obj\"\n"));
     load_scene(&folder.path().join("scene.toml")).expect("a scene").scene
 }
 
 /// Returns a triangle whose normals turn away from the eye, although light reaches the triangle. The
 /// direction halfway between the direction to the light and the direction to the eye points behind the
-/// surface, so there is no highlight.
-fn turned_away() -> Scene {
-    let text = "[camera]\nz_near = 0.01\n[[light]]\nposition = [50, 0, 1]\npower = 10000\n";
-    let obj = "v -2 -2 -2\nv 2 -2 -2\nv 0 3 -2\nvn 0.4 0 -0.9\nf 1//1 2//1 3//1\n";
-    with_mesh(text, obj, "material = { k_l = 0.5, k_g = 0.5, shininess = 2 }\n")
+/// surface, so there is no highlight, except with a shininess of 0.
+fn turned_away(shininess: f32) -> Scene {
+    let mut scene = scene("../tests/data/turned.toml");
+    scene.mesh_mut().materials.iter_mut().for_each(|material| material.shininess = shininess);
+    scene
 }
 
 #[test]
-fn a_surface_has_no_highlight_behind_it() {
-    let wrong = wrong("normals turned away", turned_away());
+fn a_surface_has_no_highlight_behind_it_unless_its_shininess_is_0() {
+    let of = |shininess: f32| wrong(&format!("normals turned away, {shininess}"), turned_away(shininess));
+    let wrong = [of(2.0), of(0.0)].concat();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -142,4 +148,12 @@ fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
             assert_eq!(verdict.reason, None, "{strategy}, along {forward}");
         }
     }
+}
+
+/// In this view, the rays of four by four neighbouring pixels run in both directions along every coordinate axis. For
+/// such rays, the watertight test of tiles on CPUs chooses an axis per ray instead of a common axis.
+#[test]
+fn rays_without_a_common_axis_meet_the_nearest_surface() {
+    let wrong = wrong_at([6, 5], "a very wide view", scene("../tests/data/wide-view.toml"));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -1,7 +1,7 @@
 //! Pictures with several samples per pixel (`--samples`).
 
 use crate::binary::{TRIANGLE, WorkFolder, device};
-use crate::common::due;
+use crate::common::{due, is_long};
 use image::RgbImage;
 use std::collections::BTreeSet;
 
@@ -124,15 +124,47 @@ fn a_broken_mean_is_a_wrong_picture() {
 #[test]
 fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = folder.kernels("tile_gpu/frame.cl", "tile / across * TILE_Y)", "tile % across * TILE_Y)");
-    let device = device();
-    let usual =
-        ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device, "-o", "a.png"];
-    let options =
-        ["--samples", "16", "--adaptive", "--verify", "--strategy", "tile-group", "--cl-dir", &kernels];
-    let message = folder.mistake(&[&usual[..], &options, &["--quiet"]].concat(), 1);
+    let moved = ("tile_gpu/frame.cl", "tile / across * TILE_Y)", "tile % across * TILE_Y)");
+    is_wrong_or_none(&folder, moved, ["61", "43"], &["--adaptive"]);
+}
+
+/// Fails unless verification notices a change to a kernel file, or the driver crashes. The picture has 16 samples per
+/// pixel, and its tiles are shared by work-items.
+#[track_caller]
+fn is_wrong_or_none(
+    folder: &WorkFolder,
+    (file, from, to): (&str, &str, &str),
+    [width, height]: [&str; 2],
+    options: &[&str],
+) {
+    let (kernels, device) = (folder.kernels(file, from, to), device());
+    let usual = ["render", "scene.toml", "--width", width, "--height", height, "--device", &device];
+    let ends = ["-o", "wrong.png", "--force", "--quiet", "--strategy", "tile-group", "--cl-dir", &kernels];
+    let sampled = ["--samples", "16", "--verify"];
+    let message = folder.mistake(&[&usual[..], &ends, &sampled, options].concat(), 1);
     let noticed = ["the picture is wrong: ", "child process crashed"];
     assert!(noticed.iter().any(|text| message.contains(text)), "{message}");
+    std::fs::remove_dir_all(folder.path(&kernels)).expect("the folder of kernels");
+}
+
+/// In the words that hold a tile's or a rough block's column and row, each number has 16 bits. This picture has more
+/// than 256 columns of tiles and of blocks, so these numbers need more than eight bits.
+#[test]
+fn tiles_and_rough_blocks_on_the_right_of_a_wide_picture_are_cast_there() {
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let size = ["1500", "8"];
+    for strategy in ["tile", "tile-group"] {
+        let sampled = ["--samples", "16", "--strategy", strategy];
+        report_of_size(&folder, size, &[&sampled[..], &["--adaptive", "--verify"]].concat());
+        report_of_size(&folder, size, &[&sampled[..], &["--verify=500"]].concat());
+    }
+    // Each changed kernel takes PoCL half a minute to compile.
+    if is_long() {
+        let block = ("common/samples.cl", "((block) & 0xffffu)", "((block) & 0xffu)");
+        let tile = ("tile_gpu/frame.cl", "tile & 0xffffu", "tile & 0xffu");
+        is_wrong_or_none(&folder, block, size, &["--adaptive"]);
+        is_wrong_or_none(&folder, tile, size, &[]);
+    }
 }
 
 /// The changed kernels cast tiles with several samples of each pixel in one frame. In these kernels, a sample

@@ -123,6 +123,33 @@ fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_referenc
     }
 }
 
+/// The numbers that choose the rays of a pixel depend on all bits of the pixel's column. The changed kernel uses the
+/// lowest eight of these bits.
+#[test]
+fn the_pixels_on_the_right_of_a_wide_picture_have_samples_of_their_own() {
+    let folder = WorkFolder::with(&[("scene.toml", SKY)]);
+    let device = device();
+    let usual = ["render", "scene.toml", "--width", "300", "--height", "12", "--device", &device, "--force"];
+    let cast = [&usual[..], &["-o", "a.png", "--samples", "4", "--verify=500"]].concat();
+    for strategy in FAMILIES {
+        folder.output(&[&cast[..], &["--strategy", strategy]].concat());
+    }
+    let kernels = folder.kernels("common/soft.cl", "AS_UINT(x) & 0xffffu", "AS_UINT(x) & 0xffu");
+    let changed = ["--quiet", "--strategy", "bvh", "--cl-dir", &kernels];
+    has(&folder.mistake(&[&cast[..], &changed].concat(), 1), &["the picture is wrong: "]);
+}
+
+/// Leaves of up to 32 triangles are tested eight triangles at a time. The hills hang over the ground.
+#[test]
+fn rays_to_the_sky_meet_all_triangles_of_large_leaves() {
+    let hills = "[[object]]\nshape = \"terrain\"\ntriangles = 300\ntranslation = [0, 1, -3]\n";
+    let folder = WorkFolder::with(&[("scene.toml", &format!("{SKY}{hills}"))]);
+    let (strategy, options) = ("tile,leaf_size=32", ["--verify=500", "--samples", "4"]);
+    picture(&folder, &[&options[..], &["--strategy", strategy]].concat());
+    let first_eight = ("tile_cpu/single_ray.cl", "end; first += TOGETHER", "end; first = end");
+    folder.notices(first_eight, strategy, &options);
+}
+
 #[test]
 fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     let scene = "[camera]\nposition = [0, 2, -4]\nlook_at = [0, 0, -4]\nup = [0, 0, -1]\n[sky]\nzenith = 0.03\n\

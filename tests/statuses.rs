@@ -2,6 +2,7 @@
 //! OpenCL.
 
 use crate::binary::{WorkFolder, device, has, one_point, run};
+use crate::examples::example;
 use assert_cmd::Command;
 use std::path::PathBuf;
 
@@ -46,6 +47,20 @@ fn refused(functions: &str) -> String {
 #[test]
 fn a_status_that_the_crate_ocl_does_not_know_is_an_error_like_others() {
     has(&refused("int clFinish() { return -1108; }"), &[UNKNOWN, "the OpenCL driver failed, on "]);
+}
+
+/// The example `cast` uses the library. Its `main` returns the error, so its message is wrapped.
+#[test]
+fn a_program_that_uses_the_library_gets_a_failure_of_the_driver_as_an_error() {
+    let folder = one_point();
+    let library = library(&folder, "int clEnqueueNDRangeKernel() { return -1108; }");
+    let mut command = example(&folder, "cast", &["scene.toml", "a.png", &device()]);
+    let output = run(command.env("LD_PRELOAD", library));
+    let said = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let words: Vec<&str> = said.split_whitespace().filter(|word| !["│", "|"].contains(word)).collect();
+    has(&words.join(" "), &["the OpenCL driver failed, on ", UNKNOWN, "try again, or open another device"]);
+    assert!(!said.contains("panicked") && !folder.path("a.png").exists(), "{said}");
 }
 
 #[test]

@@ -249,12 +249,22 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows nothing. If
-/// `verbose` is true, or if standard error cannot show a bar (it is no terminal, or the terminal cannot move its
+/// Shows no progress. Only prints lines such as the one that the run waits for another process.
+struct Notes;
+
+impl Observer for Notes {
+    fn begins(&mut self, _points: usize, _steps: usize) {}
+    fn works_on(&mut self, _what: &str) {}
+    fn finished(&mut self, _record: &Record) {}
+    fn ends(&mut self) {}
+}
+
+/// Returns the observer that shows the progress on standard error. If `quiet` is true, the observer shows no progress.
+/// If `verbose` is true, or if standard error cannot show a bar (it is no terminal, or the terminal cannot move its
 /// cursor), the observer prints a line per point. Otherwise it shows a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
-        return Box::new(());
+        return Box::new(Notes);
     }
     // Unless the user chose otherwise, the bar is coloured, since it is only shown on a terminal.
     let coloured = super::colour::chosen().unwrap_or(true);

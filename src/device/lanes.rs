@@ -318,7 +318,9 @@ mod tests {
             let source = functions + &probe(&Sources::Embedded).unwrap().0;
             ask(LaneOperations::SubGroups, &source, &info, platform, device).unwrap()
         };
-        assert!(ask_with(LANES).chunks(ANSWERS).all(|answers| answers[ANSWERS - 1] < 32));
+        // The last answer of a lane is its own number. The macros do not make all other answers right.
+        let own = |all: &[u32]| all.chunks(ANSWERS).map(|answers| answers[ANSWERS - 1]).collect::<Vec<_>>();
+        assert_eq!(own(&ask_with(LANES)), own(&expected()));
         assert!([64, 16].iter().all(|lanes| ask_with(*lanes).iter().all(|answer| *answer == NO_ANSWER)));
     }
 

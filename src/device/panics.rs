@@ -10,8 +10,10 @@ use crate::printer;
 use crate::threads::locked;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
-use std::sync::{Mutex, MutexGuard, OnceLock};
+use std::sync::{Mutex, MutexGuard, Once, OnceLock};
 
+/// The remedy if a driver breaks down in a program that uses raycl as a library.
+const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try again, or open another device (`raycl devices` lists them)";
 /// The remedy if a driver breaks down.
 const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists other devices, and --device chooses one";
 
@@ -43,6 +45,38 @@ pub fn report_panics() {
         Some(message) => end(&message),
         None => usual(panic),
     }));
+}
+
+/// Calls `work` for a program that uses raycl as a library.
+///
+/// # Errors
+///
+/// Fails if the crate `ocl` panics in `work`. Other panics go on. If a second object cannot be freed while the first
+/// panic frees objects, Rust aborts the process, and nothing can prevent this. It is also possible that the program has
+/// replaced the hook that the first call of this function sets; then panics of the crate `ocl` go on, too.
+pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
+    hide_caught_panics();
+    forget_failures();
+    caught(work).map_err(|message| Error::run(reason(&message, &known())).with_help(BROKEN_IN_LIBRARY))
+}
+
+/// Sets a hook that stores the message of a panic of the crate `ocl` if [`caught`] catches this panic. All other panics
+/// reach the hook that the program has set before. Only the first call has an effect.
+fn hide_caught_panics() {
+    static SET: Once = Once::new();
+    // While a thread panics, it must not set a hook.
+    if std::thread::panicking() {
+        return;
+    }
+    SET.call_once(|| {
+        let usual = take_hook();
+        set_hook(Box::new(move |panic: &PanicHookInfo<'_>| {
+            let is_hidden = of_ocl(panic).is_some_and(|message| is_caught(&message));
+            if !is_hidden {
+                usual(panic);
+            }
+        }));
+    });
 }
 
 /// Sets the function that is called with the reason before a panic of the crate `ocl` ends this process.
@@ -83,12 +117,12 @@ fn known() -> MutexGuard<'static, Known> {
     locked(&KNOWN)
 }
 
-/// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] was
-/// called before. Other panics go on.
+/// Calls `work`. Returns the message of a panic of the crate `ocl` as an error, if [`report_panics`] or [`guarded`] was
+/// called before. Other panics go on. `work` may call this function, too.
 pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
-    CAUGHT.set(Some(None));
+    let outer = CAUGHT.replace(Some(None));
     let result = catch_unwind(AssertUnwindSafe(work));
-    let message = CAUGHT.take().flatten();
+    let message = CAUGHT.replace(outer).flatten();
     result.map_err(|panic| message.unwrap_or_else(|| resume_unwind(panic)))
 }
 
@@ -198,5 +232,18 @@ mod tests {
         let inside = caught(|| [is_caught("b"), is_caught("c")]);
         assert_eq!(inside, Ok([true, false]));
         assert!(!is_caught("d"), "nothing is to be caught any more");
+    }
+
+    #[test]
+    fn after_an_inner_call_the_outer_one_still_catches() {
+        let inside = caught(|| (caught(|| is_caught("a")), is_caught("b")));
+        assert_eq!(inside, Ok((Ok(true), true)));
+    }
+
+    #[test]
+    fn the_library_passes_results_and_other_panics_on() {
+        assert_eq!(guarded(|| 7).ok(), Some(7));
+        let other = catch_unwind(|| guarded(|| -> u32 { panic!("of somebody else") }));
+        assert!(other.is_err(), "only panics of the crate `ocl` are errors");
     }
 }

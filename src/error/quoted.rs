@@ -7,16 +7,28 @@ use crate::printer;
 const BYTE_ORDER_MARK: char = '\u{feff}';
 /// Largest number of bytes of a line or a message that is shown in full.
 pub(super) const SHOWN_LINE_BYTES: usize = 400;
+/// Largest number of bytes of a note that is shown in full. A note may contain the paths of two files, the name of a
+/// third one, what is wrong with this file, and the remedy.
+const SHOWN_NOTE_BYTES: usize = 2000;
 
 /// Returns the text with control characters and invisible characters replaced, and with its middle omitted if the text
-/// is too long.
+/// has more than 400 bytes.
 pub fn shortened(text: impl Into<String>) -> String {
-    let text = printable(text.into());
-    if text.len() <= SHOWN_LINE_BYTES {
+    within(text.into(), SHOWN_LINE_BYTES)
+}
+
+/// Does the same as [`shortened`] for a note, whose middle is omitted only if the note has more than 2000 bytes.
+pub fn shortened_note(note: impl Into<String>) -> String {
+    within(note.into(), SHOWN_NOTE_BYTES)
+}
+
+fn within(text: String, most_bytes: usize) -> String {
+    let text = printable(text);
+    if text.len() <= most_bytes {
         return text;
     }
-    let head = &text[..boundary(&text, SHOWN_LINE_BYTES / 2)];
-    let tail = &text[boundary(&text, text.len() - SHOWN_LINE_BYTES / 3)..];
+    let head = &text[..boundary(&text, most_bytes / 2)];
+    let tail = &text[boundary(&text, text.len() - most_bytes / 3)..];
     format!("{head} ... {tail}")
 }
 
@@ -79,6 +91,9 @@ mod tests {
         let long = "a".repeat(300) + &"b".repeat(300);
         assert_eq!(shortened(long), format!("{} ... {}", "a".repeat(200), "b".repeat(133)));
         assert_eq!(shortened("c".repeat(400)), "c".repeat(400));
+        assert_eq!(shortened_note("c".repeat(2000)), "c".repeat(2000));
+        let long = "a".repeat(1500) + &"b".repeat(1500);
+        assert_eq!(shortened_note(long), format!("{} ... {}", "a".repeat(1000), "b".repeat(666)));
     }
 
     #[test]

@@ -29,10 +29,11 @@ pub trait Observer: Send {
     fn ends(&mut self);
 }
 
-/// Ignores all events.
+/// Ignores all events, and prints nothing.
 impl Observer for () {
     fn begins(&mut self, _points: usize, _steps: usize) {}
     fn works_on(&mut self, _what: &str) {}
+    fn says(&mut self, _line: &str) {}
     fn finished(&mut self, _record: &Record) {}
     fn ends(&mut self) {}
 }

@@ -66,6 +66,7 @@ impl Processes {
 impl Spawner for Processes {
     fn spawn(&mut self, job: usize) -> Result<Box<dyn Worker>> {
         let not_started = |error: std::io::Error| Error::not_started("a worker process", &error);
+        let line = self.jobs.get(job).map(line_of).transpose()?;
         let mut command = self.command(std::env::var_os(CACHE_DISABLE))?;
         if std::mem::take(&mut self.afresh) {
             command.env(AFRESH, "1");
@@ -81,11 +82,13 @@ impl Spawner for Processes {
             uses_pocl: self.jobs.get(job).and_then(|job| job.device.as_deref()).is_some_and(is_pocl),
             child,
         };
-        if let Some(job) = self.jobs.get_mut(job) {
-            worker.write(job);
-            if job.fault.is_some_and(|fault| fault.once) {
-                job.fault = None;
-            }
+        if let Some(line) = line {
+            worker.write(&line);
+        }
+        if let Some(job) = self.jobs.get_mut(job)
+            && job.fault.is_some_and(|fault| fault.once)
+        {
+            job.fault = None;
         }
         Ok(Box::new(worker))
     }
@@ -131,16 +134,24 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> IoResult<JoinHandle<S
     })
 }
 
+/// Returns a message for a worker as a line of JSON.
+///
+/// # Errors
+///
+/// Fails if the message has a path that is not UTF-8. `raycl run` and the library refuse such paths.
+fn line_of(message: &impl Serialize) -> Result<Vec<u8>> {
+    let mut line = serde_json::to_vec(message)
+        .map_err(|error| Error::fault(format!("a worker process cannot get its task as JSON: {error}")))?;
+    line.push(b'\n');
+    Ok(line)
+}
+
 impl WorkerProcess {
     /// Writes a line to the worker. If the worker has ended, the write fails unnoticed. The end is reported
     /// later, by the wait for the worker's reply.
-    fn write(&mut self, line: &impl Serialize) {
-        // Serializing never fails: only paths that are not valid text could make it fail, and `raycl run`
-        // refuses them.
-        let Ok(mut text) = serde_json::to_vec(line) else { return };
-        text.push(b'\n');
+    fn write(&mut self, line: &[u8]) {
         if let Some(requests) = &mut self.requests {
-            let _ = requests.write_all(&text).and_then(|()| requests.flush());
+            let _ = requests.write_all(line).and_then(|()| requests.flush());
         }
     }
 
@@ -173,7 +184,12 @@ impl WorkerProcess {
 
 impl Worker for WorkerProcess {
     fn send(&mut self, request: &Request) {
-        self.write(request);
+        match line_of(request) {
+            Ok(line) => self.write(&line),
+            // A worker without a request would let the run wait for the time limit. At the end of its standard input,
+            // it ends, and the run notices its end.
+            Err(_) => self.requests = None,
+        }
     }
 
     fn wait(&mut self, limit: Duration) -> Wait {
@@ -233,6 +249,15 @@ mod tests {
         let plain = Processes::new(Vec::new());
         assert!(disables(&plain, None) && !disables(&plain, Some("0")));
         assert!(!disables(&plain.using_driver_cache(), None));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_worker_whose_job_is_not_text_is_not_started() {
+        use std::os::unix::ffi::OsStringExt as _;
+        let config = std::path::PathBuf::from(OsString::from_vec(b"t\xff.toml".to_vec()));
+        let error = Processes::new(vec![Job { config, ..Job::default() }]).spawn(0).err().unwrap();
+        assert!(error.to_string().contains("as JSON"), "{error}");
     }
 
     #[test]

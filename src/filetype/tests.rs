@@ -71,6 +71,8 @@ fn meshes_and_scenes_of_other_formats() {
         (b"Film \"rgb\" \"integer xresolution\" [ 400 ]\n", "a pbrt scene"),
         (b"  0\nSECTION\n  2\nHEADER\n", "a DXF drawing"),
         (b"# Blender MTL File\nnewmtl a\nKd 1 1 1\n", "an MTL material file"),
+        (b"newmtl a\nKd 1 1 1\nusemtl a\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
+        (b"newmtl v\r\nKd 1 1 1\r\n\tv\t0 0 0\r\n", "an OBJ mesh"),
     ];
     for (bytes, name) in cases {
         assert_eq!(called(bytes), *name, "{:?}", String::from_utf8_lossy(bytes));

@@ -87,6 +87,8 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         "ply" if rest.is_empty() => Some(FileType::Mesh(MeshFormat::Ply)),
         _ if word.eq_ignore_ascii_case("solid") => Some(FileType::Mesh(MeshFormat::Stl)),
         "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
+        // Some OBJ files begin with their materials.
+        "newmtl" if has_vertex(head) => Some(FileType::Mesh(MeshFormat::Obj)),
         "newmtl" => named(MTL, "name the .obj file that refers to it"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
         _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
@@ -98,10 +100,19 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
     }
 }
 
+/// Returns the lines without blanks at both ends.
+fn lines(head: &[u8]) -> impl Iterator<Item = &[u8]> {
+    head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii)
+}
+
 /// Returns the first line that is neither empty nor a comment, without blanks at both ends.
 fn first_statement(head: &[u8]) -> Option<&[u8]> {
-    let lines = head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii);
-    lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"))
+    lines(head).find(|line| !line.is_empty() && !line.starts_with(b"#"))
+}
+
+/// Returns true if a line is a vertex of an OBJ. An MTL file has no such line.
+fn has_vertex(head: &[u8]) -> bool {
+    lines(head).any(|line| line.starts_with(b"v ") || line.starts_with(b"v\t"))
 }
 
 /// Returns true if a line has the form `[table]`, `[[table]]` or `key = ...`.

@@ -66,6 +66,35 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     target.check()
 }
 
+/// Refuses an image that has no pixels, whose lists do not match its size, or whose numbers the file's format cannot
+/// hold. Images that raycl casts are never refused; a program can change them.
+pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
+    let Radiance { width, height, pixels, coverage } = image;
+    let refused = |why: String, remedy: &str| {
+        Err(Error::input(format!("cannot write '{}': {why}", target.path().display())).with_help(remedy))
+    };
+    let count = u64::from(*width) * u64::from(*height);
+    if count == 0 {
+        let why = format!("the picture has {width} x {height} pixels; expected at least 1 in each direction");
+        return refused(why, "cast a larger picture");
+    }
+    let coverage_fits = coverage.is_empty() || coverage.len() as u64 == count;
+    if pixels.len() as u64 != count || !coverage_fits {
+        let (colours, shares) = (pixels.len(), coverage.len());
+        let why = format!(
+            "the picture has {width} x {height} = {count} pixels, but `pixels` has {colours} elements and `coverage` has {shares}"
+        );
+        return refused(why, "`pixels` needs one element per pixel; `coverage` needs as many, or none");
+    }
+    if format_of(target)? == Format::Hdr
+        && let Some(([x, y], _)) = image.not_finite()
+    {
+        let why = format!("the pixel in column {x} of row {y} is not finite, which an HDR cannot hold");
+        return refused(why, "replace pixels that are not finite, or write an .exr file");
+    }
+    Ok(())
+}
+
 /// Refuses a file whose format has no alpha channel. A transparent background needs an alpha channel.
 pub fn check_alpha(target: &Target) -> Result<()> {
     let what = match format_of(target)? {
@@ -673,6 +702,32 @@ mod tests {
         assert_eq!(read.dimensions(), (3, 2));
         assert_eq!(read.pixels().map(|pixel| pixel.0[0]).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(read.pixels().map(|pixel| pixel.0[3]).collect::<Vec<_>>(), coverage);
+    }
+
+    #[test]
+    fn an_image_is_refused_if_its_lists_do_not_match_its_size_or_a_format_cannot_hold_it() {
+        let refused = |image: &Radiance, name: &str| {
+            let checked = check_image(image, &target(Path::new(name), false));
+            checked.err().map(|error| (error.exit_code(), error.to_string()))
+        };
+        let coverage = |length| Radiance { coverage: vec![1.0; length], ..gradient(3, 2) };
+        for (image, why) in [
+            (Radiance::new(0, 5), "the picture has 0 x 5 pixels"),
+            (Radiance { width: 4, ..gradient(3, 2) }, "4 x 2 = 8 pixels, but `pixels` has 6"),
+            (Radiance { height: 1, ..gradient(3, 2) }, "3 x 1 = 3 pixels, but `pixels` has 6"),
+            (coverage(5), "`coverage` has 5"),
+        ] {
+            for name in ["a.png", "a.jpg", "a.exr", "a.hdr"] {
+                let (code, message) = refused(&image, name).unwrap();
+                assert!(code == 2 && message.contains(why), "{name}: {message}");
+            }
+        }
+        assert_eq!(refused(&coverage(6), "a.png"), None);
+        let mut bright = gradient(3, 2);
+        bright.pixels[4][1] = f32::INFINITY;
+        assert_eq!((refused(&bright, "a.exr"), refused(&bright, "-")), (None, None));
+        let (code, message) = refused(&bright, "a.hdr").unwrap();
+        assert!(code == 2 && message.contains("column 1 of row 1 is not finite"), "{message}");
     }
 
     #[test]

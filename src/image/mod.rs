@@ -22,8 +22,8 @@ pub use decode::ODD_PALETTE;
 pub use decode::{decoder_message, picture_reader};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
-    Values, check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8,
-    shows_8_bits,
+    Values, check_alpha, check_image, check_png, check_target, frame_key, read_picture, save, save_frame,
+    save_rgb8, shows_8_bits,
 };
 pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
@@ -48,12 +48,14 @@ pub struct Radiance {
 }
 
 impl Radiance {
-    /// Makes a black image.
+    /// Makes a black image, which takes 12 bytes per pixel. If so much memory is not available, the function panics or
+    /// the process ends.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize], coverage: Vec::new() }
     }
 
-    /// Adds another image of the same size.
+    /// Adds another image, which must have the same size: the pixels of both lists are added in their order, whatever
+    /// the sizes are, and the coverage gets the other image's length.
     pub fn add(&mut self, other: &Self) {
         let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);

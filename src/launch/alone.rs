@@ -6,6 +6,7 @@ use super::buffers::allocate;
 use crate::device::discover;
 use crate::program::Sources;
 use ocl::builders::KernelBuilder;
+use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::{Buffer, Kernel, OclPrm, Program};
 
 /// A program that was built for the first device that raycl finds.
@@ -51,4 +52,27 @@ impl Alone {
         results.read(&mut all).enq().unwrap();
         all
     }
+}
+
+/// Returns the bytes of `__local` memory per work-group that the driver reports for a kernel.
+pub fn reported_local_bytes(kernel: &Kernel, device: ocl::Device) -> u64 {
+    match kernel.wg_info(device, KernelWorkGroupInfo::LocalMemSize) {
+        Ok(KernelWorkGroupInfoResult::LocalMemSize(bytes)) => bytes,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Returns true if the driver of the first device reports how much `__local` memory a kernel uses. Some versions of
+/// PoCL, such as 6.0, report 0 bytes for every kernel.
+pub fn reports_local_memory() -> bool {
+    let source = "__kernel void reverse(__global int *all) {
+                      __local int copy[8];
+                      copy[get_local_id(0)] = all[get_local_id(0)];
+                      barrier(CLK_LOCAL_MEM_FENCE);
+                      all[get_local_id(0)] = copy[7 - get_local_id(0)];
+                  }";
+    let device = Alone::of([source, ""], &[], "");
+    let all: Buffer<i32> = allocate(&device.queue, 8).unwrap();
+    let kernel = device.kernel("reverse", 8).arg(&all).build().unwrap();
+    reported_local_bytes(&kernel, device.queue.device) >= 32
 }

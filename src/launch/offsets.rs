@@ -1,5 +1,5 @@
-//! Tests of offsets and indices that have more than 31 bits. The kernels of these tests compute addresses,
-//! but read nothing from these addresses, so that the tests need no large buffers.
+//! Tests of offsets and indices, most of which have more than 31 bits. The kernels of these tests compute
+//! addresses, but read nothing from these addresses, so that the tests need no large buffers.
 
 use super::alone::Alone;
 use super::buffers::allocate;
@@ -18,16 +18,16 @@ fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
     device.results(len, |results| device.kernel(kernel, 1).arg(results).arg(&buffer).build())
 }
 
-#[test]
-fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
-    const ITEMS: u64 = 1_000_000_000;
-    // In this test, reading a vector returns not the vector's value but the address of its first number.
+/// Returns the addresses of a work-item's nine working vectors in the scratch buffer, in bytes. `functions` are macros
+/// that replace functions of OpenCL C, such as `get_global_size`.
+fn addresses_of_vectors(functions: &str) -> Vec<u64> {
+    // Here, reading a vector returns not the vector's value but the address of its first number.
     let before = format!(
         "typedef float varying;
          typedef struct {{ float x, y, z; ulong address; }} Vec3;
          Vec3 vec3_at(ulong address) {{ Vec3 v; v.address = address; return v; }}
          #define vec3(x, y, z) vec3_at((ulong)&(x))
-         #define get_global_size(dimension) ((dimension) ? (size_t)1 : (size_t){ITEMS})"
+         {functions}"
     );
     let after = "__kernel void find(__global ulong *results, __global float *scratch) {
                      Working working;
@@ -35,9 +35,27 @@ fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
                      for (int which = 0; which < 9; which++)
                          results[which] = working_get(&working, which).address - (ulong)scratch;
                  }";
-    let device = Alone::of([&before, after], &["cast/vectors/global.cl"], "");
+    results_of(&Alone::of([&before, after], &["cast/vectors/global.cl"], ""), "find", 9)
+}
+
+#[test]
+fn the_working_vectors_of_a_billion_work_items_do_not_overlap() {
+    const ITEMS: u64 = 1_000_000_000;
+    let sizes = format!("#define get_global_size(dimension) ((dimension) ? (size_t)1 : (size_t){ITEMS})");
     let expected: Vec<u64> = (0..9).map(|which| which * 3 * ITEMS * FLOAT).collect();
-    assert_eq!(results_of(&device, "find", 9), expected);
+    assert_eq!(addresses_of_vectors(&sizes), expected);
+}
+
+/// The last work-item of a band (some of a frame's rows of work-groups) that has 4 rows of 10 work-items and begins in
+/// row 20: the rows above the band have no vectors.
+#[test]
+fn the_working_vectors_of_a_band_are_counted_from_its_first_work_item() {
+    const ITEMS: u64 = 4 * 10;
+    let functions = "#define get_global_size(dimension) ((dimension) ? (size_t)4 : (size_t)10)
+         #define get_global_offset(dimension) ((dimension) ? (size_t)20 : (size_t)0)
+         #define get_global_id(dimension) ((dimension) ? (size_t)23 : (size_t)9)";
+    let expected: Vec<u64> = (0..9).map(|which| 3 * (which * ITEMS + ITEMS - 1) * FLOAT).collect();
+    assert_eq!(addresses_of_vectors(functions), expected);
 }
 
 #[test]

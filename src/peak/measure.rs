@@ -88,12 +88,26 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
         kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
     })?;
     let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
-    let mut sums = vec![0.0; items];
-    out.read(&mut sums).enq().map_err(failed)?;
+    let last_sum = || -> Result<f64> {
+        let mut sums = vec![0.0; items];
+        out.read(&mut sums).enq().map_err(failed)?;
+        Ok(f64::from(sums[items - 1]))
+    };
     let chains = CHAINS * width;
     // Each chain computes x = 0.5 x + 1 again and again, and converges to 1 / (1 - 0.5) = 2.
-    expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
+    expect("multiply-adds", last_sum()?, 2.0 * chains as f64)?;
+    // After a single loop, the chains have not converged: their sum depends on the number of steps.
+    kernel.set_arg(0, 1_i32).map_err(failed)?;
+    rig.launch(&kernel)?;
+    expect("a loop of multiply-adds", last_sum()?, after_a_loop(group - 1, width))?;
     multiplied(items, width, &seconds)
+}
+
+/// Returns the sum of a work-item's chains of vectors after one loop. `item` is the work-item's index in its
+/// work-group: chain i begins at `item` + i, and each step halves the distance from 2.
+fn after_a_loop(item: usize, width: u64) -> f64 {
+    let distances: f64 = (0..CHAINS).map(|chain| (item as u64 + chain) as f64 - 2.0).sum();
+    width as f64 * (2.0 * CHAINS as f64 + distances / f64::from(1_u32 << FMA_STEPS))
 }
 
 /// Returns the multiply-adds per second. In each loop, every work-item computes with vectors of `width`
@@ -127,6 +141,8 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let floats = large_bytes(rig)? / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
+    // The last float is different from all others: only a copy of the whole buffer ends with it.
+    from.cmd().write(&[2.5_f32][..]).offset(floats - 1).enq().map_err(failed)?;
     // The buffer's size is a whole number of mebibytes, so the buffer's vectors fill whole work-groups.
     let kernel = rig.kernel(&program, "copy", [floats / width as usize, group], |kernel| {
         kernel.arg(&from).arg(&to);
@@ -135,7 +151,7 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let seconds = repeat(|| rig.launch(&kernel).map(|(ms, _)| ms * 1e-3))?;
     let mut last = [0.0_f32];
     to.cmd().read(&mut last[..]).offset(floats - 1).enq().map_err(failed)?;
-    expect("the copy", f64::from(last[0]), 1.5)?;
+    expect("the copy", f64::from(last[0]), 2.5)?;
     copied(floats, &seconds)
 }
 
@@ -304,6 +320,7 @@ fn cycle(lines: usize, stride: usize) -> Vec<i32> {
 mod tests {
     use super::*;
     use crate::device::{DeviceLimits, discover};
+    use crate::launch::alone::{reported_local_bytes, reports_local_memory};
 
     #[test]
     fn a_cycle_visits_every_line_once() {
@@ -341,6 +358,30 @@ mod tests {
         assert!(
             defines("peak/local.cl", "SLOTS", SLOTS) && defines("peak/latency.cl", "STEPS", STEPS as u64)
         );
+    }
+
+    /// Each number is the sum of 16 chains after eight steps. In the first work-item, the chains begin at 0 to 15.
+    #[test]
+    fn a_loop_of_multiply_adds_moves_each_chain_eight_steps_towards_its_limit() {
+        assert_eq!(after_a_loop(0, 1), 32.0 + (120.0 - 32.0) / 256.0);
+        assert_eq!(after_a_loop(10, 4), 4.0 * (32.0 + (280.0 - 32.0) / 256.0));
+    }
+
+    /// The walks through the entries end at the same entry in every memory.
+    #[test]
+    fn only_the_chase_in_local_memory_has_its_entries_there() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+        let program = rig.program("peak/latency.cl", &[("ENTRIES", ENTRIES)]).unwrap();
+        let out = rig.buffer::<i32>(1).unwrap();
+        let has_entries = |name: &str| {
+            let kernel = rig.kernel(&program, name, [1, 1], |kernel| {
+                kernel.arg(0_i32).arg(STRIDE).arg(&out);
+            });
+            reported_local_bytes(&kernel.unwrap(), rig.queue.device) >= 4 * ENTRIES
+        };
+        let expected = [false, reports_local_memory()];
+        assert_eq!(["chase_private", "chase_local"].map(has_entries), expected);
     }
 
     #[test]

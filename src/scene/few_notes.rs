@@ -9,13 +9,23 @@ const SHOWN: usize = 3;
 
 /// The subjects of all notes of one kind, such as the names of files that cannot be read.
 #[derive(Default)]
-pub(in crate::scene) struct FewNotes(HashSet<String>);
+pub(in crate::scene) struct FewNotes {
+    subjects: HashSet<String>,
+    /// The notes that are shown, at most `SHOWN`.
+    shown: Vec<String>,
+}
 
 impl FewNotes {
-    /// Counts the note `note` on the subject `about`, such as the name of a file. Only the first note on a
-    /// subject counts. Adds the note to `notes` unless `SHOWN` notes have been added before.
-    pub fn add(&mut self, about: String, note: String, notes: &mut Vec<String>) {
-        if self.0.insert(about) && self.0.len() <= SHOWN {
+    /// Counts a note on the subject `about`, such as the whole name of a file. Only the first note on a subject
+    /// counts. Unless `SHOWN` notes have been added before, makes the note by `note` and adds it to `notes`. Notes
+    /// that must not quote their subjects may be equal; of these, only the first is added.
+    pub fn add(&mut self, about: String, note: impl FnOnce() -> String, notes: &mut Vec<String>) {
+        if !self.subjects.insert(about) || self.shown.len() >= SHOWN {
+            return;
+        }
+        let note = note();
+        if !self.shown.contains(&note) {
+            self.shown.push(note.clone());
             notes.push(note);
         }
     }
@@ -23,7 +33,7 @@ impl FewNotes {
     /// Returns a note with the number of counted notes that are not shown; `None` if all are shown. `what` is
     /// the word for a subject, such as "texture".
     pub fn rest(&self, what: &str) -> Option<String> {
-        let count = self.0.len().saturating_sub(SHOWN);
+        let count = self.subjects.len() - self.shown.len();
         (count > 0).then(|| format!("{} cannot be used either", counted(count, &format!("more {what}"))))
     }
 }
@@ -37,7 +47,7 @@ mod tests {
         let notes_of = |count: usize| {
             let (mut few, mut notes) = (FewNotes::default(), Vec::new());
             (0..2 * count).for_each(|number| {
-                few.add(format!("file {}", number / 2), format!("note {}", number / 2), &mut notes);
+                few.add(format!("file {}", number / 2), || format!("note {}", number / 2), &mut notes);
             });
             notes.extend(few.rest("texture"));
             notes
@@ -46,5 +56,15 @@ mod tests {
         assert_eq!(notes_of(3), ["note 0", "note 1", "note 2"]);
         assert_eq!(notes_of(4), ["note 0", "note 1", "note 2", "1 more texture cannot be used either"]);
         assert_eq!(notes_of(1_000)[3], "997 more textures cannot be used either");
+    }
+
+    #[test]
+    fn equal_notes_on_different_subjects_are_shown_once_and_the_others_counted() {
+        let (mut few, mut notes) = (FewNotes::default(), Vec::new());
+        for subject in ["a", "b", "c", "d", "e"] {
+            few.add(subject.to_owned(), || "a file cannot be read".to_owned(), &mut notes);
+        }
+        notes.extend(few.rest("file"));
+        assert_eq!(notes, ["a file cannot be read", "4 more files cannot be used either"]);
     }
 }

@@ -1,6 +1,6 @@
 //! Places a camera so that it shows a whole mesh, and adds lights to a mesh that has none.
 
-use super::mesh::{Mesh, PARALLEL_TRIANGLES};
+use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -20,7 +20,9 @@ const NEAREST_RADII: f64 = 0.3;
 /// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is open if the sum of its area vectors (normal times area) has a horizontal part that is longer than this
-/// fraction of the mesh's area.
+/// fraction of the mesh's area. If one triangle of a closed mesh is reversed, the sum changes by twice the triangle's
+/// area. A single triangle can thus make a closed mesh open only if it has more than half of this fraction of the area,
+/// which at most 19 triangles of a mesh can have.
 const OPEN_PART: f64 = 0.1;
 /// A triangle belongs to a wall if its distance from a side of the bounding box is at most this fraction of
 /// the box's extent. The distance may be above 0, since walls are rarely exactly parallel to the box's sides.
@@ -52,7 +54,8 @@ pub(super) struct Ball {
     /// The horizontal direction in which an open mesh, such as a room without its front wall, is open; `None` for other
     /// meshes.
     opening: Option<DVec3>,
-    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero.
+    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, perhaps after one
+    /// triangle that is wound wrongly was reversed.
     closed: bool,
 }
 
@@ -66,7 +69,9 @@ impl Ball {
         let centre = (low + high) / 2.0;
         let radius = ((high - low).length() / 2.0).max(LEAST_RADIUS * centre.length()).max(1e-9);
         let areas = Areas::of_mesh(mesh, [low, high]);
-        Self { centre, radius, opening: areas.opening([low, high], up), closed: areas.are_closed() }
+        let closed = areas.are_closed() || areas.are_closed_but_for_one(mesh);
+        let opening = if closed { None } else { areas.opening([low, high], up) };
+        Self { centre, radius, opening, closed }
     }
 
     /// Returns the ball's centre and radius.
@@ -215,11 +220,12 @@ struct Areas {
 impl Areas {
     fn of_mesh(mesh: &Mesh, bounds: [DVec3; 2]) -> Self {
         let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        let areas = triangles.map(|triangle| Self::of(mesh.corners(triangle).map(|p| p.as_dvec3()), bounds));
+        let areas = triangles.map(|triangle| Self::of(outline(mesh, triangle), bounds));
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns the sums of a single triangle of a mesh that has the bounding box from `low` to `high`.
+    /// Returns the sums of a single triangle, with the corners of its [`outline`], of a mesh that has the bounding box
+    /// from `low` to `high`.
     fn of([a, b, c]: [DVec3; 3], [low, high]: [DVec3; 2]) -> Self {
         let vector = (b - a).cross(c - a);
         let area = vector.length();
@@ -251,6 +257,18 @@ impl Areas {
     /// add up to almost zero.
     fn are_closed(&self) -> bool {
         self.vector.length() <= OPEN_PART * self.area
+    }
+
+    /// Returns true if the mesh would be closed if a single triangle, which is wound wrongly, were reversed.
+    fn are_closed_but_for_one(&self, mesh: &Mesh) -> bool {
+        let would_close = |triangle: &Triangle| {
+            let [a, b, c] = outline(mesh, triangle);
+            let vector = (b - a).cross(c - a);
+            let reversed = self.vector - 2.0 * vector;
+            vector.length() > OPEN_PART / 2.0 * self.area && reversed.length() <= OPEN_PART * self.area
+        };
+        let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+        triangles.any(|triangle| would_close(triangle) && is_wound_wrongly(mesh, triangle))
     }
 
     /// Returns true if bodies, such as furniture, lie between the walls.
@@ -290,6 +308,36 @@ impl Areas {
         let is_open = front.length() > OPEN_PART * self.area;
         is_open.then(|| self.away_from_walls(bounds, up).unwrap_or(front).try_normalize()).flatten()
     }
+}
+
+/// Returns the corners of a triangle, counter-clockwise as seen from the triangle's front. The front is the side of the
+/// triangle's plane to which the mean of its corner normals points, in whatever order the mesh lists the corners.
+fn outline(mesh: &Mesh, triangle: &Triangle) -> [DVec3; 3] {
+    let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+    let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|normal| normal.as_dvec3()).sum();
+    if (b - a).cross(c - a).dot(shading) < 0.0 { [a, c, b] } else { [a, b, c] }
+}
+
+/// Returns true if a triangle's front is on the wrong side. Such a triangle shares each of its edges with exactly one
+/// other triangle, and these three different triangles pass the edges in the same direction as the triangle itself.
+/// Two neighbours whose fronts are on the same side of a surface pass their common edge in opposite directions.
+fn is_wound_wrongly(mesh: &Mesh, triangle: &Triangle) -> bool {
+    let edges = |triangle: &Triangle| {
+        let [a, b, c] = outline(mesh, triangle);
+        [[a, b], [b, c], [c, a]]
+    };
+    let own = edges(triangle);
+    let mut neighbours = [0_usize; 3];
+    for other in mesh.triangles.iter().filter(|other| !std::ptr::eq(*other, triangle)) {
+        let others = edges(other);
+        let shared = own.map(|edge| usize::from(others.contains(&edge)));
+        let is_opposite = own.iter().any(|[from, to]| others.contains(&[*to, *from]));
+        if is_opposite || shared.iter().sum::<usize>() > 1 {
+            return false;
+        }
+        neighbours = std::array::from_fn(|edge| neighbours[edge] + shared[edge]);
+    }
+    neighbours == [1; 3]
 }
 
 /// Returns the key light's power, and the light's distance from the nearest point of the ball that represents the mesh.

@@ -7,7 +7,7 @@ use super::frame_cache::FrameCache;
 use super::setting::Setting;
 use super::wire::SceneWire;
 use super::{Orbit, Scene, facing};
-use crate::error::{Result, shortened};
+use crate::error::{Result, shortened_note};
 use crate::filetype::experiment_instead;
 use crate::reader::lies_in;
 use crate::toml_read::from_text;
@@ -137,6 +137,6 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
         is_bare,
         is_framed,
         animation,
-        notes: notes.into_iter().map(shortened).collect(),
+        notes: notes.into_iter().map(shortened_note).collect(),
     })
 }

@@ -68,8 +68,10 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The answer to the last key or the last change of a file: the reason why the key or the change had no
-    /// effect, or the list of keys; `None` if there is nothing to tell.
+    /// The mistake in the files that were read last; `None` if they have none. The scene is then cast as it was before.
+    mistake: Option<String>,
+    /// The answer to the last key or the last change of the screen's size: the reason why it had no effect, or the list
+    /// of keys; `None` if there is nothing to tell.
     answer: Option<String>,
     /// The first note about the scene, with the number of the other notes. The note is shown in three cases:
     /// at the start, after the scene was read again, and after the picture's size has changed.
@@ -100,6 +102,7 @@ impl<S: Screen> Viewer<S> {
             room: None,
             pointer: None,
             picked: None,
+            mistake: None,
             answer: None,
             note,
             redraws: false,
@@ -319,8 +322,7 @@ impl<S: Screen> Viewer<S> {
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         match change(&mut self.live) {
             Ok(()) => {
-                self.answer = None;
-                self.note = None;
+                (self.mistake, self.answer, self.note) = (None, None, None);
                 self.rate.switched();
             }
             Err(error) => self.answer = Some(error.in_a_line()),
@@ -333,7 +335,7 @@ impl<S: Screen> Viewer<S> {
     }
 
     /// Reads changed files. If this succeeds, the first note about the scene is shown again, since the change may
-    /// have added or removed notes.
+    /// have added or removed notes. Otherwise, keys that move the eye do not remove the message about the mistake.
     fn reload(&mut self) {
         if self.live.has_own_kernels() {
             let same = self.live.strategy();
@@ -342,6 +344,7 @@ impl<S: Screen> Viewer<S> {
             self.tried(Live::reload);
         }
         self.note_again();
+        self.mistake = self.answer.take();
     }
 
     /// Shows the first note about the scene again, unless the last change has failed.
@@ -373,7 +376,7 @@ impl<S: Screen> Viewer<S> {
         }
         let tests = self.heat.as_ref().map(|_| format!("at most {} tests per pixel", self.most_tests));
         let picked = self.picked.as_ref().map(Picked::text);
-        let first = [self.answer.clone(), picked, tests].into_iter().flatten();
+        let first = [self.mistake.clone(), self.answer.clone(), picked, tests].into_iter().flatten();
         self.screen.tell(&title::line(&self.live, rates, first, self.note.clone()))
     }
 }

@@ -328,7 +328,15 @@ fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     std::fs::write(&path, format!("# mine\n\npositon = 1\n{own}")).expect("a file");
     viewer.reload();
     let begin = format!("{}:3: unknown key `positon`", path.display());
-    assert!(viewer.answer.as_ref().is_some_and(|answer| answer.starts_with(&begin)), "{:?}", viewer.answer);
+    // Keys that move the eye leave the message as it is.
+    viewer.obey(&Input { keys: vec![Key::Left], ..Input::default() });
+    let is_shown = viewer.mistake.as_ref().is_some_and(|mistake| mistake.starts_with(&begin));
+    assert!(is_shown && viewer.answer.is_none(), "{:?} {:?}", viewer.mistake, viewer.answer);
+    viewer.tell().expect("it tells");
+    std::fs::write(&path, own).expect("a file");
+    viewer.reload();
+    assert_eq!(viewer.mistake, None);
+    assert!(screen.lines.iter().any(|line| line.starts_with(&begin)), "{:?}", screen.lines);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// The environment variable that is set in a process that runs a single test.
-const MARK: &str = "RAYCL_TEST_APART";
+pub const MARK: &str = "RAYCL_TEST_APART";
 /// The time limit of a test. Only a test that hangs reaches it, although a test may build a hundred programs
 /// on a slow and busy machine.
 const LIMIT: Duration = Duration::from_secs(3600);

@@ -99,12 +99,13 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target, args.subject.size())?;
+    // The strategy may have values that are files of `--cl-dir`, and `load` checks the strategy.
+    let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Loaded { scene, notes, .. } = load(args)?;
     if scene.transparent {
         check_alpha(&target)?;
     }
     let scene = Arc::new(scene);
-    let sources = Sources::of(args.subject.cl_dir.clone())?;
     let devices = select(&discover(&sources)?, &[pattern.to_owned()], &sources)?;
     let image_size = args.subject.size();
     let sampling = super::sampling(args, false);
@@ -225,6 +226,13 @@ mod tests {
     use crate::launch::FrameTimes;
     use crate::reference::fixtures;
     use crate::strategy::preset;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
 
     fn share(device: &str, rows: [u32; 2]) -> Share {
         let times = FrameTimes {
@@ -243,6 +251,15 @@ mod tests {
             frames: vec![times],
             read_ms: 12.0,
         }
+    }
+
+    #[test]
+    fn the_users_kernels_are_read_before_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a.png").display().to_string();
+        let words = ["render", "no/scene.toml", "--devices", "all", "--cl-dir", "no/kernels", "-o", &out];
+        let error = run(&Command::parse_from(words).args, "all").unwrap_err().to_string();
+        assert!(error.contains("no/kernels"), "{error}");
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! Chooses the folder for results if the user names none.
 
-use crate::reader::folder_of;
+use crate::reader::{self, folder_of};
+use crate::record::journals::ENVIRONMENT;
 use crate::settings::results;
+use serde_json::Value;
 use std::io::ErrorKind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// The largest number of a folder. A name with a larger number probably ends with a date, and the user has chosen it:
-/// `quick-20261128`.
-const MAX_NUMBER: u32 = 9999;
+/// The largest number of a folder. If a name ends with a larger number, such as a year or a date, the user has probably
+/// chosen the name: `quick-2026`.
+const MAX_NUMBER: u32 = 999;
 
 /// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder: the one
 /// with the highest number. Otherwise returns the path of a new folder.
@@ -17,13 +19,22 @@ pub fn default_folder(name: &str, resume: bool) -> PathBuf {
 }
 
 /// Returns the highest number of a folder; `None` if there is no folder for the config `name`. The user may have
-/// deleted folders with lower numbers.
+/// deleted folders with lower numbers, and folders with higher numbers may be those of other configs.
 fn latest_number(name: &str) -> Option<u32> {
     let first = numbered_folder(name, 1);
     let stem = first.file_name()?.to_str()?;
     let entries = std::fs::read_dir(folder_of(&first)).ok()?.flatten();
-    let folders = entries.filter(|entry| entry.path().is_dir());
-    folders.filter_map(|entry| number_of(entry.file_name().to_str()?, stem)).max()
+    let numbers = entries.filter_map(|entry| number_of(entry.file_name().to_str()?, stem));
+    numbers.filter(|number| may_be_of(&numbered_folder(name, *number), stem)).max()
+}
+
+/// Returns true if `folder` is a folder whose results may be those of the config `name`: its `environment.json` names
+/// this config, or names none. The results of a config with the name `sweep-2` are in `sweep-2` too.
+fn may_be_of(folder: &Path, name: &str) -> bool {
+    let text = reader::bytes(&folder.join(ENVIRONMENT), reader::Kind::Results).unwrap_or_default();
+    let environment: Value = serde_json::from_slice(&text).unwrap_or_default();
+    let config = environment["config_path"].as_str().and_then(|path| Path::new(path).file_stem());
+    folder.is_dir() && config.is_none_or(|config| config == name)
 }
 
 /// Returns the number in a folder's name: 1 for the name `stem`, and N for `stem-N`; `None` for all other names.
@@ -87,7 +98,7 @@ mod tests {
         std::fs::remove_dir(numbered("-2")).unwrap();
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
         // No run of this config makes folders with these names, or files.
-        for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-20261128"] {
+        for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-2026", "-20261128"] {
             std::fs::create_dir(numbered(other)).unwrap();
         }
         std::fs::write(numbered("-4"), "").unwrap();
@@ -95,6 +106,14 @@ mod tests {
         std::fs::create_dir(numbered("-12")).unwrap();
         std::fs::remove_dir(numbered("")).unwrap();
         assert_eq!(default_folders(), [numbered("-12"), numbered("-13")]);
+        // The folder of another config, which is called quick-20, and a later folder of this config.
+        let other = ("-20", "quick-20", ["-12", "-13"]);
+        for (ending, config, latest) in [other, ("-30", "quick", ["-30", "-31"])] {
+            std::fs::create_dir(numbered(ending)).unwrap();
+            let environment = format!(r#"{{"config_path": "configs/{config}.toml"}}"#);
+            std::fs::write(numbered(ending).join("environment.json"), environment).unwrap();
+            assert_eq!(default_folders(), latest.map(numbered));
+        }
     }
 
     #[test]

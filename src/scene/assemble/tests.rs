@@ -91,6 +91,20 @@ fn an_open_surface_that_turns_is_lit_at_first_whatever_the_order_of_its_corners(
 }
 
 #[test]
+fn a_note_on_a_mesh_with_a_long_path_says_what_is_wrong_and_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("a".repeat(200));
+    std::fs::create_dir(&inner).unwrap();
+    std::fs::write(folder.path().join("b.png"), "").unwrap();
+    std::fs::write(inner.join("m.mtl"), "newmtl m\nmap_Kd ../b.png\n").unwrap();
+    let text = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
+    std::fs::write(inner.join("m.obj"), text).unwrap();
+    let notes = load_scene_with(&inner.join("m.obj"), &[]).unwrap().notes;
+    let expected = "texture `../b.png` lies outside the mesh's folder and is not read (to allow it, set ";
+    assert!(notes.iter().any(|note| note.contains(expected)), "{notes:?}");
+}
+
+#[test]
 fn a_sky_replaces_the_lights_of_a_bare_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Shape, Triangle, generate};
+use crate::scene::{Shape, generate, normals};
 
 /// Returns a view from the default direction, for images of an aspect ratio.
 const fn three_quarter(aspect: f64) -> View {
@@ -189,7 +189,9 @@ fn z_up_looks_as_y_up_does() {
     let mut mesh = generate(&Shape::Teapot { fineness: 4 });
     let view = three_quarter(1.6);
     let upright = camera(&mesh, Ball::around(&mesh, view.up), &view);
-    mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x, -p.z, p.y));
+    for vector in mesh.positions.iter_mut().chain(&mut mesh.normals) {
+        *vector = Vec3::new(vector.x, -vector.z, vector.y);
+    }
     let view = View { up: DVec3::Z, ..view };
     let turned = camera(&mesh, Ball::around(&mesh, view.up), &view);
     let Vec3 { x, y, z } = upright.position;
@@ -292,6 +294,7 @@ fn sides_of_box(corner: Vec3, size: Vec3, sides: [i32; 6]) -> Mesh {
             mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
         }
     }
+    normals::flatten(&mut mesh);
     mesh
 }
 
@@ -353,7 +356,8 @@ fn a_rough_surface_is_no_room() {
         [[a, above, above + 1], [a, above + 1, a + 1]]
     });
     let triangles = faces.map(|positions| Triangle { positions, normals: [0; 3], material: 0 }).collect();
-    let mesh = Mesh { positions, triangles, ..Mesh::default() };
+    let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
+    normals::flatten(&mut mesh);
     let opening = Ball::around(&mesh, DVec3::Y).opening.unwrap_or(DVec3::NAN);
     assert!(opening.z < -0.99, "{opening}");
 }
@@ -361,8 +365,8 @@ fn a_rough_surface_is_no_room() {
 /// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, it must be seen from
 /// outside.
 #[test]
-fn a_vaulted_surface_is_seen_from_its_front() {
-    let half = |is_reversed: bool| {
+fn a_vaulted_surface_is_seen_from_its_front_whatever_the_order_of_its_corners() {
+    let half = |is_reversed: bool, front: f32| {
         let mut mesh = generate(&Shape::Sphere { triangles: 1600 });
         let ahead = |triangle: &Triangle| mesh.corners(triangle).iter().all(|corner| corner.z > -1e-6);
         let mut triangles: Vec<_> = mesh.triangles.iter().copied().filter(ahead).collect();
@@ -370,10 +374,46 @@ fn a_vaulted_surface_is_seen_from_its_front() {
             triangles.iter_mut().for_each(|triangle| triangle.positions.reverse());
         }
         mesh.triangles = triangles;
+        mesh.normals.iter_mut().for_each(|normal| *normal *= front);
         Ball::around(&mesh, DVec3::Y).opening.unwrap_or(DVec3::NAN)
     };
-    assert!(half(false).z > 0.9, "{}", half(false));
-    assert!(half(true).z < -0.9, "{}", half(true));
+    for is_reversed in [false, true] {
+        let [outer, inner] = [1.0, -1.0].map(|front| half(is_reversed, front));
+        assert!(outer.z > 0.9 && inner.z < -0.9, "{outer} {inner}");
+    }
+}
+
+/// Of the 12 triangles of a cube, each has a twelfth of the area. If one of them is reversed, the sum of the area
+/// vectors has the length of a sixth of the area.
+#[test]
+fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
+    let cube = |wrong: &[usize], own_normals: bool| {
+        let mut mesh = sides_of_box(Vec3::ZERO, Vec3::ONE, [1; 6]);
+        for number in wrong {
+            mesh.triangles[*number].positions.reverse();
+        }
+        if !own_normals {
+            normals::flatten(&mut mesh);
+        }
+        let ball = Ball::around(&mesh, DVec3::Y);
+        (ball.is_open(), ball.is_closed())
+    };
+    for wrong in 0..12 {
+        assert_eq!(cube(&[wrong], true), (false, true), "{wrong}");
+        assert_eq!(cube(&[wrong], false), (false, true), "{wrong}");
+    }
+    // With normals of the mesh's own, the order of corners does not matter. Without them, a whole side (here the
+    // front, whose triangles are the last two) that faces inwards does matter.
+    assert_eq!(cube(&[10, 11], true), (false, true));
+    assert_eq!(cube(&[10, 11], false), (false, false));
+    // A cube without a side has the same sum of area vectors as a cube with one reversed triangle.
+    let open = Ball::around(&sides_of_box(Vec3::ZERO, Vec3::ONE, [1, 1, 1, 1, 1, 0]), DVec3::Y);
+    assert!(open.is_open() && !open.is_closed());
+    // A sheet may have two triangles in the same place.
+    let mut sheet = sides_of_box(Vec3::ZERO, Vec3::ONE, [0, 0, 0, 0, 0, 1]);
+    sheet.triangles.truncate(1);
+    sheet.append(sheet.clone());
+    assert!(Ball::around(&sheet, DVec3::Y).is_open());
 }
 
 #[test]

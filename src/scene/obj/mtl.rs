@@ -4,7 +4,7 @@
 use super::Permitted;
 use super::asked::Asked;
 use super::text::{
-    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, tokens, words,
+    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted_name, tokens, words,
 };
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
@@ -56,8 +56,9 @@ pub(super) fn load_all<'a>(
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
         if !known.contains_key(&**library) {
-            let names = reach.file_names(library).into_iter();
-            let files = names.map(|name| loader.file(reach, name, notes)).collect::<Result<Vec<_>>>()?;
+            let names = reach.file_names(library);
+            let files =
+                names.iter().map(|name| loader.file(reach, name, notes)).collect::<Result<Vec<_>>>()?;
             known.insert(library, files.into_iter().flatten().collect());
         }
         lines.push(known[&**library].clone());
@@ -115,12 +116,7 @@ impl Loader {
                 Ok(Some(number))
             }
             Err(reason) => {
-                let quoted = || format!(" {}", quoted(name.as_bytes()));
-                let name = if reach.permitted.quotes { quoted() } else { String::new() };
-                let note = format!(
-                    "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
-                );
-                self.missing.add(note.clone(), note, notes);
+                self.missing.add(name.to_owned(), || unusable(reach, name, &reason), notes);
                 Ok(None)
             }
         }
@@ -138,6 +134,17 @@ impl Loader {
     }
 }
 
+/// Returns a note on a material file that cannot be used because of `reason`.
+fn unusable(reach: Reach<'_>, name: &str, reason: &str) -> String {
+    let (name, hint) = match reach.permitted.quotes {
+        true => (format!(" {}", quoted_name(name)), reach.other_case(possible_paths(name))),
+        false => (String::new(), String::new()),
+    };
+    format!(
+        "material file{name} {reason}{hint}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
+    )
+}
+
 /// Reads the bytes of a material file. Returns an error if the file is known to have another format.
 fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
@@ -152,17 +159,23 @@ impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
     /// one name if a file with this name exists (the name may end before a comment). It is also one name if
     /// the first word neither ends in `.mtl` nor is the name of a file. In all other cases, each word is a
-    /// name. If there is no file with a name, the name without its folders is tried, too.
-    fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
+    /// name. Some programs write a blank within a name as `\ `. The text is read in this way if a file then
+    /// has such a name with a blank. If there is no file with a name, the name without its folders is tried, too.
+    fn file_names(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();
-        let existing = |text: &'a str| possible_paths(text).find(|path| exists(path));
+        let existing = |text: &str| possible_paths(text).find(|path| exists(path)).map(str::to_owned);
         let names = possible_names(library);
+        let is_whole = names.into_iter().any(exists);
+        let unescaped = unescaped_words(names[2]);
+        if !is_whole && unescaped.iter().any(|word| word.contains(' ') && existing(word).is_some()) {
+            return unescaped.into_iter().map(|word| existing(&word).unwrap_or(word)).collect();
+        }
         let words: Vec<&str> = names[2].split_whitespace().collect();
         let is_name = |word: &str| word.to_ascii_lowercase().ends_with(".mtl") || exists(word);
-        if names.into_iter().any(exists) || words.first().is_some_and(|word| !is_name(word)) {
-            return vec![existing(library).unwrap_or(names[1])];
+        if is_whole || words.first().is_some_and(|word| !is_name(word)) {
+            return vec![existing(library).unwrap_or_else(|| names[1].to_owned())];
         }
-        words.into_iter().map(|word| existing(word).unwrap_or(word)).collect()
+        words.into_iter().map(|word| existing(word).unwrap_or_else(|| word.to_owned())).collect()
     }
 
     /// Returns the path of the file with the name `name`, after following links. Returns an error if there is
@@ -183,10 +196,37 @@ impl Reach<'_> {
         }
     }
 
+    /// Returns the part of a note that names a file whose name differs from one of `names` only in upper and lower
+    /// case. Returns an empty text if there is no such file. `names` are the names of a file that cannot be used.
+    pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
+        let mut found = names.filter_map(|name| self.in_other_case(name.as_ref()));
+        found.next().map(|found| format!(", but its folder has {}", quoted_name(&found))).unwrap_or_default()
+    }
+
+    /// Returns the name, without folders, of a file that differs from `name` only in upper and lower case. Returns
+    /// `None` if the file `name` exists, if no file is similar, or if the mesh may not read the file.
+    fn in_other_case(&self, name: &str) -> Option<String> {
+        let named = self.folder.join(name.replace('\\', "/"));
+        let (folder, wanted) = (named.parent()?, named.file_name()?.to_str()?);
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let folder = folder.canonicalize().ok().filter(|folder| self.permits(folder) && !named.exists())?;
+        let entries = folder.read_dir().ok()?;
+        let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        // Of several similar names, the first in alphabetical order is returned, so that the note does not depend on
+        // the order in which the system lists the folder.
+        names.filter(|name| name != wanted && name.to_lowercase() == wanted.to_lowercase()).min()
+    }
+
     /// Returns true if the mesh may read the file at `path`. The path must contain no links.
     fn permits(&self, path: &Path) -> bool {
         self.permitted.beyond || lies_in(path, self.folder)
     }
+}
+
+/// Divides a text at its blanks, except those that follow a `\`: such a blank belongs to a name, which loses the `\`.
+fn unescaped_words(text: &str) -> Vec<String> {
+    let joined = text.replace("\\ ", "\0");
+    joined.split_whitespace().map(|word| word.replace('\0', " ")).collect()
 }
 
 const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow it, set outside_materials = true in the mesh's \
@@ -395,6 +435,59 @@ mod tests {
         ] {
             let (notes, material) = read(library, &files, true);
             assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)), "{library}");
+        }
+    }
+
+    #[test]
+    fn a_blank_after_a_backslash_belongs_to_the_name_if_there_is_such_a_file() {
+        let (paint, other) = ("newmtl paint\nKd 0.25 0.25 0.25\n", "newmtl other\n");
+        let missing = |notes: &[String]| -> Vec<String> {
+            let missing = notes.iter().filter_map(|note| note.strip_prefix("material file `"));
+            missing.map(|note| note.split('`').next().unwrap_or_default().to_owned()).collect()
+        };
+        let (notes, material) = read(r"a\ b.mtl", &[("a b.mtl", paint)], true);
+        assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)));
+        let files = [("my a b.mtl", paint), ("other.mtl", other)];
+        let (notes, material) = read(r"no\ such.mtl other.mtl my\ a\ b.mtl", &files, true);
+        assert_eq!(missing(&notes), ["no such.mtl"]);
+        assert_eq!(material.lambertian, Vec3::splat(0.25));
+        // There is no file whose name has a blank.
+        let (notes, material) = read(r"a\ b.mtl", &[("b.mtl", paint)], true);
+        assert_eq!(missing(&notes), [r"a\ b.mtl"]);
+        assert_eq!(material, Material::default());
+    }
+
+    #[test]
+    fn missing_files_whose_long_names_begin_alike_are_counted_separately_and_named_by_their_ends() {
+        let folder = "a_very_long_folder_name_for_the_materials_of_a_mesh/";
+        let names = ["one", "two", "three", "four", "five"].map(|name| format!("{folder}{name}.mtl"));
+        let library = names.join(" ");
+        let (notes, _) = read(&library, &[], true);
+        for (note, name) in notes.iter().zip(&names[..3]) {
+            assert!(note.starts_with(&format!("material file `{name}` cannot be read (")), "{notes:?}");
+        }
+        assert_eq!(notes[3], "2 more material files cannot be used either");
+        // The names must not be quoted, so the first three notes would be equal.
+        let (notes, _) = read(&library, &[], false);
+        assert!(notes[0].starts_with("material file cannot be read ("), "{notes:?}");
+        assert_eq!(notes[1], "4 more material files cannot be used either");
+    }
+
+    #[test]
+    fn a_note_names_a_file_whose_name_differs_in_upper_and_lower_case() {
+        let paint = "newmtl paint\nmap_Kd Tex.PNG\n";
+        let files = [("case.mtl", "newmtl other\n"), ("Paint.mtl", paint), ("tex.png", "")];
+        let hint = |library: &str, quotes: bool| -> Vec<String> {
+            let (notes, _) = read(library, &files, quotes);
+            let hints = notes.iter().filter_map(|note| note.split_once(", but its folder has "));
+            hints.map(|(_, end)| end.to_owned()).collect()
+        };
+        let found = hint(r"C:\x\Case.MTL", true);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].starts_with("`case.mtl`: its materials are grey, "), "{found:?}");
+        assert_eq!(hint("Paint.mtl", true), ["`tex.png`: its material's own colour is used"]);
+        for (library, quotes) in [("no.mtl", true), ("Case.MTL", false), ("Paint.mtl", false)] {
+            assert!(hint(library, quotes).is_empty(), "{library}");
         }
     }
 

@@ -7,6 +7,8 @@ use std::borrow::Cow;
 const SHOWN_LINE_BYTES: usize = 400;
 /// Largest size in bytes of a file whose text is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
+/// Largest number of characters of a file's name that messages show in full.
+const SHOWN_NAME_CHARACTERS: usize = 200;
 /// Smallest number of bytes of a piece of the text. Reading shorter pieces in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
 
@@ -273,17 +275,28 @@ pub(super) fn words(bytes: &[u8]) -> String {
 
 /// Returns a token for messages: in backquotes, printable, and shortened to 40 characters.
 pub(in crate::scene) fn quoted(token: &[u8]) -> String {
+    let end = if token.len() > 40 { "..." } else { "" };
+    format!("`{}{end}`", printable(words(token).chars().take(40)))
+}
+
+/// Returns the name of a file for messages: in backquotes and printable. A name of more than 200 characters loses its
+/// beginning, and not its end, since the end tells which file is meant.
+pub(in crate::scene) fn quoted_name(name: &str) -> String {
+    let omitted = name.chars().count().saturating_sub(SHOWN_NAME_CHARACTERS);
+    let begin = if omitted > 0 { "..." } else { "" };
+    format!("`{begin}{}`", printable(name.chars().skip(omitted)))
+}
+
+/// Returns a text whose characters are escaped, except those that can be printed.
+fn printable(characters: impl Iterator<Item = char>) -> String {
     let mut shown = String::new();
-    for char in words(token).chars().take(40) {
-        match char {
-            '\\' | '\'' | '"' => shown.push(char),
-            _ => shown.extend(char.escape_default()),
+    for character in characters {
+        match character {
+            '\\' | '\'' | '"' => shown.push(character),
+            _ => shown.extend(character.escape_default()),
         }
     }
-    if token.len() > 40 {
-        shown.push_str("...");
-    }
-    format!("`{shown}`")
+    shown
 }
 
 /// Parses a finite f32.
@@ -393,6 +406,15 @@ mod tests {
     fn only_characters_that_cannot_be_printed_are_escaped() {
         assert_eq!(quoted(b"C:\\a'b\"c"), "`C:\\a'b\"c`");
         assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");
+        assert_eq!(quoted_name("a\x1b[31m"), "`a\\u{1b}[31m`");
+    }
+
+    #[test]
+    fn a_long_name_of_a_file_keeps_its_end_and_any_other_long_word_its_beginning() {
+        let long = "a".repeat(100) + &"b".repeat(100);
+        assert_eq!(quoted(long.as_bytes()), format!("`{}...`", "a".repeat(40)));
+        assert_eq!(quoted_name(&long), format!("`{long}`"));
+        assert_eq!(quoted_name(&format!("{long}.png")), format!("`...{}.png`", &long[4..]));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use super::asked::{Asked, Wish};
 use super::coordinates::Coordinates;
 use super::mtl::Reach;
-use super::text::{decimal, name_tokens, number, possible_names, possible_paths, quoted, words};
+use super::text::{decimal, name_tokens, number, possible_names, possible_paths, quoted, quoted_name, words};
 use super::values::{Unfit, unfit_map};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
@@ -56,12 +56,12 @@ impl Maps {
 
     /// Loads the textures; returns `None` if none could be loaded. Calls `report` for each texture that
     /// cannot be read. The first argument of `report` names the file and the reason, and the second argument
-    /// is a note.
+    /// makes a note.
     fn load(
         &self,
         reach: Reach<'_>,
         pictures: &mut Pictures,
-        report: &mut dyn FnMut(String, String),
+        report: &mut dyn FnMut(String, &dyn Fn() -> String),
     ) -> Loaded<'_> {
         let mapping = self.mapping()?;
         let wrap = [mapping.wrap; 2];
@@ -69,14 +69,10 @@ impl Maps {
             let map = map.as_ref()?;
             map.load(reach, pictures, usage)
                 .map_err(|why| {
-                    let name = match reach.permitted.quotes {
-                        true => format!(" {}", quoted(map.name().as_bytes())),
-                        false => String::new(),
-                    };
                     // The text `about` has no line number, so a file that many materials name adds only one
-                    // note.
-                    let about = format!("{what} {} {why}", quoted(map.name().as_bytes()));
-                    report(about, format!("{}: {what}{name} {why}: {instead}", map.at));
+                    // note. The text has the whole name, so that different files are counted separately.
+                    let about = format!("{what} {} {why}", map.name());
+                    report(about, &|| map.note(reach, what, &why, instead));
                 })
                 .ok()
         };
@@ -194,6 +190,16 @@ impl Map {
     /// Returns the name of the picture's file for messages, without what is certainly a comment.
     fn name(&self) -> &str {
         possible_names(&self.named)[1]
+    }
+
+    /// Returns a note on a picture that cannot be used. `what` is the picture's purpose, `why` is the reason, and
+    /// `instead` says what is shown instead.
+    fn note(&self, reach: Reach<'_>, what: &str, why: &str, instead: &str) -> String {
+        let (name, hint) = match reach.permitted.quotes {
+            true => (format!(" {}", quoted_name(self.name())), reach.other_case(self.paths())),
+            false => (String::new(), String::new()),
+        };
+        format!("{}: {what}{name} {why}{hint}: {instead}", self.at)
     }
 
     /// Returns the paths at which the picture is searched, in this order. The paths are relative to the

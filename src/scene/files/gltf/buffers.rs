@@ -3,7 +3,7 @@
 use super::Parsed;
 use crate::memory::Available;
 use crate::reader::{self, Kind};
-use crate::scene::obj::{Reach, quoted};
+use crate::scene::obj::{Reach, quoted_name};
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use base64::{DecodeError, Engine as _};
@@ -60,7 +60,7 @@ fn read<'a>(
         return bytes
             .map_err(|why| if quotes { format!("it {why}") } else { "its data: URI is damaged".to_owned() });
     }
-    let shown = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its URI".to_owned() };
+    let shown = |name: &str| if quotes { quoted_name(name) } else { "its URI".to_owned() };
     if uri.contains("://") {
         return Err(format!("{} is not a file; nothing is downloaded", shown(uri)));
     }

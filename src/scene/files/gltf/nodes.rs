@@ -22,6 +22,10 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 use std::collections::HashSet;
 
+/// The remedy for a node that occurs in several places of the scene.
+const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scene with a node of \
+     its own for each place (these nodes may name the same mesh)";
+
 /// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
 pub(super) type PlacedNode = (Index<Node>, DMat4);
 
@@ -299,7 +303,7 @@ impl<'a> Walk<'a> {
 
 /// Returns the nodes of the file's default scene, or else of its first scene, in order. If the file has no
 /// scene, returns the nodes without a parent and their descendants. A parent comes before its children.
-pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
+pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
     let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
     let mut next: Vec<PlacedNode> = match scene {
         Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
@@ -313,11 +317,12 @@ pub(super) fn placed(root: &Root) -> Parsed<Vec<PlacedNode>> {
         let number = index.value();
         let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
         if std::mem::replace(&mut visited[number], true) {
-            return Err(format!("node {number} occurs twice in the scene; expected once"));
+            let twice = Flaw::from(format!("node {number} occurs twice in the scene; expected once"));
+            return Err(twice.with_remedy(ONE_PARENT));
         }
         let transform = parent * local(node);
         if !transform.is_finite() {
-            return Err(format!("node {number} has a transform that is not finite"));
+            return Err(format!("node {number} has a transform that is not finite").into());
         }
         placed.push((index, transform));
         next.extend(node.children.iter().flatten().rev().map(|child| (*child, transform)));

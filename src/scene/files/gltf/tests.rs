@@ -483,7 +483,11 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("\"scenes\"", "\"scenes", "a.gltf:2: not valid glTF 2.0: "),
     ] {
         let text = triangle().replacen(from, to, 1);
-        let actual = read(&text).err().map(|error| error.to_string()).unwrap_or_default();
+        let error = read(&text).err();
+        let remedy = error.as_ref().map(|error| error.remedy().to_owned()).unwrap_or_default();
+        let actual = error.map(|error| error.to_string()).unwrap_or_default();
+        let is_twice = message.contains("occurs twice");
+        assert_eq!(remedy.contains("at most one parent"), is_twice, "{actual}: {remedy}");
         let version = to.contains("1.0");
         assert!(version || actual.contains(message), "{from} -> {to}: {actual}");
     }

@@ -5,7 +5,7 @@ use super::buffers::{Bytes, decoded, unescaped};
 use super::materials::{extension, least_alpha};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
-use crate::scene::obj::{Reach, quoted};
+use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Mapped, Wrap};
 use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
@@ -84,7 +84,7 @@ impl Files<'_> {
                         " cannot be read".to_owned()
                     };
                     let note = format!("texture {number}{why}: its material's own colour is used");
-                    unusable.add(note.clone(), note, notes);
+                    unusable.add(note.clone(), || note, notes);
                 })
                 .ok()
         };
@@ -129,13 +129,11 @@ impl Files<'_> {
                 pictures.bytes(&key, || decoded(uri).map(Cow::Owned), usage)
             }
             (Some(uri), _) if uri.contains("://") => {
-                Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())))
+                Err(format!("{} is not a file; nothing is downloaded", quoted_name(uri)))
             }
             (Some(uri), _) => {
                 let name = unescaped(uri);
-                pictures
-                    .file(self.reach, &name, usage)
-                    .map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
+                pictures.file(self.reach, &name, usage).map_err(|why| format!("{} {why}", quoted_name(&name)))
             }
             (None, Some(view)) => {
                 let view = self.root.get(view).ok_or("has a buffer view that does not exist")?;

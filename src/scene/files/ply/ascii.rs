@@ -6,14 +6,14 @@ use crate::scene::obj::{quoted, split_lines};
 use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 use std::str::FromStr;
 
-/// The lines after the header that are not empty, and their numbers.
+/// The lines after the header that are neither empty nor comments, and their numbers.
 pub(super) struct Lines<'a>(Box<dyn Iterator<Item = (usize, &'a [u8])> + 'a>);
 
 impl<'a> Lines<'a> {
     /// Returns the lines of the text that begins with the line number `first`.
     pub fn of(text: &'a [u8], first: usize) -> Self {
         let lines = (first..).zip(split_lines(text));
-        Self(Box::new(lines.filter(|(_, line)| !line.trim_ascii().is_empty())))
+        Self(Box::new(lines.filter(|(_, line)| !is_ignored(line))))
     }
 
     /// Reads all elements of the type `of`.
@@ -34,6 +34,12 @@ impl<'a> Lines<'a> {
     pub fn rest(self) -> usize {
         self.0.count()
     }
+}
+
+/// Returns true if a line is empty or a comment. PLY allows comments only in the header, but some files also have
+/// comments between elements.
+fn is_ignored(line: &[u8]) -> bool {
+    line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()).is_none_or(|word| word == b"comment")
 }
 
 /// Reads an element of the type `of` from its line. Numbers after the last property are ignored.

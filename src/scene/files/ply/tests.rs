@@ -372,6 +372,17 @@ fn vertices_that_no_face_uses_may_be_nan() {
 }
 
 #[test]
+fn comments_between_the_elements_of_an_ascii_file_are_ignored() {
+    let text = SQUARE.replacen("500001 5400000", "comment a corner\n500001 5400000", 1);
+    let text = text.replacen("4 0 1 2 3\n", "  comment\n4 0 1 2 3\n", 1) + "comment the end\n";
+    let [plain, commented] = [SQUARE, text.as_str()].map(|text| parse("a.ply", text.as_bytes()).unwrap());
+    assert_eq!((commented.mesh, commented.notes), (plain.mesh, plain.notes));
+    // The line of a mistake counts the comments before it.
+    let error = parse("a.ply", text.replacen("4 0 1 2 3", "4 0 1 x 3", 1).as_bytes()).err().unwrap();
+    assert!(error.to_string().starts_with("a.ply:23: `x`"), "{error}");
+}
+
+#[test]
 fn textures_of_a_file_are_noted_and_its_other_comments_are_not() {
     let textured =
         SQUARE.replacen("comment made by hand", "comment TextureFile a.png\ncomment TextureFile b.png", 1);
