@@ -135,7 +135,7 @@ fn mistakes_are_reported_without_the_files_text() {
         ("500000 5400000 0 255 0 0\n", "500000 5400000 0 255 0\n", "a.ply:17: the line has fewer numbers"),
         ("element vertex 4", "element vertex many", "a.ply:4"),
         ("comment made by hand", "property int secret", "a.ply:3"),
-        ("element edge 1", "element secret 99", "a.ply: the file has fewer bytes"),
+        ("element edge 1", "element secret 99", "a.ply: the file is too short"),
         ("element edge 1", "element secret 2", "a.ply"),
         ("4 0 1 2 3\n0 1\n", "4 0 1 2 3\n0 secret\n", "a.ply:22: a value is not valid; expected a whole"),
     ] {
