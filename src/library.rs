@@ -97,11 +97,13 @@ impl Raycaster {
     ///
     /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or value, if its
     /// values contradict each other, if it needs more memory than the device or the host has, or if the driver fails.
-    /// After a failed launch, the `Raycaster` casts no more pictures, and its memory on the device is not freed, since
-    /// freeing could fail too: open another `Raycaster`.
+    /// After a failed launch, the `Raycaster` casts no more pictures, and its memory on the device and its scene are not
+    /// freed, since freeing could fail too: open another `Raycaster`.
     ///
-    /// One kind of failure still ends the process: if a driver that has reported no error before refuses to free
-    /// several objects, the crate `ocl` panics while it handles a panic, and Rust aborts the process.
+    /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate `ocl` panics
+    /// while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees few objects, so this is
+    /// unlikely then. After a failure while raycl opens a device or prepares a picture, or when a `Raycaster` is
+    /// dropped, nothing prevents it. Nor is a panic of `ocl` during that drop turned into an error.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         check_size(size)?;
         let Some(session) = self.session.as_mut() else { return Err(closed()) };
@@ -158,7 +160,7 @@ fn closed() -> Error {
 /// Adds to a remedy that names options of the command `raycl` what stands for them in a program.
 fn for_programs(error: Error) -> Error {
     let remedy = error.remedy();
-    if !remedy.contains("--") {
+    if !remedy.contains(" --") && !remedy.contains("`--") {
         return error;
     }
     let remedy = format!("{remedy} {OPTIONS}");
@@ -267,7 +269,8 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// start itself again and again. For the same reason, `run_experiment` fails in a program that has not called
 /// `serve_if_worker`.
 ///
-/// The function prints nothing. If another process measures on a device, the function waits until that process ends.
+/// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
+/// without locks. If another process measures on a device, the function waits until that process ends.
 ///
 /// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
 /// ends the process. A signal between two calls of this function interrupts the second call.
@@ -410,7 +413,7 @@ mod tests {
                 format!("{} x {} pixels; expected 1 to 65,536 in each direction", size[0], size[1]);
             assert!(error.exit_code() == 2 && error.to_string().ends_with(&expected), "{error}");
         }
-        let mut caster = Raycaster::open(loaded.scene, Some("cpu")).unwrap();
+        let mut caster = Raycaster::open(loaded.scene, None).unwrap();
         assert_eq!(caster.cast(Some("naive"), [0, 5]).unwrap_err().exit_code(), 2);
         let picture = caster.cast(Some("naive"), [8, 5]).unwrap();
         assert_eq!((picture.radiance.pixels.len(), picture.radiance.width), (40, 8));

@@ -17,12 +17,22 @@ fn listing(strategy: &str) -> Value {
     listing_of("cast_frame", &["--strategy", strategy])
 }
 
+/// Runs `raycl compile` with a folder of its own for PoCL's compiled kernels, and returns its standard output. If two
+/// processes compile a program with a line table into one folder at the same time, PoCL 3.1 sometimes stores kernels
+/// without the table.
+fn compile(folder: &WorkFolder, arguments: &[&str]) -> String {
+    std::fs::create_dir(folder.path("pocl")).expect("a folder");
+    let mut command = folder.raycl(arguments);
+    let output = command.env("POCL_CACHE_DIR", folder.path("pocl")).assert().success().get_output().clone();
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
 /// Returns the output of `raycl compile --json`, with these options, for a kernel as compiled by the driver.
 fn listing_of(kernel: &str, options: &[&str]) -> Value {
     let scene = repository("scenes/teapot.toml");
     let device = device();
     let usual = ["compile", scene.to_str().expect("a path"), "--device", &device, "--json"];
-    let text = WorkFolder::new().output(&[&usual, options].concat());
+    let text = compile(&WorkFolder::new(), &[&usual, options].concat());
     let made: Value = serde_json::from_str(&text).expect("JSON");
     let listings = made["microscope"]["listings"].as_array().expect("a list");
     let of_kernel = listings.iter().find(|listing| listing["kernel"] == kernel);
@@ -100,7 +110,8 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     let all = listing["instructions"].as_u64().expect("a number");
     let with_line = listing["with_line"].as_u64().expect("a number");
     assert_eq!(sum(&|row| row["instructions"].as_u64().expect("a number")), with_line);
-    assert!(with_line * 10 > all * 8, "{with_line} of {all} instructions have a line");
+    // PoCL 3.1 with LLVM 15 gives more than 80% of the instructions a line, PoCL 6.0 with LLVM 18 gives 78%.
+    assert!(with_line * 10 > all * 7, "{with_line} of {all} instructions have a line");
 }
 
 /// Renders the teapot with these options and with a separate folder for PoCL's compiled kernels. Returns the
@@ -175,11 +186,14 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
     ] {
         let options = ["--strategy", strategy, "--local-size", local_size];
         let listing = listing_of(kernel, &options);
-        assert_eq!(listing["same_as_timed"], true, "{strategy} {local_size}");
+        // LLVM 18 (PoCL 6.0) compiles `tile-group` to other instructions if it writes a line table. raycl says so.
+        let is_same = listing["same_as_timed"] == true;
+        assert!(is_same || strategy == "tile-group", "{strategy} {local_size}");
         assert_eq!(listing["for_any_local_size"], false, "{strategy} {local_size}");
         let folder = WorkFolder::new();
         let Some(file) = rendered(&folder, kernel, local_size, &options) else { return };
-        assert_eq!(listing["instructions"], instructions(&file, kernel), "{strategy} {local_size}");
+        let ran = instructions(&file, kernel);
+        assert_eq!(listing["instructions"] == ran, is_same, "{strategy} {local_size}: {ran} {listing}");
     }
 }
 
@@ -210,7 +224,7 @@ fn the_page_stands_alone_with_source_and_instructions() {
     let scene = repository("scenes/teapot.toml");
     let (folder, device) = (WorkFolder::new(), device());
     let arguments = ["compile", scene.to_str().expect("a path"), "--device", &device, "--out", "made"];
-    folder.output(&[&arguments[..], &["--strategy", "naive"]].concat());
+    compile(&folder, &[&arguments[..], &["--strategy", "naive"]].concat());
     let page = folder.text("made/naive/microscope.html");
     has(&page, &["<h1>naive</h1>", "at[0] = value.x;", "data-line=", "default-src 'none'", "cast_frame: "]);
     for outside in ["<link", "src=\"http", "@import", "url("] {

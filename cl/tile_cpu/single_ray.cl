@@ -5,9 +5,10 @@
 typedef struct {
     float from[3], direction[3]; // the origin and the unit direction
     float reach;                 // triangles beyond this distance stop nothing
-    // The following fields are for the test against boxes. `origin` and `per_direction` are the origin and the
-    // direction's reciprocals, each in all lanes. `near_row` and `far_row` are, for each axis, the offsets in a node of
-    // the sides at which the ray enters and leaves. A ray towards smaller x enters at the high side.
+    // The following fields are for the test against boxes. `origin` contains the ray's origin, and `per_direction` the
+    // reciprocals of its direction, with the same value in all lanes. For each axis, `near_row` and `far_row` are
+    // offsets in a node, in floats: the sides of the children's boxes at which the ray enters begin at `near_row`, and
+    // those at which it leaves begin at `far_row`. A ray towards smaller x enters a box at the side with the larger x.
     Children origin[3], per_direction[3];
     int near_row[3], far_row[3];
 } SingleRay;
@@ -23,13 +24,14 @@ void prepare_single_ray(SingleRay *ray, const float *per_direction) {
     }
 }
 
-// Returns the t at which the ray crosses one side of each child's box, one lane per child.
+// Returns the t at which the ray crosses a side of each child's box, one lane per child. `row` is the offset of these
+// sides in the node (`near_row` or `far_row` of `axis`).
 Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
     return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_direction[axis];
 }
 
-// Returns the children of a node that the ray enters before t = `ray->reach`, one bit each. This is the slab test (Kay
-// and Kajiya 1986) with one child per lane.
+// Returns one bit for each child of a node: 1 if the ray meets the child's box at a t from 0 to `ray->reach`. This is
+// the slab test (Kay and Kajiya 1986) with one child per lane.
 uint single_ray_enters(const SingleRay *ray, const __global float *node) {
     const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
     const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);

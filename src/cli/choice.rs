@@ -15,14 +15,14 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height, each from 1 to 4096.
-/// Returns the width and the height.
+/// Parses a local size: `WIDTHxHEIGHT`, or one number for both the width and the height. Each number is from
+/// 1 to 4096. Returns the width and the height.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (across, down) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
         Ok(n) if (1..=4096).contains(&n) => Ok(n),
         _ => Err(format!(
-            "'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, or one number for both, from 1 to 4096"
+            "'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, or one number for both; each number is from 1 to 4096"
         )),
     };
     Ok([number(across)?, number(down)?])

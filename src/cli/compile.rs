@@ -80,8 +80,9 @@ struct Compilation {
 /// With PoCL, raycl casts a frame, and a frame of one pixel takes little time even in a large scene.
 const IMAGE_SIZE: [u32; 2] = [1, 1];
 
-/// Builds the program of every strategy. If a program cannot be built, builds the programs of the other strategies, and
-/// then fails.
+/// Builds the program of every strategy. Prints what the compiler made, and writes it to the folder of
+/// `--out`. If one of several programs cannot be built, prints the error and continues with the other
+/// strategies. After the last strategy, returns an error if a program could not be built.
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;

@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
-    /// table
+    /// table. If FILE exists already and a device fails, FILE keeps its earlier rates
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace the file of --out even if it was not written by raycl, or was changed after raycl wrote it
@@ -52,8 +52,9 @@ pub struct Args {
     pub(super) cl_dir: Option<PathBuf>,
 }
 
-/// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the file of
-/// `--out`, if one is given. If a device fails, the rates of the devices before it are printed and written.
+/// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the
+/// file of `--out`, if one is given. If a device fails, the rates of the devices before it are printed. These
+/// rates are also written, unless the file exists already: an existing file keeps its earlier rates.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out FILE");
     let target = args.out.as_ref().map(|path| Target::new(path, choice));

@@ -80,18 +80,17 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
-    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1 sample; for a bare mesh without lights,
-    /// 6 samples in pixels near differences between neighbours and 1 sample in all others, but 1 sample with --plain or
-    /// --devices]
+    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1; for a bare mesh without lights, 6
+    /// where neighbouring pixels differ and 1 elsewhere; with --plain or --devices, always 1]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring
     /// pixels differ. Not with --devices [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If this is more than once
-    /// and the first frame takes at most a second, raycl does not count the first frame, and casts one frame
-    /// more. With --devices, the first frame never counts
+    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the frame is cast more than once
+    /// and the first frame takes at most a second, raycl does not count the first frame, and casts one frame more. With
+    /// --devices, the first frame never counts
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

@@ -465,7 +465,9 @@ fn foresee(args: &Args) -> Result<()> {
     forecast(&points, &expected, args.json)
 }
 
-/// Writes the report, then prints the results and their paths. If points failed, returns an error with exit code 1.
+/// Writes the report. With `--json`, then prints the records; otherwise, prints the results and their paths,
+/// unless `--quiet` is given. With two options `--cl-dir`, also compares the times with the two folders of
+/// kernels. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);

@@ -1,5 +1,6 @@
-//! Tests of offsets and indices, most of which have more than 31 bits. The kernels of these tests compute
-//! addresses, but read nothing from these addresses, so that the tests need no large buffers.
+//! Tests of offsets and indices, most of which have more than 31 bits. Most of the tests' kernels compute
+//! addresses, but read nothing from these addresses, so that the tests need no large buffers. The kernel of
+//! the last test computes indices.
 
 use super::alone::Alone;
 use super::buffers::allocate;

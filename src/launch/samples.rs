@@ -165,7 +165,7 @@ mod tests {
         caster.map_err(|refused| refused.reason()).unwrap()
     }
 
-    /// Casts a picture of a scene for each sampling, all with the same caster. `text` is the scene's file.
+    /// Casts one picture for each sampling, all with the same caster. `text` is the text of the scene's file.
     fn pictures<const N: usize>(text: &str, size: [u32; 2], samplings: [Sampling; N]) -> [Radiance; N] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.toml");

@@ -3,8 +3,8 @@
 use super::MIN_SAMPLES;
 use serde::{Deserialize, Serialize};
 
-/// The noise (sigma / mean) of a point has settled if the noise values after this many of the latest samples
-/// agree.
+/// The noise of a point is the sigma / mean of its samples, and is computed again after each sample. The
+/// noise has settled if this many of the latest noise values agree.
 const SETTLING: usize = 16;
 /// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
@@ -115,7 +115,8 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
     noise
 }
 
-/// Returns true if there are at least [`SETTLING`] noise values and the last of them agree (see [`SETTLED`]).
+/// Returns true if the last [`SETTLING`] noise values agree (see [`SETTLED`]). Returns false if there are
+/// fewer values than that.
 fn settled(noise: &[f64]) -> bool {
     noise.last_chunk::<SETTLING>().is_some_and(|last| {
         let (mean, sigma) = super::mean_and_sigma(last);

@@ -184,8 +184,8 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// Returns the meaning of the word ([`code`]) that a cell without a time shows. The record is named as an
-/// example.
+/// Returns a line that explains the word ([`code`]) in a cell without a time. The line names the point of
+/// `record` as an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),

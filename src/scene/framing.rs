@@ -20,9 +20,9 @@ const NEAREST_RADII: f64 = 0.3;
 /// ball's centre. This radius is 8 to 17 times the step between neighbouring f32 numbers at this distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is open if the sum of its area vectors (normal times area) has a horizontal part that is longer than this
-/// fraction of the mesh's area. If one triangle of a closed mesh is reversed, the sum changes by twice the triangle's
-/// area. A single triangle can thus make a closed mesh open only if it has more than half of this fraction of the area,
-/// which at most 19 triangles of a mesh can have.
+/// fraction of the mesh's area. If one triangle is reversed in a mesh whose area vectors add up to zero, the sum becomes
+/// twice the triangle's area. A single triangle can thus make such a mesh open only if it has more than half of this
+/// fraction of the area, which at most 19 triangles of a mesh can have.
 const OPEN_PART: f64 = 0.1;
 /// A triangle belongs to a wall if its distance from a side of the bounding box is at most this fraction of
 /// the box's extent. The distance may be above 0, since walls are rarely exactly parallel to the box's sides.
@@ -202,8 +202,10 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
 /// Sums over a mesh's triangles. All areas are doubled.
 #[derive(Clone, Copy, Default)]
 struct Areas {
-    /// The area vectors: normal times area.
+    /// The area vectors: normal times area. The normals are on the sides that the mesh's own normals name.
     vector: DVec3,
+    /// The area vectors with the normals on the sides from which the corners are listed counter-clockwise.
+    wound: DVec3,
     area: f64,
     /// The projected areas of the walls at three sides of the bounding box: those with the least x, the least
     /// y and the least z. Each area is projected along the axis of its side. Triangles that face outwards
@@ -220,7 +222,10 @@ struct Areas {
 impl Areas {
     fn of_mesh(mesh: &Mesh, bounds: [DVec3; 2]) -> Self {
         let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        let areas = triangles.map(|triangle| Self::of(outline(mesh, triangle), bounds));
+        let areas = triangles.map(|triangle| {
+            let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+            Self { wound: (b - a).cross(c - a), ..Self::of(outline(mesh, triangle), bounds) }
+        });
         areas.reduce(Self::default, Self::plus)
     }
 
@@ -234,6 +239,7 @@ impl Areas {
         let is_inner = !at_low.any() && !at_high.any();
         Self {
             vector,
+            wound: vector,
             area,
             low_walls: DVec3::select(at_low, -vector, DVec3::ZERO),
             high_walls: DVec3::select(at_high, vector, DVec3::ZERO),
@@ -245,6 +251,7 @@ impl Areas {
     fn plus(self, other: Self) -> Self {
         Self {
             vector: self.vector + other.vector,
+            wound: self.wound + other.wound,
             area: self.area + other.area,
             low_walls: self.low_walls + other.low_walls,
             high_walls: self.high_walls + other.high_walls,
@@ -254,9 +261,10 @@ impl Areas {
     }
 
     /// Returns true if the mesh is closed: the area vectors (normal times area) of a closed mesh's triangles
-    /// add up to almost zero.
+    /// add up to almost zero. Either the mesh's normals or the orders of corners may be wrong, for example if all
+    /// normals have the same direction, so one of the two sums is enough.
     fn are_closed(&self) -> bool {
-        self.vector.length() <= OPEN_PART * self.area
+        [self.vector, self.wound].iter().any(|sum| sum.length() <= OPEN_PART * self.area)
     }
 
     /// Returns true if the mesh would be closed if a single triangle, which is wound wrongly, were reversed.

@@ -13,10 +13,11 @@ const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
-/// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the
-/// camera's azimuth or elevation, the camera shows the whole scene, so the position, direction and field of
-/// view in the table are removed. Later settings may set them again.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after
+/// the last element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting
+/// of the camera's azimuth or elevation, the camera shows the whole scene. Such a setting therefore removes
+/// the position, direction and field of view from the table. Later settings may set the direction and the
+/// field of view again. Returns an error if one setting sets an angle and another setting sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     for setting in settings {

@@ -128,7 +128,7 @@ impl Ranks {
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let rank = rank.checked_sub(self.origin).ok_or_else(|| {
             Error::input(format!("{} is {rank}, but its values must start at {}", self.rank, self.origin))
-                .with_help("number the tasks from 1, or give the shard's number: --shard 3/16")
+                .with_help("number the tasks from 1, or give the shard's number, for example --shard 3/16")
         })?;
         Ok(Some(Assignment { launcher: self.launcher, rank, count, number: None }))
     }
@@ -190,7 +190,7 @@ fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {
         Error::input(format!("{name} is '{text}', which is not a number"))
-            .with_help("give the shard's number: --shard 3/16")
+            .with_help("give the shard's number, for example --shard 3/16")
     })
 }
 
@@ -212,7 +212,7 @@ fn twice(array: &Assignment, inner: &Assignment) -> Error {
     Error::input(format!("two launchers number this process: {}, and {}", text(array), text(inner)))
         .with_help(
             "let each element of the array start one process, or omit the array; or give the \
-            shard's number: --shard 3/16",
+            shard's number, for example --shard 3/16",
         )
 }
 
@@ -233,8 +233,9 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
 fn nobody() -> Error {
     let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
     let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
-    Error::input("--shard auto needs a launcher that numbers its processes, but none was found")
-        .with_help(format!("give the shard's number: --shard 3/16. Known launchers: {}", known.join(", ")))
+    Error::input("--shard auto needs a launcher that numbers its processes, but none was found").with_help(
+        format!("give the shard's number, for example --shard 3/16. Known launchers: {}", known.join(", ")),
+    )
 }
 
 #[cfg(test)]

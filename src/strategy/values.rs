@@ -155,7 +155,8 @@ fn names_of(all: &[Named], axis: &str) -> Vec<String> {
     listed.map(|(name, _)| (*name).to_owned()).chain(files).collect()
 }
 
-/// Returns the headers of all values, in the order of their axes and names.
+/// Returns the headers of all values. The headers are sorted by the order of their axes in [`AXES`], and
+/// within an axis by the values' names.
 fn headers(sources: &Sources) -> Result<Vec<Header>> {
     let all = named(&sources.files()?);
     let names_of = |axis: &str| names_of(&all, axis);
@@ -417,8 +418,8 @@ mod tests {
         }
     }
 
-    /// Returns the headers of all values: raycl's own headers, and the headers of a folder with these kernel
-    /// files.
+    /// Returns the headers of all values, if the folder of `--cl-dir` contains the kernel files `files`. Each
+    /// element of `files` is a path in the folder and a text. Returns the error if the folder is refused.
     fn checked(files: &[(&str, &str)]) -> Result<Vec<Header>> {
         let folder = tempfile::tempdir().unwrap();
         for (file, text) in files {

@@ -43,14 +43,14 @@ impl Pose {
         self.tilt = (self.tilt + up).clamp(low, high);
     }
 
-    /// Moves the eye to the right and upwards, in units of the eye's distance from the point around which it
-    /// orbits.
+    /// Moves the eye to the right and upwards, in units of the eye's distance from the pivot.
     pub fn pan(&mut self, [right, up]: [f64; 2]) {
         self.aside[0] += right;
         self.aside[1] += up;
     }
 
-    /// Moves the eye nearer for positive `steps`, and away for negative ones: ten steps halve the distance.
+    /// Moves the eye towards the pivot for positive `steps`, and away from the pivot for negative `steps`.
+    /// Ten steps halve the distance. The distance stays within `DISTANCES`.
     pub fn zoom(&mut self, steps: f64) {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }

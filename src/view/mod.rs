@@ -68,7 +68,8 @@ pub struct Viewer<S: Screen> {
     room: Option<[u32; 2]>,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// The mistake in the files that were read last; `None` if they have none. The scene is then cast as it was before.
+    /// The mistake in the files that were read last; `None` if they have none, or after a key has switched something.
+    /// If there is a mistake, the scene is cast as it was before.
     mistake: Option<String>,
     /// The answer to the last key or the last change of the screen's size: the reason why it had no effect, or the list
     /// of keys; `None` if there is nothing to tell.
@@ -282,7 +283,10 @@ impl<S: Screen> Viewer<S> {
         self.redraws |= known.is_some() && known != room;
         let changed = room.filter(|size| known != room && *size != self.live.size());
         if let Some(size) = changed {
+            // A resize reads no files, so a mistake in them remains.
+            let mistake = self.mistake.take();
             self.tried(|live| live.resize(size));
+            self.mistake = mistake;
             self.note_again();
         }
     }

@@ -332,6 +332,9 @@ fn a_mistake_in_a_scene_that_changed_is_reported_with_its_file_and_line() {
     viewer.obey(&Input { keys: vec![Key::Left], ..Input::default() });
     let is_shown = viewer.mistake.as_ref().is_some_and(|mistake| mistake.starts_with(&begin));
     assert!(is_shown && viewer.answer.is_none(), "{:?} {:?}", viewer.mistake, viewer.answer);
+    // A new size of the window does so, too.
+    viewer.fit(Some([48, 24]));
+    assert!(viewer.mistake.is_some() && viewer.live.size() == [48, 24]);
     viewer.tell().expect("it tells");
     std::fs::write(&path, own).expect("a file");
     viewer.reload();

@@ -2,27 +2,29 @@
 
 use super::error::Error;
 
-/// How much more times differ between runs than between the launches of one run. Both fields are standard
-/// deviations of the times' logarithms. The launches of a run are minutes apart at most, but a machine may be
-/// slower for hours, for example because of other virtual machines on the same host.
+/// The variation of times from run to run, in addition to their variation between the launches of one run.
+/// The launches of a run are minutes apart at most, but a machine may be slower for hours, for example
+/// because of other virtual machines on the same host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
-    /// The standard deviation of a factor that all points of the same kind of device share. This shared factor cancels
-    /// in ratios of the points' times.
+    /// From run to run, the times of all points on one kind of device are multiplied by a common factor. This
+    /// field is the standard deviation of the factor's logarithm. The factor cancels in ratios of these
+    /// times.
     pub shared: f64,
-    /// The standard deviation of a factor that is specific to each point.
+    /// From run to run, the time of each point is also multiplied by a factor of its own. This field is the
+    /// standard deviation of this factor's logarithm.
     pub own: f64,
 }
 
 impl BetweenRuns {
-    /// How much times on CPUs differ from run to run. These values apply to kernels that an OpenCL driver runs on a
-    /// CPU, and to baselines, which run on the host without OpenCL. The values were measured with two experiments. Each
-    /// experiment was run several times on quiet virtual machines of two cores (docs/log.md, 2026-11-23 and
-    /// 2026-11-25).
+    /// The variation of times on CPUs from run to run. These values apply to kernels that an OpenCL driver
+    /// runs on a CPU, and to baselines, which run on the host without OpenCL. The values were measured with
+    /// two experiments. Each experiment was run several times on quiet virtual machines of two cores
+    /// (docs/log.md, 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// How much times on all other devices differ from run to run. The values were measured with one experiment, in
-    /// four series of runs on GPUs (docs/log.md, 2026-11-23 and 2026-11-25). Records of earlier runs, which were made
-    /// on three different days, were also used.
+    /// The variation of times on all other devices from run to run. The values were measured with one
+    /// experiment, in four series of runs on GPUs (docs/log.md, 2026-11-23 and 2026-11-25). Records of
+    /// earlier runs, which were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that the differences between runs add to the mean time of `points` points.

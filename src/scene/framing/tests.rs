@@ -383,6 +383,14 @@ fn a_vaulted_surface_is_seen_from_its_front_whatever_the_order_of_its_corners() 
     }
 }
 
+#[test]
+fn a_closed_mesh_is_closed_although_all_its_normals_have_the_same_direction() {
+    let mut mesh = generate(&Shape::Sphere { triangles: 1600 });
+    mesh.normals.iter_mut().for_each(|normal| *normal = Vec3::X);
+    let ball = Ball::around(&mesh, DVec3::Y);
+    assert!(ball.is_closed() && ball.opening.is_none());
+}
+
 /// Of the 12 triangles of a cube, each has a twelfth of the area. If one of them is reversed, the sum of the area
 /// vectors has the length of a sixth of the area.
 #[test]

@@ -224,8 +224,9 @@ fn exact_placement(
 }
 
 /// Returns the placement (how the mesh is moved and scaled), computed only from vertices that triangles use.
-/// Returns `None` if this equals `placement`, which was computed from all vertices of the file. Otherwise,
-/// the mesh must be read again, because `placement` moves or scales it wrongly.
+/// Returns `None` if this placement equals `placement`, which was computed from all vertices of the file.
+/// Also returns `None` if `reading.placement` is already set, or if the mesh has no triangles. In all other
+/// cases, the mesh must be read again, because `placement` moves or scales it wrongly.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,

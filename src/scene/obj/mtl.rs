@@ -197,21 +197,25 @@ impl Reach<'_> {
     }
 
     /// Returns the part of a note that names a file whose name differs from one of `names` only in upper and lower
-    /// case. Returns an empty text if there is no such file. `names` are the names of a file that cannot be used.
+    /// case. Returns an empty text if there is no such file, or if a file with one of `names` exists. `names` are the
+    /// names of a file that cannot be used.
     pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
-        let mut found = names.filter_map(|name| self.in_other_case(name.as_ref()));
-        found.next().map(|found| format!(", but its folder has {}", quoted_name(&found))).unwrap_or_default()
+        let names: Vec<_> = names.map(|name| self.folder.join(name.as_ref().replace('\\', "/"))).collect();
+        if names.iter().any(|name| name.exists()) {
+            return String::new();
+        }
+        let mut found = names.iter().filter_map(|name| self.in_other_case(name));
+        found.next().map(|found| format!(", but there is a file {}", quoted_name(&found))).unwrap_or_default()
     }
 
-    /// Returns the name, without folders, of a file that differs from `name` only in upper and lower case. Returns
-    /// `None` if the file `name` exists, if no file is similar, or if the mesh may not read the file.
-    fn in_other_case(&self, name: &str) -> Option<String> {
-        let named = self.folder.join(name.replace('\\', "/"));
+    /// Returns the name, without folders, of a file that differs from that of `named` only in upper and lower case.
+    /// Returns `None` if no file has such a name, or if the mesh may not read the file.
+    fn in_other_case(&self, named: &Path) -> Option<String> {
         let (folder, wanted) = (named.parent()?, named.file_name()?.to_str()?);
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        let folder = folder.canonicalize().ok().filter(|folder| self.permits(folder) && !named.exists())?;
-        let entries = folder.read_dir().ok()?;
-        let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        let folder = folder.canonicalize().ok().filter(|folder| self.permits(folder))?;
+        let files = folder.read_dir().ok()?.flatten().filter(|entry| entry.path().is_file());
+        let names = files.filter_map(|entry| entry.file_name().into_string().ok());
         // Of several similar names, the first in alphabetical order is returned, so that the note does not depend on
         // the order in which the system lists the folder.
         names.filter(|name| name != wanted && name.to_lowercase() == wanted.to_lowercase()).min()
@@ -476,17 +480,27 @@ mod tests {
     #[test]
     fn a_note_names_a_file_whose_name_differs_in_upper_and_lower_case() {
         let paint = "newmtl paint\nmap_Kd Tex.PNG\n";
-        let files = [("case.mtl", "newmtl other\n"), ("Paint.mtl", paint), ("tex.png", "")];
+        // The picture `broken.png` exists, so `BROKEN.PNG` is not the missing file.
+        let broken = "newmtl broken\nmap_Kd broken.png\n";
+        let files = [
+            ("case.mtl", "newmtl other\n"),
+            ("Paint.mtl", paint),
+            ("tex.png", ""),
+            ("Broken.mtl", broken),
+            ("broken.png", "no picture"),
+            ("BROKEN.PNG", ""),
+        ];
         let hint = |library: &str, quotes: bool| -> Vec<String> {
             let (notes, _) = read(library, &files, quotes);
-            let hints = notes.iter().filter_map(|note| note.split_once(", but its folder has "));
+            let hints = notes.iter().filter_map(|note| note.split_once(", but there is a file "));
             hints.map(|(_, end)| end.to_owned()).collect()
         };
         let found = hint(r"C:\x\Case.MTL", true);
         assert_eq!(found.len(), 1, "{found:?}");
         assert!(found[0].starts_with("`case.mtl`: its materials are grey, "), "{found:?}");
         assert_eq!(hint("Paint.mtl", true), ["`tex.png`: its material's own colour is used"]);
-        for (library, quotes) in [("no.mtl", true), ("Case.MTL", false), ("Paint.mtl", false)] {
+        let none = [("no.mtl", true), ("Case.MTL", false), ("Paint.mtl", false), ("Broken.mtl", true)];
+        for (library, quotes) in none {
             assert!(hint(library, quotes).is_empty(), "{library}");
         }
     }

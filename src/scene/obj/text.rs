@@ -3,7 +3,7 @@
 use crate::error::Error;
 use std::borrow::Cow;
 
-/// Largest number of bytes of a line that an error quotes.
+/// An error quotes a line only if the line has at most this many bytes.
 const SHOWN_LINE_BYTES: usize = 400;
 /// Largest size in bytes of a file whose text is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;

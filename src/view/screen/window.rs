@@ -139,8 +139,9 @@ impl Screen for Window {
     }
 }
 
-/// Returns the movement between two positions of a drag in a picture of `size`, to the right and down, in heights of
-/// the picture. Returns zeros if the drag has only begun or has ended.
+/// Returns how far the pointer moved during a drag from `from` to `at`: first to the right, then down. The
+/// unit is the height of the picture. `size` is the picture's size in pixels. Returns zeros if the drag has
+/// only begun (`from` is `None`) or has ended (`at` is `None`).
 fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 2] {
     let by = match (from, at) {
         (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
