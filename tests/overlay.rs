@@ -187,7 +187,15 @@ fn a_function_with_wrong_parameters_is_a_mistake_in_the_users_file() {
 #[test]
 fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() {
     let device = device();
-    for (file, from, to, strategy, message) in [
+    // Some drivers, such as PoCL 6.0, report 0 bytes of __local memory for every kernel. raycl cannot notice the first
+    // mistake there.
+    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
+    let compile = ["compile", "scene.toml", "--device", &device, "--strategy", "local-vectors", "--json"];
+    let made: Value = serde_json::from_str(&folder.output(&compile)).expect("JSON");
+    let kernels = made["kernels"].as_array().expect("a list");
+    let is_reported =
+        kernels.iter().any(|kernel| kernel["local_bytes"].as_u64().is_some_and(|bytes| bytes > 0));
+    let mistakes = [
         (
             "cast/vectors/local.cl",
             "memory: local",
@@ -202,7 +210,8 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
             "local-triangles",
             "STAGE_VERTICES is not 0, as `copied` in the header of this file requires",
         ),
-    ] {
+    ];
+    for (file, from, to, strategy, message) in mistakes.into_iter().skip(usize::from(!is_reported)) {
         let points =
             format!("image_sizes = [[16, 9]]\nlocal_sizes = [8]\nstrategies = [\"{strategy}\", \"naive\"]\n");
         let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(&points, 0, 1))]);
