@@ -12,6 +12,20 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// Returns true if the device's driver is a PoCL that names LLVM 16 or a later LLVM as its compiler. PoCL 3.1 has LLVM
+/// 15, and PoCL 6.0 has LLVM 18, whose line tables are less complete.
+fn compiles_with_a_later_llvm() -> bool {
+    let devices: Value =
+        serde_json::from_str(&WorkFolder::new().output(&["devices", "--json"])).expect("JSON");
+    let wanted = device().to_lowercase();
+    let all = devices["devices"].as_array().expect("a list");
+    let used = all.iter().find(|one| one.to_string().to_lowercase().contains(&wanted)).expect("the device");
+    let version = used["platform_version"].as_str().expect("a text");
+    let llvm =
+        version.split_once("LLVM ").and_then(|(_, number)| number.split('.').next()?.parse::<u32>().ok());
+    llvm.is_some_and(|llvm| llvm > 15)
+}
+
 /// Returns the output of `raycl compile --json` for the whole-frame kernel of a strategy, as compiled by the driver.
 fn listing(strategy: &str) -> Value {
     listing_of("cast_frame", &["--strategy", strategy])
@@ -110,8 +124,9 @@ fn every_instruction_is_counted_once_and_most_have_a_line() {
     let all = listing["instructions"].as_u64().expect("a number");
     let with_line = listing["with_line"].as_u64().expect("a number");
     assert_eq!(sum(&|row| row["instructions"].as_u64().expect("a number")), with_line);
-    // PoCL 3.1 with LLVM 15 gives more than 80% of the instructions a line, PoCL 6.0 with LLVM 18 gives 78%.
-    assert!(with_line * 10 > all * 7, "{with_line} of {all} instructions have a line");
+    // With LLVM 18, 78% of the instructions have a line.
+    let percent = if compiles_with_a_later_llvm() { 75 } else { 80 };
+    assert!(with_line * 100 > all * percent, "{with_line} of {all} instructions have a line");
 }
 
 /// Renders the teapot with these options and with a separate folder for PoCL's compiled kernels. Returns the
@@ -186,9 +201,10 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
     ] {
         let options = ["--strategy", strategy, "--local-size", local_size];
         let listing = listing_of(kernel, &options);
-        // LLVM 18 (PoCL 6.0) compiles `tile-group` to other instructions if it writes a line table. raycl says so.
+        // LLVM 18 compiles `tile-group` to other instructions if it writes a line table. raycl says so.
         let is_same = listing["same_as_timed"] == true;
-        assert!(is_same || strategy == "tile-group", "{strategy} {local_size}");
+        let may_differ = strategy == "tile-group" && compiles_with_a_later_llvm();
+        assert!(is_same || may_differ, "{strategy} {local_size}");
         assert_eq!(listing["for_any_local_size"], false, "{strategy} {local_size}");
         let folder = WorkFolder::new();
         let Some(file) = rendered(&folder, kernel, local_size, &options) else { return };

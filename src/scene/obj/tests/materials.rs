@@ -469,17 +469,23 @@ fn of_many_files_that_are_missing_the_first_are_noted_and_the_others_counted() {
     assert_eq!(notes[7], "997 more textures cannot be used either");
 }
 
-#[test]
-fn missing_pictures_whose_long_names_begin_alike_are_counted_separately_and_named_by_their_ends() {
+/// Returns the notes on a mesh of six triangles with the materials `a0` to `a5`. `material` returns the text of a
+/// material in the MTL file.
+fn notes_on_six(material: impl Fn(usize) -> String) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
-    let path = |number: usize| format!("C:\\Users\\somebody\\Documents\\Road Objects\\Lights\\t{number}.png");
-    let material = |number: usize| format!("newmtl a{number}\nmap_Kd {}\n", path(number));
     std::fs::write(folder.path().join("m.mtl"), (0..6).map(material).collect::<String>()).unwrap();
     let faces: String = (0..6).map(|number| format!("usemtl a{number}\nf 1/1 2/1 3/1\n")).collect();
     let permitted = Permitted { beyond: false, quotes: true, scaled: false };
     let reach = Reach { folder: folder.path(), permitted };
     let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\n{faces}");
-    let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
+    parse("test.obj", reach, text.as_bytes()).unwrap().notes
+}
+
+#[test]
+fn missing_pictures_whose_long_names_begin_alike_are_counted_separately_and_named_by_their_ends() {
+    let path = |number: usize| format!("C:\\Users\\somebody\\Documents\\Road Objects\\Lights\\t{number}.png");
+    let material = |number: usize| format!("newmtl a{number}\nmap_Kd {}\n", path(number));
+    let notes = notes_on_six(material);
     assert_eq!(notes.len(), 4, "{notes:?}");
     for (number, note) in notes[..3].iter().enumerate() {
         let start = format!("m.mtl:{}: texture `{}` cannot be read (", 2 * number + 2, path(number));
@@ -490,17 +496,11 @@ fn missing_pictures_whose_long_names_begin_alike_are_counted_separately_and_name
 
 #[test]
 fn a_file_that_many_materials_name_is_noted_once() {
-    let folder = tempfile::tempdir().unwrap();
     let material = |number: usize| {
         let file = if number == 5 { "leaf.png" } else { "bark.png" };
         format!("newmtl a{number}\nmap_Kd {file}\n")
     };
-    std::fs::write(folder.path().join("m.mtl"), (0..6).map(material).collect::<String>()).unwrap();
-    let faces: String = (0..6).map(|number| format!("usemtl a{number}\nf 1/1 2/1 3/1\n")).collect();
-    let permitted = Permitted { beyond: false, quotes: true, scaled: false };
-    let reach = Reach { folder: folder.path(), permitted };
-    let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\n{faces}");
-    let notes = parse("test.obj", reach, text.as_bytes()).unwrap().notes;
+    let notes = notes_on_six(material);
     assert_eq!(notes.len(), 2, "{notes:?}");
     assert!(notes[0].contains("m.mtl:2: texture `bark.png`"), "{notes:?}");
     assert!(notes[1].contains("m.mtl:12: texture `leaf.png`"), "{notes:?}");
