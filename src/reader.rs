@@ -1,12 +1,16 @@
 //! Opens the files that users name. Only ordinary files are read, and only up to a limit that depends on the
 //! kind of file.
 
+#[cfg(unix)]
+use rayon::prelude::*;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::{Path, PathBuf};
 
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
+/// Files of more bytes than this are read in pieces of this size, by all threads.
+const PIECE_BYTES: usize = 4 << 20;
 
 /// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,11 +185,33 @@ fn limit_of(kind: Kind) -> Option<(u64, Error)> {
 
 /// Returns `head` and the bytes that follow it, up to `length` bytes in all.
 fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
-    let mut bytes = head;
+    let size = file.metadata()?.len().min(length) as usize;
+    let mut bytes = if size > PIECE_BYTES { read_pieces(&file, &head, size)? } else { head };
     let left = length.saturating_sub(bytes.len() as u64);
-    bytes.reserve_exact(file.metadata()?.len().min(length).saturating_sub(bytes.len() as u64) as usize);
+    bytes.reserve_exact(size.saturating_sub(bytes.len()));
     file.take(left).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Returns `head` and the bytes that follow it, `size` bytes in all. All threads read pieces of the file, since copying
+/// a large file from the system's cache takes a single thread long.
+#[cfg(unix)]
+fn read_pieces(mut file: &File, head: &[u8], size: usize) -> Result<Vec<u8>> {
+    use std::io::{Seek as _, SeekFrom};
+    use std::os::unix::fs::FileExt as _;
+    let start = head.len() as u64;
+    let mut bytes = vec![0; size];
+    let (begin, rest) = bytes.split_at_mut(head.len());
+    begin.copy_from_slice(head);
+    let pieces = rest.par_chunks_mut(PIECE_BYTES).enumerate();
+    pieces.try_for_each(|(index, piece)| file.read_exact_at(piece, start + (index * PIECE_BYTES) as u64))?;
+    file.seek(SeekFrom::Start(size as u64))?;
+    Ok(bytes)
+}
+
+#[cfg(not(unix))]
+fn read_pieces(_file: &File, head: &[u8], _size: usize) -> Result<Vec<u8>> {
+    Ok(head.to_vec())
 }
 
 /// Returns the folder of a file: `.` if the path is only a name.
@@ -254,6 +280,20 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn large_files_are_read_whole_and_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let written: Vec<u8> =
+            (0..5 * PIECE_BYTES as u32 / 8).flat_map(|number| number.to_le_bytes()).collect();
+        std::fs::write(&path, &written).unwrap();
+        assert!(bytes(&path, Kind::Mesh).unwrap() == written);
+        let mut file = open(&path).unwrap();
+        let mut head = vec![0; 100];
+        file.read_exact(&mut head).unwrap();
+        assert!(rest(file, head, Kind::Results).unwrap() == written);
     }
 
     #[test]

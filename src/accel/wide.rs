@@ -143,8 +143,7 @@ impl WideBvh {
             let parts: Vec<Self> = inner.into_par_iter().map(collapse).collect();
             // Trees of large meshes take hundreds of megabytes, so everything is freed as soon as it is copied.
             drop(bvh.nodes);
-            wide.nodes.reserve_exact(parts.iter().map(|part| part.nodes.len()).sum());
-            parts.into_iter().enumerate().for_each(|(index, part)| wide.append(1 + index, &part));
+            wide.append(parts);
         }
         wide.order = bvh.order;
         if wide.node_count() > Self::MAX_INDEX {
@@ -193,19 +192,35 @@ impl WideBvh {
         children
     }
 
-    /// Adds the nodes of `part`, which was made from a subtree. The root of `part` becomes the node `root`; its other
-    /// nodes are appended.
-    fn append(&mut self, root: usize, part: &Self) {
-        let first = self.node_count();
-        let (own, others) = part.nodes.split_at(self.stride);
-        self.nodes[root * self.stride..][..self.stride].copy_from_slice(own);
-        self.nodes.extend_from_slice(others);
-        for node in std::iter::once(root).chain(first..self.node_count()) {
-            let words = &mut self.nodes[node * self.stride + 6 * self.width..][..self.width];
-            let inner = words.iter_mut().filter(|word| **word & Self::LEAF == 0);
-            inner.for_each(|word| *word += first as u32 - 1);
+    /// Appends trees that were made from the subtrees of the root's inner children, in this order. The root of each
+    /// tree replaces the node of its child; the other nodes are appended. All threads copy, since the system fills each
+    /// new page of memory with zeros, which takes longer than copying.
+    fn append(&mut self, parts: Vec<Self>) {
+        let (width, stride, own) = (self.width, self.stride, self.nodes.len());
+        self.depth = parts.iter().map(|part| part.depth + 1).fold(self.depth, u32::max);
+        let lengths = parts.iter().map(|part| part.nodes.len() - stride);
+        let mut nodes = vec![0; own + lengths.sum::<usize>()];
+        nodes[..own].copy_from_slice(&self.nodes);
+        let (roots, mut rest) = nodes.split_at_mut(own);
+        let mut first = own / stride;
+        let mut copies = Vec::with_capacity(parts.len());
+        for (root, part) in roots.chunks_exact_mut(stride).skip(1).zip(parts) {
+            let (others, after) = rest.split_at_mut(part.nodes.len() - stride);
+            rest = after;
+            let count = others.len() / stride;
+            copies.push((root, others, first, part));
+            first += count;
         }
-        self.depth = self.depth.max(part.depth + 1);
+        copies.into_par_iter().for_each(|(root, others, first, part)| {
+            root.copy_from_slice(&part.nodes[..stride]);
+            others.copy_from_slice(&part.nodes[stride..]);
+            for node in std::iter::once(root).chain(others.chunks_exact_mut(stride)) {
+                let words = &mut node[6 * width..][..width];
+                let inner = words.iter_mut().filter(|word| **word & Self::LEAF == 0);
+                inner.for_each(|word| *word += first as u32 - 1);
+            }
+        });
+        self.nodes = nodes;
     }
 
     /// Returns the number of nodes.

@@ -207,6 +207,8 @@ struct Areas {
     /// The area vectors with the normals on the sides from which the corners are listed counter-clockwise.
     wound: DVec3,
     area: f64,
+    /// The area of the largest triangle.
+    largest: f64,
     /// The projected areas of the walls at three sides of the bounding box: those with the least x, the least
     /// y and the least z. Each area is projected along the axis of its side. Triangles that face outwards
     /// count as positive, and triangles that face inwards as negative. The two sides of a body at a wall, or
@@ -223,24 +225,26 @@ impl Areas {
     fn of_mesh(mesh: &Mesh, bounds: [DVec3; 2]) -> Self {
         let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
         let areas = triangles.map(|triangle| {
-            let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
-            Self { wound: (b - a).cross(c - a), ..Self::of(outline(mesh, triangle), bounds) }
+            let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+            Self::of(corners, front_sign(mesh, triangle, corners), bounds)
         });
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns the sums of a single triangle, with the corners of its [`outline`], of a mesh that has the bounding box
-    /// from `low` to `high`.
-    fn of([a, b, c]: [DVec3; 3], [low, high]: [DVec3; 2]) -> Self {
-        let vector = (b - a).cross(c - a);
+    /// Returns the sums of a single triangle, whose [`front_sign`] is `sign`, of a mesh that has the bounding box from
+    /// `low` to `high`.
+    fn of([a, b, c]: [DVec3; 3], sign: f64, [low, high]: [DVec3; 2]) -> Self {
+        let wound = (b - a).cross(c - a);
+        let vector = sign * wound;
         let area = vector.length();
         let depth = WALL_DEPTH * (high - low);
         let [at_low, at_high] = [a.max(b).max(c).cmplt(low + depth), a.min(b).min(c).cmpge(high - depth)];
         let is_inner = !at_low.any() && !at_high.any();
         Self {
             vector,
-            wound: vector,
+            wound,
             area,
+            largest: area,
             low_walls: DVec3::select(at_low, -vector, DVec3::ZERO),
             high_walls: DVec3::select(at_high, vector, DVec3::ZERO),
             inner_vector: if is_inner { vector } else { DVec3::ZERO },
@@ -253,6 +257,7 @@ impl Areas {
             vector: self.vector + other.vector,
             wound: self.wound + other.wound,
             area: self.area + other.area,
+            largest: self.largest.max(other.largest),
             low_walls: self.low_walls + other.low_walls,
             high_walls: self.high_walls + other.high_walls,
             inner_vector: self.inner_vector + other.inner_vector,
@@ -269,11 +274,16 @@ impl Areas {
 
     /// Returns true if the mesh would be closed if a single triangle, which is wound wrongly, were reversed.
     fn are_closed_but_for_one(&self, mesh: &Mesh) -> bool {
+        // Without the reversed triangle, the mesh would not be open, so this triangle is not small.
+        let least = OPEN_PART / 2.0 * self.area;
+        if self.largest <= least {
+            return false;
+        }
         let would_close = |triangle: &Triangle| {
             let [a, b, c] = outline(mesh, triangle);
             let vector = (b - a).cross(c - a);
             let reversed = self.vector - 2.0 * vector;
-            vector.length() > OPEN_PART / 2.0 * self.area && reversed.length() <= OPEN_PART * self.area
+            vector.length() > least && reversed.length() <= OPEN_PART * self.area
         };
         let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
         triangles.any(|triangle| would_close(triangle) && is_wound_wrongly(mesh, triangle))
@@ -318,12 +328,17 @@ impl Areas {
     }
 }
 
-/// Returns the corners of a triangle, counter-clockwise as seen from the triangle's front. The front is the side of the
-/// triangle's plane to which the mean of its corner normals points, in whatever order the mesh lists the corners.
+/// Returns the corners of a triangle, counter-clockwise as seen from the triangle's front.
 fn outline(mesh: &Mesh, triangle: &Triangle) -> [DVec3; 3] {
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+    if front_sign(mesh, triangle, [a, b, c]) < 0.0 { [a, c, b] } else { [a, b, c] }
+}
+
+/// Returns 1 if a triangle lists its corners `a`, `b` and `c` counter-clockwise as seen from its front, otherwise -1.
+/// The front is the side of the triangle's plane to which the mean of its corner normals points.
+fn front_sign(mesh: &Mesh, triangle: &Triangle, [a, b, c]: [DVec3; 3]) -> f64 {
     let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|normal| normal.as_dvec3()).sum();
-    if (b - a).cross(c - a).dot(shading) < 0.0 { [a, c, b] } else { [a, b, c] }
+    if (b - a).cross(c - a).dot(shading) < 0.0 { -1.0 } else { 1.0 }
 }
 
 /// Returns true if a triangle's front is on the wrong side. Such a triangle shares each of its edges with exactly one

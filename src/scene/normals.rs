@@ -13,10 +13,10 @@ pub(super) const MISSING: u32 = u32::MAX;
 /// edges whose faces' normals differ by more than `crease_degrees`. If `crease_degrees` is `None`, there are
 /// no creases.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
-    let without: Vec<u32> = (0..)
-        .zip(&mesh.triangles)
+    let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).enumerate();
+    let without: Vec<u32> = triangles
         .filter(|(_, triangle)| triangle.normals.contains(&MISSING))
-        .map(|(number, _)| number)
+        .map(|(number, _)| number as u32)
         .collect();
     if !without.is_empty() {
         generate(mesh);

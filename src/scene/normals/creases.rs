@@ -69,6 +69,9 @@ fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32,
     };
     let parted: Vec<u32> =
         triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).flat_map_iter(parted).collect();
+    if parted.is_empty() {
+        return Vec::new();
+    }
     let mut sharp = vec![false; mesh.positions.len()];
     parted.iter().for_each(|position| sharp[*position as usize] = true);
     let corners = triangles.iter().flat_map(|triangle| {

@@ -235,16 +235,13 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
 }
 
 /// Converts a number from 1 to `total` to an index from 0. Returns `None` if the text has other characters
-/// than digits, or if the number is out of range.
+/// than digits, if it has more than nine digits, or if the number is out of range.
 fn plain_index(token: &[u8], total: usize) -> Option<u32> {
-    let mut value = 0_u32;
-    for byte in token {
-        let digit = byte.wrapping_sub(b'0');
-        if digit > 9 {
-            return None;
-        }
-        value = value.checked_mul(10)?.checked_add(digit.into())?;
+    // Numbers of nine digits fit into 32 bits, so no step needs a check.
+    if token.len() > 9 || !token.iter().all(u8::is_ascii_digit) {
+        return None;
     }
+    let value = token.iter().fold(0, |value, digit| 10 * value + u32::from(digit - b'0'));
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 

@@ -1,6 +1,7 @@
 //! Divides OBJ text into pieces of whole lines, lines and words, parses numbers, and locates mistakes.
 
 use crate::error::Error;
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// An error quotes a line only if the line has at most this many bytes.
@@ -149,9 +150,10 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Divides a text at line ends into pieces, about four for each thread.
+/// Divides a text at line ends into pieces, about sixteen for each thread: reading a piece of faces takes longer than
+/// reading as long a piece of vertices, so with few pieces, one thread would have to read the last piece alone.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
-    let target = (text.len() / (4 * rayon::current_num_threads())).max(CHUNK_BYTES);
+    let target = (text.len() / (16 * rayon::current_num_threads())).max(CHUNK_BYTES);
     let mut chunks = Vec::new();
     let mut start = 0;
     while start < text.len() {
@@ -168,9 +170,10 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
 /// the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let has = |byte: &u8| bytes.par_chunks(CHUNK_BYTES).any(|piece| piece.contains(byte));
     let continued =
-        || bytes.contains(&b'\\') && (bytes.ends_with(b"\\") || bytes.windows(2).any(|pair| pair == b"\\\n"));
-    if !bytes.contains(&b'\r') && !continued() {
+        || has(&b'\\') && (bytes.ends_with(b"\\") || bytes.windows(2).any(|pair| pair == b"\\\n"));
+    if !has(&b'\r') && !continued() {
         return Cow::Borrowed(bytes);
     }
     let mut out = Vec::with_capacity(bytes.len());
@@ -216,8 +219,14 @@ pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
 /// Returns the words of a line of numbers, up to a comment. No number contains a `#`, so a comment
 /// may begin right after a number.
 pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let end = line.iter().position(|&byte| byte == b'#').unwrap_or(line.len());
-    separated(&line[..end])
+    let mut rest = line;
+    std::iter::from_fn(move || {
+        let token = &rest[rest.iter().position(|byte| !byte.is_ascii_whitespace())?..];
+        let is_end = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
+        let (token, after) = token.split_at(token.iter().position(is_end).unwrap_or(token.len()));
+        rest = if after.starts_with(b"#") { &[] } else { after };
+        (!token.is_empty()).then_some(token)
+    })
 }
 
 /// Returns the words of a line with a name, up to a word that is only `#`: from there on, the line is a comment.
@@ -316,16 +325,20 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
 fn short_number(token: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = token.strip_prefix(b"-").unwrap_or(token);
-    let (mut integer, mut point) = (0_u32, None);
+    // Ten digits fit into 64 bits, so no step needs a check.
+    if digits.is_empty() || digits.len() > 10 {
+        return None;
+    }
+    let (mut integer, mut point) = (0_u64, None);
     for (index, byte) in digits.iter().enumerate() {
         match byte {
-            b'0'..=b'9' => integer = integer.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?,
+            b'0'..=b'9' => integer = 10 * integer + u64::from(byte - b'0'),
             b'.' if point.is_none() && digits.len() > 1 => point = Some(index),
             _ => return None,
         }
     }
     let decimals = point.map_or(0, |index| digits.len() - 1 - index);
-    if digits.is_empty() || integer > 1 << 24 {
+    if integer > 1 << 24 {
         return None;
     }
     let size = integer as f32 / POWERS.get(decimals)?;
